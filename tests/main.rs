@@ -12,6 +12,7 @@ mod controllers;
 mod deadlines;
 mod faults;
 mod foreign;
+mod foreign_campaigns;
 mod fuzz;
 mod harness;
 mod inherited;

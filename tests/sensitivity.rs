@@ -12,7 +12,7 @@ fn plain(path: &Path) -> &str {
 }
 
 /// Writes the run.json of a flight in lockstep, changed into that of one in `mode` with known times.
-fn realtime_run(folder: &Path, mode: &str) {
+pub fn realtime_run(folder: &Path, mode: &str) {
     let mut run = fly(&["--mode", "lockstep", "--no-log", "--set", "run.duration_s=0.1"]).run();
     run["mode"] = mode.into();
     let timing = &mut run["timing"];
@@ -44,7 +44,7 @@ fn the_map_finds_the_limit_of_the_papers_controller() {
 
     let cells = printed["results"]["cells"].as_array().expect("cells");
     let of = |profile: &str, field: &str| {
-        let cells = cells.iter().filter(|cell| cell["profile"] == profile);
+        let cells = cells.iter().filter(|cell| cell["controller"] == profile);
         cells.map(|cell| cell[field].as_f64()).collect::<Vec<_>>()
     };
     assert_eq!(of("paper", "lost"), [0.0, 0.0, 1.0, 1.0].map(Some));

@@ -10,7 +10,7 @@ use campaign::layout::MAX_SHARDS;
 use campaign::page::{self, Page, promises};
 use campaign::row::{self, Standing};
 use campaign::table::Cell;
-use campaign::{Campaign, Plan, Rate, local, seeds, slurm};
+use campaign::{Campaign, OwnController, Plan, Rate, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
 use flight::interrupts::{catch_interrupts, end_at_once};
@@ -63,6 +63,9 @@ struct What {
     /// Folder of the campaign [default: runs/NAME]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Fly this attitude controller too: a library of yours (repeatable)
+    #[arg(long, value_name = "NAME=FILE")]
+    controller: Vec<OwnController>,
 }
 
 #[derive(Subcommand)]
@@ -134,7 +137,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
 
 impl What {
     fn plan(&self) -> anyhow::Result<Plan> {
-        Plan::new(Campaign::load(&self.file)?).with_context(|| self.file.display().to_string())
+        Plan::new(Campaign::load_with(&self.file, &self.controller)?).with_context(|| self.file.display().to_string())
     }
 
     fn out(&self, plan: &Plan) -> PathBuf {
@@ -144,7 +147,8 @@ impl What {
     /// Returns the command that flies one flight of this campaign again; the caller appends the number.
     fn again(&self) -> String {
         let out = self.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
-        format!("launcher campaign {}{out} --only", self.file.display())
+        let own = self.controller.iter().fold(String::new(), |all, own| all + " " + &own.argument());
+        format!("launcher campaign {}{own}{out} --only", self.file.display())
     }
 }
 

@@ -46,6 +46,7 @@ use toml::{Table, Value};
 
 use crate::hex::hex;
 use crate::named::Named;
+use crate::own_controller::OwnController;
 use crate::promise::Promise;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
@@ -130,21 +131,41 @@ impl Campaign {
     /// # Errors
     /// Anything that makes the campaign impossible to fly, with the place and what to do.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
+        Self::load_with(path, &[])
+    }
+
+    /// Reads the campaign of a file, with controllers of the command line beside its own.
+    ///
+    /// # Errors
+    /// As for [`load`](Self::load).
+    pub fn load_with(path: &Path, own: &[OwnController]) -> anyhow::Result<Self> {
         let origin = path.display().to_string();
         let text = read_text(path, MAX_TEXT_BYTES)
             .with_context(|| format!("cannot read the campaign {origin}; give the path of a campaign file"))?;
         let stem = path.file_stem().map_or("campaign".into(), |stem| stem.to_string_lossy().into_owned());
-        Self::read(&text, &origin, &stem, path.parent().unwrap_or(Path::new("")))
+        Self::read_with(&text, &origin, &stem, path.parent().unwrap_or(Path::new("")), own)
     }
 
     /// Reads the campaign of a text; the path of its scenario is relative to `folder`.
     pub fn read(text: &str, origin: &str, name: &str, folder: &Path) -> anyhow::Result<Self> {
+        Self::read_with(text, origin, name, folder, &[])
+    }
+
+    /// Reads the campaign of a text, with controllers of the command line beside its own.
+    pub fn read_with(
+        text: &str,
+        origin: &str,
+        name: &str,
+        folder: &Path,
+        own: &[OwnController],
+    ) -> anyhow::Result<Self> {
         let mut file: File = toml::from_str(text).map_err(|error| not_a_campaign(origin, text, &error))?;
         file.controller.put_in_order(text, "controller");
         file.case.put_in_order(text, CASE);
         if let Some(path) = file.controllers.take() {
             file.add_controllers_of(&folder.join(path)).with_context(|| format!("`controllers` of {origin}"))?;
         }
+        file.add_own(own).with_context(|| origin.to_owned())?;
         let name = file.name.get_or_insert_with(|| name.to_owned());
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         ensure!(
@@ -180,6 +201,7 @@ impl Campaign {
                 Some(other) => bail!("{origin}: `scenario` = {other} in [case.{name}]: give the path of a scenario"),
             };
             let case = with_settings(&above, &file.settings)?.with(own, &format!("[case.{name}] of {origin}"))?;
+            let case = case.with_programs(programs::pin)?;
             let by_controller = under_each_controller(&case)?.into_iter().map(|(_, given)| given).collect();
             *own = case.table().clone();
             cases.push((name.clone(), by_controller));
@@ -317,6 +339,10 @@ impl Campaign {
                 key != "run.mode" && key != "name",
                 "`{key}` in [vary]: every flight of a campaign flies in process under the name of its number"
             );
+            ensure!(
+                !(key.starts_with("node.") && key.split('.').nth(2) == Some("exec")),
+                "`{key}` in [vary]: give each library a [controller.NAME] of its own, so that its hash is kept"
+            );
             for (name, own) in &self.file.controller.0 {
                 ensure!(find(own, key).is_none(), "`{key}` of [controller.{name}] varies too: remove one of them");
             }
@@ -330,6 +356,17 @@ impl Campaign {
 }
 
 impl File {
+    /// Adds controllers of the command line. A promise on all controllers stays one on those of the file.
+    fn add_own(&mut self, own: &[OwnController]) -> anyhow::Result<()> {
+        let count = self.controller.0.len().max(1);
+        OwnController::add_all(own, &mut self.controller, ONLY)?;
+        let of_the_file: Vec<String> = self.controller.0.iter().take(count).map(|(name, _)| name.clone()).collect();
+        for promise in self.promise.iter_mut().filter(|promise| promise.controllers.is_empty() && !own.is_empty()) {
+            promise.controllers.clone_from(&of_the_file);
+        }
+        Ok(())
+    }
+
     /// Adds the controllers of the campaign file at `path` before its own.
     fn add_controllers_of(&mut self, path: &Path) -> anyhow::Result<()> {
         let origin = path.display().to_string();

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`file`](mod@file) | `campaign.toml`: the scenario and the values that vary |
 //! | `named` | named tables of the file, in its order |
+//! | [`own_controller`] | controllers that the command line adds |
 //! | [`variation`] | lists, ranges and distributions of one setting |
 //! | [`normal`] | the normal distribution |
 //! | [`sampling`] | points in the unit cube: independent, Latin hypercube, Sobol |
@@ -41,6 +42,7 @@ pub mod local;
 pub mod mean;
 mod named;
 pub mod normal;
+pub mod own_controller;
 pub mod page;
 pub mod plan;
 pub mod promise;
@@ -58,5 +60,6 @@ pub mod tune;
 pub mod variation;
 
 pub use file::Campaign;
+pub use own_controller::OwnController;
 pub use plan::{Flight, Plan};
 pub use rate::Rate;

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use campaign::OwnController;
 use serde_json::json;
 use toml::Value;
 use view::table::Table;
@@ -14,6 +15,9 @@ use crate::shipped::{self, Flown};
 pub struct LawsArgs {
     /// Scenario files to fly besides the five aggressive ones
     pub scenario: Vec<PathBuf>,
+    /// Fly this attitude controller too: a library of yours (repeatable)
+    #[arg(long, value_name = "NAME=FILE")]
+    pub controller: Vec<OwnController>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -24,7 +28,7 @@ pub struct LawsArgs {
 
 /// Returns the exit code.
 pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
-    let flown = shipped::fly("aggressive", |text| with_cases(text, &args.scenario))?;
+    let flown = shipped::fly_with("aggressive", &args.controller, |text| with_cases(text, &args.scenario))?;
     let found = Findings::new(json!({ "flights": flown.flights.to_json() }), flown.targets(), false)?;
     found.conclude(args.out.as_deref(), "table.json", args.json, &table(&flown))
 }

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use campaign::page::{Page, promises};
 use campaign::row::Standing;
 use campaign::table::Table;
-use campaign::{Campaign, Plan, local};
+use campaign::{Campaign, OwnController, Plan, local};
 use outcome::target::Target;
 use toml::Value;
 
@@ -35,11 +35,16 @@ pub struct Flown {
     pub flights: Table,
 }
 
-/// Plans the campaign `campaigns/NAME.toml`; `edit` may change its text before.
+/// Plans the campaign `campaigns/NAME.toml`, with controllers of the user beside its own; `edit` may change its text
+/// before.
 ///
 /// # Errors
-/// The text is no campaign.
-pub fn plan(name: &str, edit: impl FnOnce(String) -> anyhow::Result<String>) -> anyhow::Result<Plan> {
+/// The text is no campaign, or a controller cannot be flown.
+pub fn plan(
+    name: &str,
+    own: &[OwnController],
+    edit: impl FnOnce(String) -> anyhow::Result<String>,
+) -> anyhow::Result<Plan> {
     let folder = tempfile::tempdir()?;
     for (path, text) in FILES {
         let path = folder.path().join(path);
@@ -48,7 +53,11 @@ pub fn plan(name: &str, edit: impl FnOnce(String) -> anyhow::Result<String>) -> 
     }
     let campaigns = folder.path().join("campaigns");
     let text = edit(fs::read_to_string(campaigns.join(name).with_extension("toml"))?)?;
-    Plan::new(Campaign::read(&text, &format!("campaigns/{name}.toml"), name, &campaigns)?)
+    let plan = Plan::new(Campaign::read_with(&text, &format!("campaigns/{name}.toml"), name, &campaigns, own)?)?;
+    if !own.is_empty() {
+        plan.check()?;
+    }
+    Ok(plan)
 }
 
 /// Flies the same campaign in process on all cores.
@@ -56,7 +65,19 @@ pub fn plan(name: &str, edit: impl FnOnce(String) -> anyhow::Result<String>) -> 
 /// # Errors
 /// The text is no campaign, or a flight of it cannot be flown.
 pub fn fly(name: &str, edit: impl FnOnce(String) -> anyhow::Result<String>) -> anyhow::Result<Flown> {
-    let plan = plan(name, edit)?;
+    fly_with(name, &[], edit)
+}
+
+/// Flies the same campaign with controllers of the user beside its own.
+///
+/// # Errors
+/// As for [`fly`], or a controller cannot be flown.
+pub fn fly_with(
+    name: &str,
+    own: &[OwnController],
+    edit: impl FnOnce(String) -> anyhow::Result<String>,
+) -> anyhow::Result<Flown> {
+    let plan = plan(name, own, edit)?;
     let flown = Flown { flights: local::fly_all(&plan), plan };
     match (0..flown.flights.rows()).find(|row| flown.text(*row, "verdict") == Standing::Invalid.name()) {
         Some(row) => bail!("flight {row} cannot be flown: {}", flown.text(row, "outcome")),

@@ -14,8 +14,10 @@
 //!
 //! If a rotor is off, the flight must be terminated. For other faults nothing is promised; the table has the outcome.
 
+use campaign::OwnController;
 use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged, load};
+use contract::scenario::{Fault, FaultKind, FaultTarget, NodeProgram, from_merged, load};
+use flight::programs;
 use serde::Serialize;
 
 /// Time at which every fault begins \[s\].
@@ -103,6 +105,19 @@ impl Case {
 pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
     let text = include_str!("../../../../scenarios/faults/hover-gusts.toml");
     Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
+}
+
+/// Returns `base` with an attitude controller of the user.
+///
+/// # Errors
+/// The controller cannot be flown.
+pub fn with_controller(base: &Scenario, own: &OwnController) -> anyhow::Result<Scenario> {
+    let mut scenario = base.clone();
+    let exec = own.path().to_string_lossy().into_owned();
+    scenario.node.attitude_mpc = NodeProgram { exec, ..NodeProgram::default() };
+    programs::pin_all(&mut scenario)?;
+    programs::check(&scenario)?;
+    Ok(scenario)
 }
 
 /// Returns a hover in calm with the paper's controller.

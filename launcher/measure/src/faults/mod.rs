@@ -23,6 +23,7 @@ pub mod strike;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicU32;
 
+use campaign::OwnController;
 use contract::Scenario;
 use contract::scenario::Mode;
 use flight::interrupts::catch_interrupts;
@@ -47,6 +48,9 @@ pub struct FaultsArgs {
     /// Process faults, one swap of each node and one real-time flight of each sort only: shows that everything works
     #[arg(long)]
     pub quick: bool,
+    /// Fly the catalogue with this attitude controller too: a library or program of yours (repeatable)
+    #[arg(long, value_name = "NAME=FILE")]
+    pub controller: Vec<OwnController>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -62,6 +66,8 @@ pub struct FaultResults {
     pub paper: Vec<FaultFlight>,
     /// Flights without a fault.
     pub quiet: Vec<QuietFlight>,
+    /// Flights of the catalogue with controllers of the user, by their names.
+    pub own: Vec<OwnRows>,
     /// Process faults in lockstep and in real time.
     pub handling: Vec<FaultHandling>,
     /// Flights over ground that cannot continue.
@@ -71,27 +77,41 @@ pub struct FaultResults {
     pub strikes: Strikes,
 }
 
+/// Flights of the catalogue with a controller of the user, in the gusts of ours. They change no verdict.
+#[derive(Serialize)]
+pub struct OwnRows {
+    pub controller: String,
+    pub rows: Vec<FaultFlight>,
+}
+
 /// Returns the exit code.
 pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
-    let results = FaultResults::measure(args.quick, &interrupts)?;
+    let results = FaultResults::measure(args, &interrupts)?;
     let found = Findings::new(&results, targets(&results), args.quick)?;
     found.conclude(args.out.as_deref(), "measure.json", args.json, &text(&results))
 }
 
 impl FaultResults {
-    fn measure(quick: bool, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+    fn measure(args: &FaultsArgs, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+        let quick = args.quick;
         let (base, calm) = (hover_in_gusts()?, hover_of_the_paper()?);
+        let with_own = args.controller.iter().map(|own| Ok((own.name.clone(), case::with_controller(&base, own)?)));
+        let with_own: Vec<(String, Scenario)> = with_own.collect::<anyhow::Result<_>>()?;
         let fly = |base: &Scenario, wanted: fn(&Case) -> bool| -> anyhow::Result<Vec<FaultFlight>> {
             let cases = Case::all().into_iter().filter(wanted);
             cases.map(|case| FaultFlight::fly(base, &case, interrupts)).collect()
         };
-        let rows = fly(&base, if quick { Case::is_of_a_process } else { |_| true })?;
+        let wanted: fn(&Case) -> bool = if quick { Case::is_of_a_process } else { |_| true };
+        let rows = fly(&base, wanted)?;
+        let own = with_own.into_iter().map(|(controller, base)| Ok(OwnRows { controller, rows: fly(&base, wanted)? }));
+        let own = own.collect::<anyhow::Result<_>>()?;
         let paper = fly(&calm, if quick { |_| false } else { Case::is_of_software })?;
         let handling = handling::compare(&base, quick, interrupts)?;
         let quiet = [Scenario::default(), base].into_iter().map(|calm| QuietFlight::fly(calm, interrupts));
         Ok(Self {
             rows,
+            own,
             paper,
             quiet: quiet.collect::<Result<_, _>>()?,
             handling,
@@ -111,9 +131,26 @@ fn text(results: &FaultResults) -> String {
             text.push('\n');
         }
     }
+    for OwnRows { controller, rows } in &results.own {
+        text += &matrix(&format!("{controller}, in gusts: the same"), rows).text();
+        text += &promises_of(controller, rows);
+    }
     text += &handling(&results.handling).text();
     text.push('\n');
     text + &brought_down(&results.brought_down).text()
+}
+
+/// States how many of the promises that hold for our controller a controller of the user keeps.
+fn promises_of(controller: &str, rows: &[FaultFlight]) -> String {
+    let promised = rows.iter().filter(|row| row.kept().is_some()).count();
+    let broken: Vec<&FaultFlight> = rows.iter().filter(|row| row.kept() == Some(false)).collect();
+    let which = if broken.is_empty() { String::new() } else { format!("; broken: {}", names(broken.iter().copied())) };
+    let differ: Vec<&FaultFlight> = rows.iter().filter(|row| row.same == Some(false)).collect();
+    let differ = match differ.len() {
+        0 => String::new(),
+        _ => format!("; not the same by one thread: {}", names(differ.iter().copied())),
+    };
+    format!("{controller}: {} of {promised} promises kept{which}{differ}\n\n", promised - broken.len())
 }
 
 fn matrix(title: &str, rows: &[FaultFlight]) -> Table {
@@ -217,7 +254,7 @@ fn of_the_matrix(rows: &[FaultFlight]) -> Vec<Target> {
     let back_m = |course: &Course| course.back_m.unwrap_or(f64::INFINITY);
     let terminated_s = worst(Promise::Terminate, |course| course.terminated_after_s.unwrap_or(f64::INFINITY));
     let silent = rows.iter().find(|row| row.fault == "attitude-mpc kill").map(|row| row.course.tilt_deg);
-    let differs = || rows.iter().filter(|row| !row.same);
+    let differs = || rows.iter().filter(|row| row.same == Some(false));
     let figure = format!("flights of {} that differ between lockstep and one thread", rows.len());
     vec![
         recovered(format!("worst tilt in {recoverable} recoverable faults"), |course| course.tilt_deg, TILT_DEG, "deg"),
@@ -229,7 +266,7 @@ fn of_the_matrix(rows: &[FaultFlight]) -> Vec<Target> {
 }
 
 fn of_the_paper(rows: &[FaultFlight]) -> Option<Target> {
-    let short = || rows.iter().filter(|row| row.kept() == Some(false) || !row.same);
+    let short = || rows.iter().filter(|row| row.kept() == Some(false) || row.same == Some(false));
     let figure = format!("profile paper in calm, {} faults: promises broken", rows.len());
     (!rows.is_empty()).then(|| Target::none(figure, short().count()).noting(names(short())))
 }

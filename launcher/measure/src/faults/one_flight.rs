@@ -34,8 +34,8 @@ pub struct FaultFlight {
     pub promise: Promise,
     #[serde(flatten)]
     pub course: Course,
-    /// `true` if the flights in lockstep and by one thread were equal.
-    pub same: bool,
+    /// `true` if the flights in lockstep and by one thread were equal; `None` if a program cannot fly in one thread.
+    pub same: Option<bool>,
 }
 
 /// Course of a flight with a fault.
@@ -70,7 +70,8 @@ impl FaultFlight {
         let mut scenario = base.clone();
         scenario.fault = vec![case.0];
         scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
-        let (alone, _) = in_process(&scenario, |_| {});
+        let has_program = scenario.node.has_program();
+        let alone = (!has_program).then(|| in_process(&scenario, |_| {}).0.state_hash());
         scenario.run.mode = Mode::Lockstep;
         let fault = format!("{} {}", name(case.0.target), name(case.0.kind));
         let mut watch = Watch::new(&scenario);
@@ -80,7 +81,7 @@ impl FaultFlight {
         Ok(Self {
             fault,
             promise: case.promise(course.blind_s, course.cut && scenario.profile == Profile::Paper),
-            same: course.state_hash.is_some() && course.state_hash == alone.state_hash(),
+            same: alone.map(|alone| course.state_hash.is_some() && course.state_hash == alone),
             course,
         })
     }

@@ -1,11 +1,10 @@
-//! Map of the flights of every profile under every delay, jitter and probability of a miss.
+//! Map of the flights of every controller under every delay, jitter and probability of a miss.
 //!
 //! A cell holds the flights that differ only in their random numbers; the worst of them counts.
 
 use std::fmt::Write;
 
 use contract::scenario::Profile;
-use flight::event;
 use serde::Serialize;
 
 use crate::shipped::Flown;
@@ -13,16 +12,17 @@ use crate::shipped::Flown;
 /// Profiles of the map.
 pub const PROFILES: [Profile; 2] = [Profile::Paper, Profile::Robust];
 /// Coordinates of a flight or a cell on the map.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Place {
-    pub profile: Profile,
+    /// Name of the controller: that of a profile, or one of the user.
+    pub controller: String,
     pub delay_ms: f64,
     /// Jitter, added to the delay \[ms\].
     pub jitter_ms: f64,
     pub miss_probability: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct GridFlight {
     pub at: Place,
     pub seed: u64,
@@ -47,14 +47,14 @@ pub struct Cell {
     pub rms_position_error_m: Option<f64>,
 }
 
-/// Returns the flights of a campaign over one profile. A flight that is the same bit for bit as the one before it, in
-/// which nothing was random, is left out: a copy is no evidence.
-pub fn flights(flown: &Flown, profile: Profile) -> Vec<GridFlight> {
+/// Returns the flights of a campaign over one profile, controller by controller. A flight that is the same bit for bit
+/// as the one before it, in which nothing was random, is left out: a copy is no evidence.
+pub fn flights(flown: &Flown) -> Vec<GridFlight> {
     let flight = |row: usize| {
         let number = |column| flown.number(row, column);
         GridFlight {
             at: Place {
-                profile,
+                controller: flown.text(row, "controller").to_owned(),
                 delay_ms: number("run.command_delay_ms"),
                 jitter_ms: number("run.command_jitter_ms"),
                 miss_probability: number("run.command_drop_probability"),
@@ -65,20 +65,24 @@ pub fn flights(flown: &Flown, profile: Profile) -> Vec<GridFlight> {
             rms_position_error_m: number("rms_position_error_m"),
         }
     };
+    let controllers = flown.plan.campaign.controllers.len();
     let is_copy = |row: usize| {
-        row > 0 && flown.text(row - 1, "hash") == flown.text(row, "hash") && flight(row - 1).at == flight(row).at
+        row.checked_sub(controllers).is_some_and(|before| {
+            flown.text(before, "hash") == flown.text(row, "hash") && flight(before).at == flight(row).at
+        })
     };
-    (0..flown.flights.rows()).filter(|row| !is_copy(*row)).map(flight).collect()
+    let of = |controller| (controller..flown.flights.rows()).step_by(controllers);
+    (0..controllers).flat_map(of).filter(|row| !is_copy(*row)).map(flight).collect()
 }
 
 pub fn to_csv(flights: &[GridFlight]) -> String {
-    let mut text = String::from("profile,delay_ms,jitter_ms,miss_probability,seed,failed_at_s,max_m,rms_m\n");
+    let mut text = String::from("controller,delay_ms,jitter_ms,miss_probability,seed,failed_at_s,max_m,rms_m\n");
     for f in flights {
-        let Place { profile, delay_ms, jitter_ms, miss_probability } = f.at;
-        let (profile, lost) = (event::name(profile), f.failed_at_s.map(|t| t.to_string()).unwrap_or_default());
+        let Place { controller, delay_ms, jitter_ms, miss_probability } = &f.at;
+        let lost = f.failed_at_s.map(|t| t.to_string()).unwrap_or_default();
         let (seed, max, rms) = (f.seed, f.max_position_error_m, f.rms_position_error_m);
         // Writing to a String never fails.
-        let _ = writeln!(text, "{profile},{delay_ms},{jitter_ms},{miss_probability},{seed},{lost},{max},{rms}");
+        let _ = writeln!(text, "{controller},{delay_ms},{jitter_ms},{miss_probability},{seed},{lost},{max},{rms}");
     }
     text
 }
@@ -93,13 +97,18 @@ impl Cell {
         let lost = flights.iter().filter(|flight| flight.failed_at_s.is_some()).count();
         let worst = |error: fn(&GridFlight) -> f64| (lost == 0).then(|| flights.iter().map(error).fold(0.0, f64::max));
         Self {
-            at: flights[0].at,
+            at: flights[0].at.clone(),
             flights: flights.len(),
             lost,
             max_position_error_m: worst(|flight| flight.max_position_error_m),
             rms_position_error_m: worst(|flight| flight.rms_position_error_m),
         }
     }
+}
+
+/// Returns the names of the controllers, in the order of the map.
+pub fn controllers(cells: &[Cell]) -> Vec<&str> {
+    cells.chunk_by(|a, b| a.at.controller == b.at.controller).map(|of_one| of_one[0].at.controller.as_str()).collect()
 }
 
 /// Returns delays \[ms\], jitters \[ms\] and probabilities that occur, each once and rising.

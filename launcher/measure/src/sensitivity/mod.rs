@@ -25,6 +25,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
+use campaign::OwnController;
+use contract::scenario::Profile;
 use flight::event;
 use serde_json::json;
 use toml::{Table, Value};
@@ -58,6 +60,9 @@ pub struct SensitivityArgs {
     /// Real-time run whose age at the actuator is drawn into the map, instead of that of a new flight of five seconds
     #[arg(long)]
     pub run: Option<PathBuf>,
+    /// Fly this attitude controller too, with the delays of robust: a library of yours (repeatable)
+    #[arg(long, value_name = "NAME=FILE")]
+    pub controller: Vec<OwnController>,
     /// Folder for the flights, the map and its picture [default: runs/measure-sensitivity-TIME]
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -70,17 +75,18 @@ pub struct SensitivityArgs {
 pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
     let edit = |text: String| args.put_into(&text);
     let all = PROFILES.map(|profile| (profile, format!("sensitivity-{}", event::name(profile))));
-    for (_, name) in &all {
-        shipped::plan(name, edit)?.check()?;
+    let own = |profile| if profile == Profile::Robust { &args.controller[..] } else { &[] };
+    for (profile, name) in &all {
+        shipped::plan(name, own(*profile), edit)?.check()?;
     }
     let out = args.out.clone().unwrap_or_else(|| default_folder("sensitivity"));
     make_folder(&out, "--out")?;
     let point = operating_point(args, &out)?;
     let (mut flights, mut targets, mut title) = (vec![], vec![], String::new());
     for (profile, name) in all {
-        let flown = shipped::fly(&name, edit)?;
+        let flown = shipped::fly_with(&name, own(profile), edit)?;
         eprint_line(&format!("flew {} flights of profile {}", flown.flights.rows(), event::name(profile)));
-        flights.extend(map::flights(&flown, profile));
+        flights.extend(map::flights(&flown));
         targets.extend(flown.targets());
         title = flown.plan.campaign.controllers[0].1.scenario(&[])?.name;
     }
@@ -109,6 +115,10 @@ impl SensitivityArgs {
         let seeds = is_random.then(|| Value::from((0..self.seeds as i64).collect::<Vec<_>>()));
         campaign.remove("seeds");
         campaign.extend(seeds.map(|seeds| ("seeds".to_owned(), seeds)));
+        // A controller of the user flies with the guidance and the mixer of the profile, as ours does.
+        let profile = campaign["controller"].as_table().and_then(|all| all.values().next()?.get("profile").cloned());
+        let settings = campaign["settings"].as_table_mut().context("settings")?;
+        settings.extend(profile.map(|profile| ("profile".to_owned(), profile)));
         let run = campaign["vary"]["run"].as_table_mut().context("what varies")?;
         let lists = [
             ("command_delay_ms", &self.delays),
@@ -136,11 +146,11 @@ fn operating_point(args: &SensitivityArgs, out: &Path) -> anyhow::Result<Option<
 /// Formats the largest delay up to which every flight survived, by jitter and probability of a miss.
 fn table(cells: &[Cell], point: Option<&Point>, out: &Path) -> String {
     let mut text = String::new();
-    for profile in map::PROFILES {
-        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.at.profile == profile).collect();
+    for controller in map::controllers(cells) {
+        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.at.controller == controller).collect();
         let [_, jitters, misses] = map::axes(&cells);
         let heads = misses.iter().map(|miss| format!("{:.0} % missed", miss * 100.0));
-        text += &line(&format!("{} flies with up to", event::name(profile)), heads);
+        text += &line(&format!("{controller} flies with up to"), heads);
         for jitter in jitters {
             let flown = misses.iter().map(|miss| last_flown(&cells, jitter, *miss));
             text += &line(&format!("  jitter {jitter} ms"), flown);

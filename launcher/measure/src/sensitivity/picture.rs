@@ -1,10 +1,8 @@
-//! Page of the map: one heat map per profile and probability of a miss.
+//! Page of the map: one heat map per controller and probability of a miss.
 
 use view::draw::{self, HeatCell, HeatMap, escape};
 
-use flight::event;
-
-use super::map::{Cell, PROFILES, Place, axes};
+use super::map::{Cell, Place, axes, controllers};
 use super::point::Point;
 
 const STYLE: &str = include_str!("../../assets/sensitivity/style.css");
@@ -13,9 +11,9 @@ const ERRORS: HeatMap = HeatMap { scale: (0.03, 3.0), values: "largest error", a
 
 /// Renders the page of a map of the scenario `title`.
 pub fn page(title: &str, cells: &[Cell], point: Option<&Point>) -> String {
-    let sections = PROFILES.into_iter().map(|profile| {
-        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.at.profile == profile).collect();
-        section(&event::name(profile), &cells, point)
+    let sections = controllers(cells).into_iter().map(|controller| {
+        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.at.controller == controller).collect();
+        section(controller, &cells, point)
     });
     let sections: String = sections.collect();
     let point = point.map_or("No operating point was measured.".into(), Point::describe);
@@ -32,7 +30,7 @@ pub fn page(title: &str, cells: &[Cell], point: Option<&Point>) -> String {
     draw::page(&format!("Sensitivity: {title}"), STYLE, &body)
 }
 
-/// Renders the maps of one profile.
+/// Renders the maps of one controller.
 fn section(name: &str, cells: &[&Cell], point: Option<&Point>) -> String {
     let [.., misses] = axes(cells);
     // The point is drawn in the map with the nearest probability.
@@ -43,10 +41,10 @@ fn section(name: &str, cells: &[&Cell], point: Option<&Point>) -> String {
         heat_map(&cells, point.filter(|p| nearest(p, *miss)))
     };
     let maps: String = misses.iter().map(map).collect();
-    format!("<section><h2>Profile {name}</h2><div class=\"maps\">{maps}</div></section>\n")
+    format!("<section><h2>{name}</h2><div class=\"maps\">{maps}</div></section>\n")
 }
 
-/// Renders the cells of one profile and probability of a miss.
+/// Renders the cells of one controller and probability of a miss.
 fn heat_map(cells: &[&Cell], point: Option<&Point>) -> String {
     let [delays, jitters, misses] = axes(cells);
     let missed = format!("{} % missed", (misses[0] * 1e4).round() / 100.0);
@@ -56,7 +54,7 @@ fn heat_map(cells: &[&Cell], point: Option<&Point>) -> String {
 }
 
 fn drawn(cell: &Cell) -> HeatCell {
-    let Cell { flights, lost, max_position_error_m: value, .. } = *cell;
+    let &Cell { flights, lost, max_position_error_m: value, .. } = cell;
     let Place { delay_ms, jitter_ms, .. } = cell.at;
     let label = match value {
         Some(error_m) => metres(error_m),

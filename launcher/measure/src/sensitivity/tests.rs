@@ -1,14 +1,12 @@
 //! Tests of cells, point and page with invented flights.
 
-use contract::scenario::Profile;
-
 use super::map::{GridFlight, Place};
 use super::*;
 
-fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], seed: u64) -> GridFlight {
+fn flight(controller: &str, [delay_ms, jitter_ms, miss_probability]: [f64; 3], seed: u64) -> GridFlight {
     let max = 0.05 + seed as f64;
     GridFlight {
-        at: Place { profile, delay_ms, jitter_ms, miss_probability },
+        at: Place { controller: controller.into(), delay_ms, jitter_ms, miss_probability },
         seed,
         failed_at_s: None,
         max_position_error_m: max,
@@ -18,7 +16,7 @@ fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], s
 
 #[test]
 fn the_worst_flight_of_a_cell_counts() {
-    let at = |delay, seed| flight(Profile::Paper, [delay, 2.0, 0.1], seed);
+    let at = |delay, seed| flight("paper", [delay, 2.0, 0.1], seed);
     let mut flights = vec![at(0.0, 0), at(0.0, 1), at(1.0, 0), at(1.0, 2)];
     let cells = map::gather(&flights);
     assert_eq!(
@@ -34,9 +32,9 @@ fn the_worst_flight_of_a_cell_counts() {
 
 #[test]
 fn a_flight_is_one_line_of_csv() {
-    let mut lost = flight(Profile::Robust, [58.0, 0.0, 0.4], 7);
+    let mut lost = flight("robust", [58.0, 0.0, 0.4], 7);
     lost.failed_at_s = Some(5.8);
-    let csv = map::to_csv(&[flight(Profile::Paper, [4.0, 2.0, 0.0], 0), lost]);
+    let csv = map::to_csv(&[flight("paper", [4.0, 2.0, 0.0], 0), lost]);
     let lines: Vec<&str> = csv.lines().skip(1).collect();
     assert_eq!(lines, ["paper,4,2,0,0,,0.05,0.025", "robust,58,0,0.4,7,5.8,7.05,3.525"]);
     let columns = |line: &str| line.split(',').count();
@@ -46,10 +44,10 @@ fn a_flight_is_one_line_of_csv() {
 /// Flights of both profiles, one of which was lost.
 fn flown() -> Vec<GridFlight> {
     let mut flights = vec![
-        flight(Profile::Paper, [4.0, 0.0, 0.0], 0),
-        flight(Profile::Paper, [10.0, 0.0, 0.0], 0),
-        flight(Profile::Robust, [58.0, 0.0, 0.0], 0),
-        flight(Profile::Robust, [0.0, 0.0, 0.4], 0),
+        flight("paper", [4.0, 0.0, 0.0], 0),
+        flight("paper", [10.0, 0.0, 0.0], 0),
+        flight("robust", [58.0, 0.0, 0.0], 0),
+        flight("robust", [0.0, 0.0, 0.4], 0),
     ];
     flights[1].failed_at_s = Some(5.8);
     flights
@@ -57,7 +55,7 @@ fn flown() -> Vec<GridFlight> {
 
 #[test]
 fn the_table_tells_the_last_delay_before_a_loss() {
-    let at = |delay, failed_at_s| GridFlight { failed_at_s, ..flight(Profile::Paper, [delay, 0.0, 0.0], 0) };
+    let at = |delay, failed_at_s| GridFlight { failed_at_s, ..flight("paper", [delay, 0.0, 0.0], 0) };
     let flights = [at(0.0, None), at(4.0, None), at(6.0, Some(46.0)), at(8.0, None)];
     let table = table(&map::gather(&flights), None, Path::new("out"));
     assert!(table.contains("4 ms, 0.050 m") && !table.contains("8 ms"), "{table}");
@@ -69,7 +67,7 @@ fn the_table_tells_the_last_delay_before_a_loss() {
 #[test]
 fn the_page_has_a_map_for_each_probability_and_the_point_in_the_nearest() {
     let mut flights = flown();
-    flights.push(flight(Profile::Robust, [5.0, 2.0, 0.4], 0));
+    flights.push(flight("robust", [5.0, 2.0, 0.4], 0));
     let point = Point { age_p50_ms: 0.5, age_p99_ms: 1.5, miss_probability: 0.01 };
     let page = picture::page("a <b> & c", &map::gather(&flights), Some(&point));
     assert!(page.contains("a &lt;b&gt; &amp; c") && !page.contains("<b>"));
