@@ -5,18 +5,21 @@
 use std::{path::Path, process::Command};
 
 /// Sources that the launcher is built from, seen from the top of the repository.
-const SOURCES: [&str; 11] = [
+const SOURCES: [&str; 14] = [
     "Cargo.toml",
     "Cargo.lock",
     "airframe",
     "attitude-mpc",
+    "campaigns",
     "contract",
+    "foreign",
     "guidance",
     "launcher",
     "mixer",
     "plant",
     "qp",
     "runtime",
+    "scenarios",
 ];
 
 /// Tells the commit, and whether the sources differ from it; nothing where this is no checkout of the repository.

@@ -81,3 +81,15 @@ fn a_push_sideways_costs_no_altitude_once_it_is_known() {
     let last = outcome.run()["metrics"]["final_position_error_m"].as_f64().expect("a number");
     assert!(last < 0.02, "{last} m off at the end");
 }
+
+#[test]
+fn a_delay_of_70_ms_is_flown_if_it_is_measured() {
+    let late = |compensation: &str| {
+        let compensation = format!("mpc.delay_compensation={compensation}");
+        flown(&["run.duration_s=20", "run.command_delay_ms=70", "bounds.max_position_error_m=1", &compensation])
+    };
+    let outcome = late("\"measured\"");
+    let worst_m = outcome.metric("max_position_error_m");
+    assert!(outcome.code() == Some(0) && worst_m < 0.1, "{worst_m} m");
+    assert_eq!(late("true").code(), Some(1), "one sample is not enough");
+}

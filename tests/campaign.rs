@@ -442,7 +442,7 @@ fn a_scheduler_that_is_not_there_or_whose_tasks_fail_is_told() {
 #[test]
 fn duckdb_pandas_and_polars_read_it() {
     let place = Place::new(CAMPAIGN);
-    let Some(python) = python_with(&["duckdb", "pandas", "polars", "pyarrow"], place.folder.path()) else { return };
+    let Some(python) = python_with(&["duckdb", "pandas", "polars", "pyarrow"]) else { return };
     check(&place.fly(&["--shard", "5"], "out"), 0, &[]);
     let script = top().join("tests/python/read_campaign.py");
     let read = Command::new(python).arg(script).arg(place.at("out")).output().expect("python runs");

@@ -44,14 +44,47 @@ fn flights_of_any_length_rate_and_mode_are_laid_side_by_side_and_over_each_other
     assert_eq!(line(&said, "mixer, misses"), ["-", "-", &misses], "only in real time is anything late");
 
     let html = std::fs::read_to_string(&page).expect("the page");
-    assert_eq!(html.matches("<svg").count(), 11, "a picture for each quantity");
+    assert_eq!(html.matches("\"span\":").count(), 11, "a plot for each quantity");
     let folder = |run: &Path| run.display().to_string();
-    for told in
-        [format!("survey ({})", folder(&long.out.join("flight.mcap"))), "</span> real".into(), "mission of real".into()]
-    {
+    for told in [
+        format!("survey ({})", folder(&long.out.join("flight.mcap"))),
+        "\"label\":\"real\"".into(),
+        "mission of real".into(),
+    ] {
         assert!(html.contains(&told), "{told}");
     }
-    assert!(said.contains(&format!("written to {out}")) && !html.contains("http"), "{said}");
+    let linked = html.replacen("https://github.com/leeoniya/uPlot", "", 1).contains("http"); // but for its licence
+    assert!(said.contains(&format!("written to {out}")) && !linked, "{said}");
+}
+
+#[test]
+fn flights_are_aligned_on_an_event_or_on_times() {
+    let killed = |at_s: &str| {
+        let fault = format!("fault=[{{ at_s = {at_s}, target = \"mixer\", kind = \"kill\" }}]");
+        fly(&["--mode", "inprocess", "--set", "run.duration_s=2.0", "--set", &fault])
+    };
+    let (early, late) = (killed("0.5"), killed("1.25"));
+    let begins = |align: &str| -> Vec<f64> {
+        let output = compare(&[&early.out, &late.out], &["--align", align]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        let html = std::fs::read_to_string(early.out.with_file_name("compare.html")).expect("the page");
+        let after = html.split("\"begin_s\":").skip(1);
+        after
+            .map(|rest| rest.split([',', '}']).next().and_then(|number| number.parse().ok()).expect("a number"))
+            .collect()
+    };
+    for event in ["died:mixer", "kill:mixer", "0.5,1.25"] {
+        assert_eq!(begins(event), [-0.5, -1.25], "{event}");
+    }
+    for (align, told) in [
+        ("died:guidance", "has no died:guidance to align; it has died:mixer, kill:mixer, started:mixer"),
+        ("1.0", "1 times for 2 runs"),
+        ("soon", "for example died:mixer"),
+    ] {
+        let output = compare(&[&early.out, &late.out], &["--align", align]);
+        let said = text(&output);
+        assert!(output.status.code() == Some(2) && said.contains(told), "{align}: {said}");
+    }
 }
 
 #[test]

@@ -86,23 +86,23 @@ fn a_replay_computes_the_answers_of_a_library_only_if_the_user_names_it() {
     assert!(said.contains("the same answers, bit for bit"), "{said}");
 }
 
-/// Checks that 20 swaps between our core of `node` and `library`, in a flight of `scenario`, lose no tick. Those of the
-/// `settings` that begin with `node.` belong to the library.
-pub fn swapped_in_and_out(scenario: &str, node: &str, library: &Path, settings: &[&str]) {
+/// Checks that 20 swaps between our core of `node` and `program` lose no tick in a flight of `scenario` in each of the
+/// `modes`. Those of the `settings` that begin with `node.` belong to the program.
+pub fn swapped_in_and_out(scenario: &str, node: &str, program: &Path, settings: &[&str], modes: [&str; 2]) {
     let (times, bounds) = ("standby_s=0.1, watch_s=0.1", "bounds={ difference=1e3, similarity=-1 }");
-    let of_library: Vec<&&str> = settings.iter().filter(|set| set.starts_with("node.")).collect();
+    let of_program: Vec<&&str> = settings.iter().filter(|set| set.starts_with("node.")).collect();
     let swap = |i: u32| {
         let at_s = 0.5 + f64::from(i) * 0.25;
         let program = match i % 2 {
             0 => "exec=''".to_owned(),
-            _ => format!("exec='{}', set={of_library:?}", library.display()),
+            _ => format!("exec='{}', set={of_program:?}", program.display()),
         };
         format!("{{ node='{node}', at_s={at_s}, {times}, {bounds}, {program} }}")
     };
     let swaps = format!("swap=[{}]", (0..20).map(swap).collect::<Vec<_>>().join(", "));
-    let own = format!("node.{node}.exec={}", library.display());
+    let own = format!("node.{node}.exec={}", program.display());
     let settings = [&["run.duration_s=7", &own as &str, &swaps], settings].concat();
-    let flights = ["lockstep", "inprocess"].map(|mode| flown(scenario, mode, &settings));
+    let flights = modes.map(|mode| flown(scenario, mode, &settings));
     for flight in &flights {
         assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
         let run = flight.run();
@@ -116,7 +116,8 @@ pub fn swapped_in_and_out(scenario: &str, node: &str, library: &Path, settings: 
 fn a_library_is_swapped_in_and_ours_after_it_with_no_tick_lost() {
     let folder = tempfile::tempdir().unwrap();
     let library = library(folder.path(), "pd", &[]);
-    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library, &["mission.trajectory=hover"]);
+    let hover = ["mission.trajectory=hover"];
+    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library, &hover, ["lockstep", "inprocess"]);
 }
 
 /// Flies the library with `trap` in `mode`; returns exit code, what the launcher said, and what failed.
@@ -192,6 +193,8 @@ fn a_library_that_fails_in_flight_costs_its_process_and_is_restarted() {
     assert_eq!(not_a_number.code(), Some(0), "{}", not_a_number.stderr);
     let run = not_a_number.run();
     assert!(run["refused"].to_string().contains("range"), "the mixer refuses the answer: {}", run["refused"]);
+    let refused = "mixer refused 1 messages with numbers that are not finite or out of range";
+    assert!(run["but"].to_string().contains(refused), "{}", run["but"]);
 }
 
 #[test]
@@ -233,9 +236,65 @@ fn restarted_cold(flown: &Outcome) -> bool {
 }
 
 #[test]
-fn a_library_without_a_memory_is_restarted_cold() {
+fn a_replay_computes_the_answers_of_each_library_that_was_swapped_in() {
     let folder = tempfile::tempdir().unwrap();
-    let library = library(folder.path(), "cold", &["-DCOLD"]);
+    let (first, second) = (library(folder.path(), "first", &[]), library(folder.path(), "second", &["-O1"]));
+    let swap =
+        format!("swap=[{{ node='attitude-mpc', at_s=1, standby_s=0.5, watch_s=0.5, exec='{}' }}]", second.display());
+    let flown = hover("inprocess", &[&exec(&first), &swap]);
+    assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    let [first, second] = [first, second].map(|file| format!("attitude-mpc={}", file.display()));
+    for (programs, words) in [
+        (&["--program", &first][..], "not computed: attitude-mpc 2"),
+        (&["--program", &second], "not computed: attitude-mpc 1"),
+        (&["--program", &first, "--program", &second], "the same bits"),
+    ] {
+        let (code, said) = replay(&flown.out, programs);
+        assert_eq!(code, Some(0), "{said}");
+        assert!(said.contains(words), "{programs:?}: {said}");
+    }
+}
+
+#[test]
+fn another_script_of_the_same_interpreter_is_another_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("law.py");
+    std::fs::write(&script, "gain = 1\n").unwrap();
+    let program = format!("node.attitude-mpc={{ exec='python3', args=['{}'] }}", script.display());
+    let checked = |scenario: &Path, set: &[&str]| {
+        let output = launcher().arg("check").arg(scenario).args(set).output().expect("the launcher runs");
+        (output.status.code(), [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()))
+    };
+    let settings = ["--set", "run.mode=lockstep", "--set", &program];
+    let (code, [merged, said]) = checked(&top().join("scenarios/survey.toml"), &settings);
+    assert_eq!(code, Some(0), "{said}");
+    let kept = folder.path().join("kept.toml");
+    std::fs::write(&kept, merged).unwrap();
+    let (code, [_, said]) = checked(&kept, &[]);
+    assert_eq!(code, Some(0), "{said}");
+    std::fs::write(&script, "gain = 2\n").unwrap();
+    let (code, [_, said]) = checked(&kept, &[]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("is another one than the settings name"), "{said}");
+}
+
+#[test]
+fn a_library_that_crashes_or_ends_its_process_in_a_replay_is_no_success() {
+    let folder = tempfile::tempdir().unwrap();
+    let ours = hover("inprocess", &[]);
+    for (trap, why) in [(2, "a library crashed: SIGSEGV"), (6, "a library ended its process with exit code 0")] {
+        let library = library(folder.path(), &format!("trap{trap}"), &[&format!("-DTRAP={trap}")]);
+        let (code, said) = replay(&ours.out, &["--node", "attitude-mpc", "--exec", library.to_str().unwrap()]);
+        assert_eq!(code, Some(i32::from(exit::PROCESS_LOST)), "trap {trap}: {said}");
+        assert!(said.contains(why), "trap {trap}: {said}");
+    }
+}
+
+#[test]
+fn a_library_without_a_memory_or_that_refuses_it_is_restarted_cold() {
+    let folder = tempfile::tempdir().unwrap();
+    let [library, refuses] =
+        [("cold", "-DCOLD"), ("refuses", "-DTRAP=16")].map(|(name, flag)| library(folder.path(), name, &[flag]));
     let kill = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
     let flights = ["inprocess", "lockstep"].map(|mode| hover(mode, &[&exec(&library), kill, "run.duration_s=12"]));
     for flown in &flights {
@@ -244,6 +303,10 @@ fn a_library_without_a_memory_is_restarted_cold() {
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
     for flown in &flights {
         assert!(restarted_cold(flown), "{}", flown.run());
+    }
+    for mode in ["inprocess", "lockstep"] {
+        let refused = hover(mode, &[&exec(&refuses), kill]);
+        assert!(restarted_cold(&refused), "{mode}: {}", refused.run());
     }
     let warm = hover("inprocess", &[&exec(&self::library(folder.path(), "warm", &[])), kill]);
     assert!(!restarted_cold(&warm), "{}", warm.run());
@@ -315,7 +378,7 @@ fn a_function_in_the_form_of_casadi_is_found_by_its_names() {
 #[test]
 fn an_mpc_of_casadi_flies_as_it_was_generated() {
     let folder = tempfile::tempdir().unwrap();
-    let Some(python) = python_with(&["casadi==3.8.2"], folder.path()) else { return };
+    let Some(python) = python_with(&["casadi==3.8.2"]) else { return };
     let source = folder.path().join("mpc.c");
     let generated = Command::new(python).arg(top().join("tests/python/casadi_mpc.py")).arg(&source).output().unwrap();
     assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));

@@ -1,6 +1,12 @@
-//! Export for other tools: the FMU is valid, and flies a flight of the log again.
+//! Export for other tools: the FMU is valid, and flies a flight of the log again; other tools read what the log of a
+//! run has.
 
+use std::path::Path;
 use std::process::Command;
+
+use contract::Topic;
+use flight::log::{self, Record};
+use serde_json::{Value, json};
 
 use crate::harness::{fly, launcher, python_with, top};
 
@@ -29,7 +35,7 @@ fn an_fmu_flies_the_states_of_a_log_bit_for_bit() {
     let flown = fly(&[&arguments[..], &["--mode", "inprocess"]].concat());
     assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
     let packages = ["fmpy==0.3.32", "mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
-    let Some(python) = python_with(&packages, folder.path()) else { return };
+    let Some(python) = python_with(&packages) else { return };
     let script = top().join("tests/python/fmu.py");
     let checked = Command::new(python).arg(script).arg(&file).arg(flown.out.join("flight.mcap")).output().unwrap();
     let said = String::from_utf8_lossy(&[&checked.stdout[..], &checked.stderr].concat()).into_owned();
@@ -51,4 +57,131 @@ fn what_cannot_be_exported_is_refused() {
         assert_eq!(code, Some(2), "{arguments:?}: {said}");
         assert!(said.contains(why), "{arguments:?}: {said}");
     }
+}
+
+/// A flight through processes with an event, a damaged message and wind.
+const FLOWN: [&str; 7] = [
+    "--mode",
+    "lockstep",
+    "--set",
+    "run.duration_s=2.0",
+    "--set=fault=[{ at_s = 0.5, for_s = 0.3, target = \"guidance\", kind = \"kill\" }, \
+     { at_s = 1.2, for_s = 0.1, target = \"controls\", kind = \"corrupt\" }]",
+    "--set=plant.drag_linear_nspm=[0.2, 0.2, 0.1]",
+    "--set=plant.wind_ned_mps=[[0.3, [2.0, -1.0, 0.0]]]",
+];
+
+fn plain(path: &Path) -> &str {
+    path.to_str().expect("a plain path")
+}
+
+fn export_run(out: &Path, to: &str, more: &[&str]) -> (Option<i32>, String) {
+    let output = launcher().arg("export").arg(out).args(["--to", to]).args(more).output().expect("the launcher runs");
+    (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+}
+
+/// Lines of a CSV file without quotes, as cells.
+fn cells(path: &Path) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(path).expect("a table");
+    text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn a_table_has_the_bits_of_the_log() {
+    let flown = fly(&FLOWN);
+    for (to, place) in [("csv", "csv/state.csv"), ("parquet", "parquet/cycles.parquet"), ("ulog", "flight.ulg")] {
+        let (code, said) = export_run(&flown.out, to, &[]);
+        assert_eq!(code, Some(0), "{to}: {said}");
+        assert!(flown.out.join(place).is_file(), "{place}");
+    }
+    let log = log::read(&flown.out.join("flight.mcap")).expect("the log reads");
+    let table = cells(&flown.out.join("csv/state.csv"));
+    assert_eq!(table.len(), 1 + log.states.len());
+    let columns = log::columns(Topic::State);
+    assert_eq!(table[0].len(), columns.len() + 3, "time_s, the words, status_name, is_intact");
+    for (row, state) in table[1..].iter().zip(&log.states) {
+        let record = Record::from(*state);
+        let bits = |(column, cell): (&log::Column, &String)| {
+            if column.is_count {
+                cell.parse().expect("a count")
+            } else {
+                cell.parse::<f64>().expect("a number").to_bits()
+            }
+        };
+        let read: Vec<u64> = columns.iter().zip(&row[1..]).map(bits).collect();
+        assert_eq!(read, record.words());
+        assert_eq!((row[0].parse::<f64>(), &row[row.len() - 1][..]), (Ok(state.stamp.tick as f64 * 0.01), "1"));
+    }
+    let cycles = cells(&flown.out.join("csv/cycles.csv"));
+    assert_eq!(cycles.iter().filter(|row| row[1] == "plant").count(), 201);
+    let damaged = cells(&flown.out.join("csv/controls.csv"));
+    assert!(damaged.iter().any(|row| row.last().is_some_and(|intact| intact == "0")), "the corrupt ones are there too");
+}
+
+#[test]
+fn an_export_of_a_part_and_of_an_incomplete_log_says_so() {
+    let flown = fly(&["--mode", "inprocess", "--set", "run.duration_s=2.0"]);
+    let out = flown.out.join("part");
+    let (code, said) = export_run(&flown.out, "csv", &["--from", "0.5s", "--for", "500ms", "--out", plain(&out)]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("a flight in process has no clock"), "{said}");
+    let table = cells(&out.join("state.csv"));
+    assert_eq!((table.len(), &table[1][0][..], &table[51][0][..]), (52, "0.5", "1.0"));
+    assert_eq!(cells(&out.join("cycles.csv")).len(), 1, "no clock, no cycles");
+
+    let log = flown.out.join("flight.mcap");
+    let whole = std::fs::read(&log).expect("a log");
+    std::fs::write(&log, &whole[..whole.len() / 2]).expect("a torn log");
+    let (code, said) = export_run(&flown.out, "ulog", &[]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("is not whole") && said.contains("messages before that are missing"), "{said}");
+}
+
+#[test]
+fn a_run_that_cannot_be_exported_is_refused() {
+    let flown = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.1"]);
+    let run = plain(&flown.out).to_owned();
+    for (arguments, why) in [
+        (&["export", &run][..], "--to"),
+        (&["export", &run, "--to", "xml"], "possible values: csv, parquet, ulog, perfetto"),
+        (&["export", "no/such/run", "--to", "csv"], "no/such/run is not there"),
+        (
+            &["export", &run, "--to", "csv", "--from", "7s"],
+            "the flight lasted 0.10 s; choose another with --from and --for",
+        ),
+        (&["export", &run, "--to", "csv", "--for", "0"], "--for 0"),
+        (&["export", &run, "--to", "ulog", "--out", "/no/such/folder/x"], "--out"),
+        (&["export", &run, "--to", "perfetto"], "no clock"),
+    ] {
+        let output = launcher().args(arguments).output().expect("the launcher runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains(why), "{arguments:?}: {said}");
+    }
+    let left = std::fs::read_dir(&flown.out).expect("a folder").flatten().map(|entry| entry.file_name());
+    assert!(left.into_iter().all(|name| !name.to_string_lossy().contains(".part")), "nothing half-written is left");
+}
+
+#[test]
+fn pandas_duckdb_and_pyulog_read_what_the_log_has() {
+    let packages = ["mcap", "mcap-protobuf-support", "pandas", "pyarrow", "duckdb", "pyulog"];
+    let Some(python) = python_with(&packages) else { return };
+    let flown = fly(&FLOWN);
+    for to in ["csv", "parquet", "ulog"] {
+        let (code, said) = export_run(&flown.out, to, &[]);
+        assert_eq!(code, Some(0), "{to}: {said}");
+    }
+    let script = top().join("tests/python/read_export.py");
+    let checked = Command::new(python).arg(script).arg(&flown.out).output().unwrap();
+    let said = String::from_utf8_lossy(&[&checked.stdout[..], &checked.stderr].concat()).into_owned();
+    assert!(checked.status.success(), "{said}");
+    let read: Value = serde_json::from_slice(&checked.stdout).expect("one line of JSON");
+    assert_eq!(
+        (&read["csv"]["state"], &read["parquet"]["state"], &read["ulog"]["state"]),
+        (&json!(201), &json!(201), &json!(201))
+    );
+    assert_eq!(read["cycles"]["plant"], 201, "{read}");
+    let events: Vec<&str> = read["events"].as_array().expect("events").iter().filter_map(Value::as_str).collect();
+    assert_eq!(events[..2], ["guidance died", "guidance started"], "{read}");
+    assert!(read["logged"][0].as_str().is_some_and(|text| text.starts_with("guidance epoch 1 died")), "{read}");
 }

@@ -1,5 +1,6 @@
 //! Flights for tests: the launcher's own binary, a folder and a namespace per flight, a watchdog.
 
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -63,21 +64,31 @@ pub fn has_root() -> bool {
     is_root
 }
 
-/// A Python in `folder` with `packages` of the Python Package Index; says so where it cannot be had.
-pub fn python_with(packages: &[&str], folder: &Path) -> Option<PathBuf> {
-    let venv = folder.join("venv");
-    let made = Command::new("python3").args(["-m", "venv"]).arg(&venv).output();
+/// A Python with `packages` of the Python Package Index, made once for all tests and runs that want the same; says so
+/// where it cannot be had.
+pub fn python_with(packages: &[&str]) -> Option<PathBuf> {
+    let name = packages.join("-").replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python").join(name);
+    let (venv, whole) = (folder.join("venv"), folder.join("whole"));
+    let python = venv.join("bin/python");
+    std::fs::create_dir_all(&folder).expect("a folder of cargo");
+    let lock = File::create(folder.join("lock")).expect("a file");
+    lock.lock().expect("a lock"); // until this returns
+    if whole.exists() && Command::new(&python).arg("--version").output().is_ok() {
+        return Some(python);
+    }
+    let made = Command::new("python3").args(["-m", "venv", "--clear"]).arg(&venv).output();
     if !made.as_ref().is_ok_and(|made| made.status.success()) {
         skip(&format!("python3 with venv is not here: {made:?}"));
         return None;
     }
-    let python = venv.join("bin/python");
     let install = ["-m", "pip", "install", "-q", "--disable-pip-version-check"];
     let installed = Command::new(&python).args(install).args(packages).output().expect("pip runs");
     if !installed.status.success() {
         skip(&format!("{packages:?} cannot be had from PyPI: {}", String::from_utf8_lossy(&installed.stderr)));
         return None;
     }
+    File::create(whole).expect("a file");
     Some(python)
 }
 

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::{LazyLock, Once};
 
 use serde_json::Value;
 
@@ -138,17 +139,40 @@ fn a_stepped_flight_in_c_has_the_bits_of_the_same_law_in_a_library() {
     }
 }
 
-/// Makes a venv in `folder` with these packages and the Python package of this repository, as built for these tests;
-/// returns its Python. `None`, and a note, without the package index.
+/// Folder with the Python package of this repository as built for these tests, installed once for all that want it.
+fn installed_package(python: &Path) -> &'static Path {
+    static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| Path::new(env!("CARGO_TARGET_TMPDIR")).join("python/trefoil"));
+    static INSTALLED: Once = Once::new();
+    INSTALLED.call_once(|| {
+        let _ = std::fs::remove_dir_all(&*FOLDER); // there is none before the first run
+        let built = FOLDER.join("built");
+        std::fs::create_dir_all(&built).expect("a folder of cargo");
+        library_folder(&built);
+        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_launcher"), built.join("launcher")).expect("a link");
+        let mut pip = Command::new(python);
+        pip.args(["-m", "pip", "install", "-q", "--no-build-isolation", "--no-deps", "--no-index", "--target"]);
+        pip.arg(FOLDER.join("site")).arg(top().join("python")).env("TREFOIL_BUILT", &built);
+        let output = pip.output().expect("pip runs");
+        assert!(output.status.success(), "{}", said(&output));
+    });
+    &FOLDER
+}
+
+/// Makes a venv in `folder` that has these packages and the Python package of this repository; returns its Python.
+/// `None`, and a note, without the package index.
 pub fn python_with_trefoil(packages: &[&str], folder: &Path) -> Option<PathBuf> {
-    let python = python_with(&[&["setuptools>=77", "wheel", "numpy"], packages].concat(), folder)?;
-    let built = library_folder(folder);
-    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_launcher"), built.join("launcher")).expect("a link");
-    let mut pip = Command::new(&python);
-    pip.args(["-m", "pip", "install", "-q", "--no-build-isolation", "--no-deps", "--no-index"]);
-    let installed = pip.arg(top().join("python")).env("TREFOIL_BUILT", &built).output().expect("pip runs");
-    assert!(installed.status.success(), "{}", said(&installed));
-    Some(python)
+    let python = python_with(&[&["setuptools>=77", "wheel", "numpy"], packages].concat())?;
+    let venv = folder.join("venv");
+    let made = Command::new(&python).args(["-m", "venv", "--without-pip"]).arg(&venv).output().expect("it has venv");
+    assert!(made.status.success(), "{}", said(&made));
+    let packages_of = |venv: &Path| {
+        let lib = std::fs::read_dir(venv.join("lib")).expect("a venv").next().expect("one Python").expect("a folder");
+        lib.path().join("site-packages")
+    };
+    let shared = packages_of(python.ancestors().nth(2).expect("a venv"));
+    let paths = format!("{}\n{}\n", shared.display(), installed_package(&python).join("site").display());
+    std::fs::write(packages_of(&venv).join("shared.pth"), paths).expect("a file");
+    Some(venv.join("bin/python"))
 }
 
 #[test]

@@ -41,7 +41,7 @@ fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) {
     let whole = fly(&[scenario, "--mode", "inprocess"]);
     assert_eq!(whole.code(), Some(0), "{}", whole.stderr);
     flies_in_every_mode(scenario, node, &library, settings);
-    swapped_in_and_out(scenario, node, &library, settings);
+    swapped_in_and_out(scenario, node, &library, settings, ["lockstep", "inprocess"]);
 }
 
 #[test]
@@ -77,8 +77,7 @@ fn an_lqr_in_rust_is_written_and_flies() {
 
 #[test]
 fn an_mpc_of_casadi_is_written_and_flies() {
-    let folder = tempfile::tempdir().unwrap();
-    let Some(python) = python_with(&["casadi==3.8.2"], folder.path()) else { return };
+    let Some(python) = python_with(&["casadi==3.8.2"]) else { return };
     flies("casadi", "attitude-mpc", &[], Some(&python));
 }
 
@@ -87,9 +86,8 @@ fn an_mpc_of_acados_is_written_and_flies() {
     if !cfg!(target_arch = "x86_64") {
         return skip("acados is on PyPI for x86_64 with AVX2");
     }
-    let folder = tempfile::tempdir().unwrap();
     let packages = ["comma-deps-acados==0.2.2.post92", "casadi==3.8.2", "numpy"];
-    let Some(python) = python_with(&packages, folder.path()) else { return };
+    let Some(python) = python_with(&packages) else { return };
     flies("acados", "attitude-mpc", &[], Some(&python));
 }
 
@@ -101,7 +99,10 @@ fn an_lqr_in_python_is_written_and_flies() {
     assert_eq!(new(&dir, &["--lang", "python"]).status.code(), Some(0));
     made(&dir, &["test"], Some(&python));
     let scenario = dir.join("scenario.toml");
-    flies_as_a_program(scenario.to_str().unwrap(), &python, &dir.join("controller.py"), &[]);
+    let (scenario, script) = (scenario.to_str().unwrap(), dir.join("controller.py"));
+    flies_as_a_program(scenario, &python, &script, &[]);
+    let script = format!("node.attitude-mpc.args=['{}']", script.display());
+    swapped_in_and_out(scenario, "attitude-mpc", &python, &[&script], ["lockstep", "lockstep"]);
 }
 
 #[test]
@@ -118,7 +119,7 @@ fn a_geometric_controller_in_cpp_flies() {
     let library = compiled(&top().join("tests/controllers/geometric.cpp"), folder.path(), "geometric", &[]);
     let bounds = ["bounds.max_position_error_m=0.3"];
     flies_in_every_mode("scenarios/survey.toml", "attitude-mpc", &library, &bounds);
-    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library, &bounds);
+    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library, &bounds, ["lockstep", "inprocess"]);
 }
 
 #[test]

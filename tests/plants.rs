@@ -1,11 +1,13 @@
 //! Plants of users: a vehicle in C flies in every mode with the same bits, and what has no effect on it is refused.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
+use airframe::Parameters;
 use contract::exit;
 
 use crate::controllers::{compiled, replay};
-use crate::harness::{Outcome, fly, top};
+use crate::harness::{Outcome, fly, python_with, top};
 use crate::libtrefoil::{library_folder, linked};
 
 /// Compiles `tests/controllers/plant.c` into `folder/name.so`, with these flags for the compiler.
@@ -62,6 +64,33 @@ fn a_flight_in_real_time_with_a_vehicle_in_c_is_replayed_bit_for_bit_if_the_user
         assert_eq!(code, Some(0), "{said}");
         assert!(said.contains(words) && !said.contains("not computed"), "{said}");
     }
+}
+
+#[test]
+fn a_vehicle_of_casadi_flies_in_every_mode_as_it_was_generated() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(python) = python_with(&["casadi==3.8.2"]) else { return };
+    let source = folder.path().join("vehicle.c");
+    let generated = Command::new(python).arg(top().join("tests/python/casadi_plant.py")).arg(&source).output().unwrap();
+    assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));
+    let library = compiled(&source, folder.path(), "vehicle", &["-Wno-unused-parameter", "-Wno-unused-function"]);
+    let Parameters { mass_kg, g_mps2, kf, km, l1_m, l2_m, l3_m, ixx_kgm2, iyy_kgm2, izz_kgm2, .. } =
+        Parameters::default();
+    let p = [mass_kg, g_mps2, kf, km, l1_m, l2_m, l3_m, ixx_kgm2, iyy_kgm2, izz_kgm2];
+    let settings =
+        [&format!("node.plant.settings.p={p:?}"), "initial.position_m=[0.2, 0, 0]", "bounds.max_position_error_m=0.5"];
+    let flights = ["inprocess", "lockstep", "realtime"].map(|mode| survey(&library, mode, &settings));
+    for flown in &flights {
+        assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    }
+    assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+    let (code, said) = replay(&flights[2].out, &["--program", &format!("plant={}", library.display())]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("the same bits") && said.contains(&flights[2].state_hash()), "{said}");
+    // The same equations and midpoint rule as in plant.c, so the two courses differ by the steps only.
+    let in_c = survey(&vehicle(folder.path(), "plant", &[]), "inprocess", &settings[1..]);
+    let errors = [&flights[0], &in_c].map(|flown| flown.run()["metrics"]["max_position_error_m"].as_f64().unwrap());
+    assert!((errors[0] - errors[1]).abs() < 1e-4, "{errors:?}");
 }
 
 #[test]

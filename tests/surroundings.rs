@@ -135,7 +135,7 @@ fn judge(must: Must, came: &Came) -> Result<String, String> {
 }
 
 /// The launcher where every user can start it.
-fn program(folder: &Path) -> PathBuf {
+pub fn program(folder: &Path) -> PathBuf {
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755)).expect("it is ours");
     let program = folder.join("launcher");
     fs::copy(env!("CARGO_BIN_EXE_launcher"), &program).expect("it can be copied");

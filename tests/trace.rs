@@ -100,6 +100,22 @@ fn a_flight_in_lockstep_is_traced_with_a_warning() {
 }
 
 #[test]
+fn an_export_for_perfetto_is_the_trace_of_the_whole_flight() {
+    let flown = fly(&["--mode", "lockstep", "--set", "run.duration_s=2.0"]);
+    let exported = run(&["export", plain(&flown.out), "--to", "perfetto"]);
+    assert_eq!(exported.status.code(), Some(0), "{}", String::from_utf8_lossy(&exported.stderr));
+    let whole = read(&flown.out.join("trace.json"));
+    check_trace(&whole);
+    assert_eq!(events(&whole, "X").iter().filter(|slice| lane(slice) == 1).count(), 201);
+    let part = |arguments: &[&str]| {
+        let output = run(&[arguments, &["--from", "0.5", "--for", "0.5"]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        read(&flown.out.join("trace.json"))
+    };
+    assert_eq!(part(&["trace", plain(&flown.out)]), part(&["export", plain(&flown.out), "--to", "perfetto"]));
+}
+
+#[test]
 fn a_flight_in_real_time_is_traced_around_its_worst_tick() {
     let flown = fly(&["--mode", "realtime", "--set", "run.duration_s=1.0"]);
     let file = flown.out.join("elsewhere.json");

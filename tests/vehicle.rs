@@ -129,6 +129,22 @@ fn turbulence_and_sensors_that_can_be_bought_are_borne() {
 }
 
 #[test]
+fn features_fly_with_typical_sensors_within_60_cm() {
+    for scenario in ["fast-legs", "dryden", "wind", "mismatch", "weak-rotor"] {
+        let outcome = flown(scenario, &["plant.sensors.preset=typical", "bounds.max_position_error_m=0.6"]);
+        assert_eq!(outcome.code(), Some(0), "{scenario}: {}", outcome.run()["ended"]);
+    }
+}
+
+#[test]
+fn ten_seconds_without_a_receiver_are_borne_in_gusts() {
+    let lost = "fault=[{at_s=20, for_s=10, target='position', kind='off'}, {at_s=20, for_s=10, target='velocity', \
+                kind='off'}]";
+    let outcome = flown("dryden", &["plant.sensors.preset=typical", "bounds.max_position_error_m=1.5", lost]);
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
+}
+
+#[test]
 fn fast_legs_fly_inside_their_bound_by_models_over_the_velocity_alone() {
     let error = |model: &str| flown("fast-legs", &[&format!("mpc.model={model}")]).metric("max_position_error_m");
     let [hover, scheduled, ltv] = ["hover", "scheduled", "ltv"].map(error);

@@ -18,6 +18,8 @@ use crate::{Parameters, Trim};
 pub const STATES: usize = 7;
 /// Inputs of (48): col, lon, lat, ped.
 pub const INPUTS: usize = 4;
+/// States with the actuator lag: those of (48) and the inputs behind the lag.
+pub const LAGGED: usize = STATES + INPUTS;
 
 /// `A` and `B` of (48), continuous time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +65,12 @@ impl Continuous {
 
     /// Discretises with a first-order lag `lag_s` between the inputs and the vehicle: 11 states.
     pub fn discretise_with_lag(&self, lag_s: f64, sample_s: f64) -> Discrete {
-        const LAGGED: usize = STATES + INPUTS;
+        let (a, b) = self.with_lag(lag_s);
+        zero_order_hold::<LAGGED, { LAGGED + INPUTS }>(&a, &b, sample_s)
+    }
+
+    /// Matrices of continuous time with a first-order lag `lag_s` between the inputs and the vehicle.
+    pub fn with_lag(&self, lag_s: f64) -> (SMatrix<f64, LAGGED, LAGGED>, SMatrix<f64, LAGGED, INPUTS>) {
         let mut a = SMatrix::<f64, LAGGED, LAGGED>::zeros();
         a.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&self.a);
         a.fixed_view_mut::<STATES, INPUTS>(0, STATES).copy_from(&self.b);
@@ -72,7 +79,7 @@ impl Continuous {
             a[(STATES + i, STATES + i)] = -1.0 / lag_s;
             b[(STATES + i, i)] = 1.0 / lag_s;
         }
-        zero_order_hold::<LAGGED, { LAGGED + INPUTS }>(&a, &b, sample_s)
+        (a, b)
     }
 }
 

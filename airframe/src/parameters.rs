@@ -1,15 +1,16 @@
 //! Parameters of the tricopter of Table I, and of a second vehicle.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Vehicle with a complete set of parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// The vehicle of Table I of the paper.
     #[default]
     Paper,
-    /// A tricopter with 10-inch propellers, of parts that can be bought: see [`Parameters::from`].
+    /// A tricopter with 10-inch propellers, of parts that can be bought (docs/paper.md).
     TenInch,
 }
 
@@ -23,7 +24,7 @@ pub enum Preset {
 /// Rotor speeds `Omega` are in the paper's own unit, called *rotor speed unit*: `F = kf Omega^2` gives newtons.
 /// The paper names it RPM, which would make the thrust of a rotor of this size a hundred times too large for its
 /// diameter; rad/s fits. No code converts the unit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Parameters {
     /// Vehicle whose numbers are used where none are given.

@@ -2,7 +2,7 @@
 
 use contract::Scenario;
 use contract::message::{Reference, Stamp, State};
-use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Profile, Terminal};
+use contract::scenario::{Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Profile, Terminal};
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 
@@ -118,7 +118,7 @@ fn scenario(cfg: &Value) -> Scenario {
         other => panic!("constraints {other}"),
     };
     mpc.actuator_lag_model_s = cfg["lag_model_tau"].as_f64().unwrap_or(0.0);
-    mpc.delay_compensation = cfg["delay_comp_samples"] == 1;
+    mpc.delay_compensation = DelayCompensation::Sample(cfg["delay_comp_samples"] == 1);
     scenario.plant.rotor_speed_min = number(&cfg["om_min"]);
     scenario.plant.rotor_speed_max_ratio = number(&cfg["ommax_scale"]);
     scenario.plant.tilt_max_deg = number(&cfg["mu_max"]).to_degrees();

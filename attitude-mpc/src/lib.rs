@@ -19,8 +19,12 @@
 //! | [`riccati`] | terminal weight | |
 //! | [`constrained`] | choice between explicit plan, solver and fallback | |
 //! | [`solver`] | the constrained problem, by Clarabel or the active-set method of `qp` | |
+//! | [`delay`] | demands that are still under way | |
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
 //! | [`pid`] | PID law, for comparison | |
+//! | [`geometric`] | geometric law: tilt first, nonlinear inversion | |
+//! | [`indi`] | incremental nonlinear dynamic inversion | |
+//! | [`level`] | attitude errors and rigid body of these two | |
 //! | [`goal`] | the goal, also without references | |
 //! | [`memory`] | state kept from tick to tick | |
 //! | `node` | its ports, the same in every mode | |
@@ -39,8 +43,12 @@ pub mod condensed;
 pub mod constrained;
 pub mod constraints;
 pub mod coupling;
+pub mod delay;
 pub mod disturbance;
+pub mod geometric;
 pub mod goal;
+pub mod indi;
+pub mod level;
 pub mod ltv;
 pub mod memory;
 pub mod model;
@@ -59,15 +67,19 @@ use airframe::linear::{INPUTS, STATES};
 use airframe::{Actuation, angle};
 use contract::Scenario;
 use contract::message::{Controls, Kinematics, Reference, SolveStatus, State};
-use contract::scenario::{Fault, Law, Model, ScenarioError};
+use contract::scenario::{DelayCompensation, DelayName, Fault, Law, Model, ScenarioError};
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
 
 use condensed::Condensed;
 use constrained::{Account, Constrained};
 use coupling::Coupling;
+use delay::{Delay, Switch};
 use disturbance::DisturbanceLaw;
+use geometric::Geometric;
 use goal::Goal;
+use indi::{Indi, Sample};
+use level::Level;
 use ltv::Ltv;
 use memory::{Memory, WarmStart, Whole};
 use model::PredictionModel;
@@ -85,7 +97,7 @@ pub struct AttitudeMpc {
     unconstrained: UnconstrainedLaw,
     constrained: Option<Constrained>,
     law: Option<DisturbanceLaw>,
-    delay_compensation: bool,
+    delay_compensation: DelayCompensation,
     sample_ns: u64,
     memory: Memory,
     work: Work,
@@ -102,6 +114,8 @@ enum UnconstrainedLaw {
     /// Problem of the model of this sample.
     Ltv(Box<Ltv>),
     Pid(Pid),
+    Geometric(Geometric),
+    Indi(Indi),
 }
 
 impl UnconstrainedLaw {
@@ -111,7 +125,7 @@ impl UnconstrainedLaw {
             Self::Coupled(_, coupling) => coupling.observe(measured),
             Self::Scheduled(schedule) => schedule.observe(measured),
             Self::Ltv(ltv) => ltv.observe(measured),
-            Self::Gain(_) | Self::Pid(_) => {}
+            Self::Gain(_) | Self::Pid(_) | Self::Geometric(_) | Self::Indi(_) => {}
         }
     }
 
@@ -130,7 +144,9 @@ impl UnconstrainedLaw {
         next: &mut DVector<f64>,
     ) {
         match self {
-            Self::Gain(_) | Self::Coupled(..) | Self::Pid(_) => hover.predict(x, u, d, next),
+            Self::Gain(_) | Self::Coupled(..) | Self::Pid(_) | Self::Geometric(_) | Self::Indi(_) => {
+                hover.predict(x, u, d, next);
+            }
             Self::Scheduled(schedule) => schedule.predict(x, u, d, next),
             Self::Ltv(ltv) => {
                 next.fill(0.0);
@@ -144,8 +160,12 @@ impl UnconstrainedLaw {
 struct Work {
     /// State of this sample, n.
     x: DVector<f64>,
-    /// State predicted for this sample, then for the next, n.
+    /// State predicted for this sample, n; then room for another prediction.
     predicted: DVector<f64>,
+    /// State predicted for the moment at which the demand acts, n.
+    start: DVector<f64>,
+    /// Room for a term of a series, n.
+    term: DVector<f64>,
     /// Given numbers `(x; r; d; v)`, n + 15.
     given: DVector<f64>,
     /// Unconstrained plan, 4Nu, or the one move of another law.
@@ -163,7 +183,8 @@ impl AttitudeMpc {
     /// Builds the controller of a scenario; the error names settings for which its problem is singular or infeasible.
     pub fn try_new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let model = PredictionModel::new(scenario);
-        let (states, weights) = (model.states(), &scenario.mpc);
+        let (states, weights, sample_s) = (model.states(), &scenario.mpc, scenario.sample_s());
+        let level = || Level::new(&scenario.airframe, &model.trim, &model.mixing);
         let of_gain = |gain| match weights.model {
             Model::Coupled => UnconstrainedLaw::Coupled(gain, Coupling::new(scenario.airframe.mass_kg)),
             _ => UnconstrainedLaw::Gain(gain),
@@ -180,7 +201,11 @@ impl AttitudeMpc {
                 (law, constrained)
             }
             Law::Lqr => (of_gain(condensed::regulator(&model, weights)?), None),
-            Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, &weights.pid, scenario.sample_s())), None),
+            Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, &weights.pid, sample_s)), None),
+            Law::Geometric => {
+                (UnconstrainedLaw::Geometric(Geometric::new(level(), &weights.geometric, sample_s)), None)
+            }
+            Law::Indi => (UnconstrainedLaw::Indi(Indi::new(level(), &weights.indi, sample_s)), None),
         };
         let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
         Ok(Self {
@@ -188,11 +213,13 @@ impl AttitudeMpc {
             work: Work {
                 x: DVector::zeros(states),
                 predicted: DVector::zeros(states),
+                start: DVector::zeros(states),
+                term: DVector::zeros(states),
                 given: DVector::zeros(states + condensed::GIVEN),
                 unconstrained: DVector::zeros(moves),
                 plan: DVector::zeros(moves),
             },
-            law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, scenario.sample_s()),
+            law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, sample_s),
             delay_compensation: scenario.mpc.delay_compensation,
             sample_ns: scenario.sample_ns(),
             model,
@@ -212,7 +239,8 @@ impl AttitudeMpc {
     }
 
     /// Computes the demand at `tick` from the newest state and reference: deviations of col, lon, lat, ped from trim
-    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements and the command in force are used.
+    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements and the command in force with its number and
+    /// age are used.
     ///
     /// If the state is missing or older than `tick`, or an input is not finite or huge, the last demand is repeated.
     /// [`goal`] describes what replaces an old reference. The status reports each case.
@@ -229,12 +257,23 @@ impl AttitudeMpc {
         let samples = self.memory.samples_until(tick);
         let command = Actuation::from(state.command_in_force);
 
-        let actuation = self.model.actuate(&self.memory.actuation, &command, samples);
+        let mut delay = self.memory.delay;
+        let input = self.model.inputs_of(&command);
+        let switch = delay.observe(state, input, self.memory.tick.get().map(|_| samples), self.sample_ns);
+        let actuation = self.actuate(&command, samples, &switch);
         self.model.observe(&state.measured, &actuation, &mut self.work.x);
         self.unconstrained.observe(&state.measured);
-        let disturbance = self.estimate(&command, samples);
+        let mut stage = self.memory.stage;
+        let disturbance = if let UnconstrainedLaw::Indi(indi) = &self.unconstrained {
+            let before = Sample { x: self.memory.state(), actuation: &self.memory.actuation };
+            let now = Sample { x: self.work.x.as_view(), actuation: &actuation };
+            indi.observe(tick, &state.measured, [before, now], &self.memory.disturbance, &mut stage)
+        } else {
+            self.estimate(&command, samples)
+        };
         let mut integral = self.memory.integral;
-        let unfollowed = self.model.inputs_of(&command) - self.memory.demand;
+        self.predict(tick, &input, &delay, &disturbance);
+        let unfollowed = input - self.memory.demand();
         self.optimise(&goal, &disturbance, &unfollowed, &mut integral);
         if !self.work.unconstrained.iter().all(|u| u.abs() < MAX_PLAN) {
             return self.repeat(SolveStatus::BadInput); // finite inputs, but the plan or a solver would overflow
@@ -244,8 +283,10 @@ impl AttitudeMpc {
         self.memory.goal = newest;
         self.memory.x.rows_mut(0, self.work.x.len()).copy_from(&self.work.x);
         self.memory.actuation = actuation;
+        self.memory.delay = delay;
         self.memory.disturbance = disturbance;
         self.memory.integral = integral;
+        self.memory.stage = stage;
         let (status, account) = self.decide(tick);
         let led = newest.tick.get().is_some_and(|of| of >= tick);
         let status = if status <= SolveStatus::Solved && !led { SolveStatus::NoReference } else { status };
@@ -269,6 +310,9 @@ impl AttitudeMpc {
         let fits = self.constrained.as_mut().is_none_or(|it| it.solver.start_from(&whole.warm_start));
         if fits {
             self.memory = whole.memory;
+            if self.law.is_none() && !matches!(self.unconstrained, UnconstrainedLaw::Indi(_)) {
+                self.memory.disturbance = Vector4::zeros(); // of another law: nothing here would renew it
+            }
         }
         fits
     }
@@ -287,7 +331,7 @@ impl AttitudeMpc {
             // The prediction is for one sample, so a gap in the measurements leaves the estimate unchanged.
             Some(law) if samples == 1 && self.memory.tick.get().is_some() => {
                 let u = self.model.inputs_of(command);
-                let x = DVectorView::from_slice(&self.memory.x.as_slice()[..self.model.states()], self.model.states());
+                let x = self.memory.state();
                 let expected = before + self.unconstrained.coupling();
                 self.unconstrained.predict(&self.model, &x, &u, &expected, &mut self.work.predicted);
                 law.update(&before, &self.work.x, &self.work.predicted)
@@ -296,8 +340,45 @@ impl AttitudeMpc {
         }
     }
 
-    /// Computes the unconstrained plan from this sample, or with delay compensation from the next, when the demand of
-    /// this tick takes effect. `unfollowed` is the input of the command in force less the demand published last.
+    /// Positions of the actuators at this sample, `samples` after the newest one used; with a measured delay the last
+    /// `switch` of the command counts where it was.
+    fn actuate(&self, command: &Actuation, samples: u64, switch: &Switch) -> Actuation {
+        let before = &self.memory.actuation;
+        if !self.delay_compensation.is_measured() || samples == 0 {
+            return self.model.actuate(before, command, samples);
+        }
+        let seconds = |ns: u64| ns as f64 * 1e-9;
+        let until_ns = (samples - 1).saturating_mul(self.sample_ns).saturating_add(switch.after_ns);
+        let switched = self.model.actuate_for(before, &switch.before, seconds(until_ns));
+        self.model.actuate_for(&switched, command, seconds(self.sample_ns.saturating_sub(switch.after_ns)))
+    }
+
+    /// Predicts the state at which the demand of `tick` takes effect: as the delay compensation says at this sample, at
+    /// the next, or after the measured `delay`. `input` is that of the command in force.
+    fn predict(&mut self, tick: u64, input: &Vector4<f64>, delay: &Delay, disturbance: &Vector4<f64>) {
+        let Work { x, predicted, start, term, .. } = &mut self.work;
+        match self.delay_compensation {
+            DelayCompensation::Sample(false) => start.copy_from(x),
+            DelayCompensation::Sample(true) => {
+                let last = self.memory.demand();
+                self.unconstrained.predict(&self.model, &x.as_view(), &last, disturbance, start);
+            }
+            DelayCompensation::Named(DelayName::Measured) => {
+                let (whole, rest_ns) = delay.samples(self.sample_ns);
+                let mut input = *input;
+                start.copy_from(x);
+                self.model.advance(start, &input, disturbance, rest_ns * 1e-9, [&mut *term, &mut *predicted]);
+                for age in (1..=whole).rev() {
+                    input = delay.next(input, tick, age);
+                    self.unconstrained.predict(&self.model, &start.as_view(), &input, disturbance, predicted);
+                    std::mem::swap(start, predicted);
+                }
+            }
+        }
+    }
+
+    /// Computes the unconstrained plan from the state at which the demand takes effect. `unfollowed` is the input of
+    /// the command in force less the demand published last.
     fn optimise(
         &mut self,
         goal: &Goal,
@@ -305,21 +386,15 @@ impl AttitudeMpc {
         unfollowed: &Vector4<f64>,
         integral: &mut Vector4<f64>,
     ) {
-        let Work { x, predicted, given, unconstrained, .. } = &mut self.work;
+        let Work { x, start, given, unconstrained, .. } = &mut self.work;
         let n = self.model.states();
         let attitude_rad = [x[1], x[2]]; // where guidance made the reference
-        let start = if self.delay_compensation {
-            self.unconstrained.predict(&self.model, &x.as_view(), &self.memory.demand, disturbance, predicted);
-            predicted
-        } else {
-            x
-        };
         let mut r = self.model.deviation(goal.w_mps, &goal.attitude_rad, &goal.rates_radps);
         r[HEADING] = angle::nearest(r[HEADING], start[HEADING]);
         given.rows_mut(0, n).copy_from(start);
         given.rows_mut(n, STATES).copy_from_slice(&r);
         given.rows_mut(n + STATES, INPUTS).copy_from(disturbance);
-        given.rows_mut(n + STATES + INPUTS, INPUTS).copy_from(&self.memory.demand);
+        given.rows_mut(n + STATES + INPUTS, INPUTS).copy_from(&self.memory.demand());
         match &mut self.unconstrained {
             UnconstrainedLaw::Gain(gain) | UnconstrainedLaw::Coupled(gain, _) => {
                 unconstrained.gemv(1.0, gain, given, 0.0); // (5)
@@ -327,6 +402,12 @@ impl AttitudeMpc {
             UnconstrainedLaw::Scheduled(schedule) => schedule.plan(given, &attitude_rad, unconstrained),
             UnconstrainedLaw::Ltv(ltv) => ltv.plan(given, &attitude_rad, unconstrained),
             UnconstrainedLaw::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, unfollowed, integral)),
+            UnconstrainedLaw::Geometric(geometric) => {
+                unconstrained.copy_from(&geometric.step(&start.as_view(), &r, unfollowed, integral));
+            }
+            UnconstrainedLaw::Indi(indi) => {
+                unconstrained.copy_from(&indi.step(&start.as_view(), &r, disturbance));
+            }
         }
     }
 
@@ -340,14 +421,14 @@ impl AttitudeMpc {
             (SolveStatus::Explicit, Account::default())
         };
         self.memory.fallbacks += u64::from(status > SolveStatus::Solved);
-        self.memory.demand = plan.fixed_rows::<INPUTS>(0).into_owned(); // (6)
+        self.memory.delay.demands[0] = plan.fixed_rows::<INPUTS>(0).into_owned(); // (6)
         (status, account)
     }
 
     /// Builds the message of the demand in memory with `status` and `account`.
     fn publish(&self, status: SolveStatus, account: &Account) -> Controls {
         Controls {
-            demand: self.memory.demand.into(),
+            demand: self.memory.demand().into(),
             disturbance: self.memory.disturbance.into(),
             status: status as u64,
             iterations: account.iterations,

@@ -1,17 +1,19 @@
 //! State of the controller from tick to tick. All its other fields are fixed at construction or buffers.
 
 use airframe::Actuation;
-use airframe::linear::{INPUTS, STATES};
+use airframe::linear::LAGGED;
 use bytemuck::{Pod, Zeroable};
 use contract::snapshot::{Layout, OptionalTick};
-use nalgebra::{SVector, Vector4};
+use nalgebra::{DVectorView, SVector, Vector4};
 
+use crate::delay::Delay;
 use crate::goal::Goal;
+use crate::indi::Stage;
 
 /// Number of states of the largest model, which has the actuator lag.
-pub const MAX_STATES: usize = STATES + INPUTS;
+pub const MAX_STATES: usize = LAGGED;
 /// Most constraints in a snapshot's warm start. The successor of a solver that holds more starts without any.
-pub const MAX_HELD: usize = 29;
+pub const MAX_HELD: usize = 26;
 
 /// Memory of the controller without its solver.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -29,10 +31,12 @@ pub struct Memory {
     pub actuation: Actuation,
     /// Disturbance estimate `d` \[N, N m, N m, N m\].
     pub disturbance: Vector4<f64>,
-    /// Demand published last \[N, N m, N m, N m\].
-    pub demand: Vector4<f64>,
-    /// Integrals of the PID's errors: of w \[m\], theta, phi, psi \[rad s\].
+    /// Demands published, the last one first, and their delay.
+    pub delay: Delay,
+    /// Integrals of the errors of the laws `pid` and `geometric`: of w \[m\], theta, phi, psi \[rad s\].
     pub integral: Vector4<f64>,
+    /// Filter of the law `indi`.
+    pub stage: Stage,
     /// Number of ticks so far whose plan is a fallback or the result of a solve that reached a limit.
     pub fallbacks: u64,
 }
@@ -68,13 +72,24 @@ pub struct Whole {
 }
 
 impl Layout for Whole {
-    const NAME: [u8; 8] = *b"attmpc 2";
+    const NAME: [u8; 8] = *b"attmpc 3";
 }
 
 impl Memory {
     /// Starts without any sample: `states` states at hover, actuators at `trim`.
     pub fn new(states: usize, trim: Actuation) -> Self {
-        Self { states: states as u64, actuation: trim, ..Self::zeroed() }
+        Self { states: states as u64, actuation: trim, delay: Delay::new(trim), ..Self::zeroed() }
+    }
+
+    /// Demand published last \[N, N m, N m, N m\].
+    pub fn demand(&self) -> Vector4<f64> {
+        self.delay.demands[0]
+    }
+
+    /// State of the newest sample used.
+    pub fn state(&self) -> DVectorView<'_, f64> {
+        let states = (self.states as usize).min(MAX_STATES);
+        DVectorView::from_slice(&self.x.as_slice()[..states], states)
     }
 
     /// Number of samples from the newest one used to `tick`: 1 without gaps and at the first sample, 0 for old ticks.

@@ -21,6 +21,9 @@ use contract::Scenario;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Dyn, Storage, Vector, Vector4};
 
+/// Terms of the series of [`PredictionModel::advance`]: the first one left out is below `2^-55` of the sum.
+const TERMS: u32 = 14;
+
 /// Linear model with 7 states, or 11 with the actuator lag.
 #[derive(Debug, Clone)]
 pub struct PredictionModel {
@@ -32,10 +35,14 @@ pub struct PredictionModel {
     pub e: DMatrix<f64>,
     /// Hover at which the model is linearised.
     pub trim: Trim,
+    /// Continuous-time `A`, `B` and `E` of the hover model.
+    continuous: [DMatrix<f64>; 3],
     /// Map from actuator positions to conventional inputs.
     pub mixing: MixingMatrix,
     /// Model of rotors and servo.
     actuators: ActuatorLaw,
+    /// Norm of the continuous-time `A`: its largest column sum \[1/s\].
+    norm: f64,
     /// Sample time \[s\].
     sample_s: f64,
 }
@@ -50,15 +57,29 @@ impl PredictionModel {
         let continuous = Continuous::hover(vehicle, &trim);
         let direct = continuous.discretise(sample_s);
         let discrete = if lag_s > 0.0 { continuous.discretise_with_lag(lag_s, sample_s) } else { direct.clone() };
-        let mut e = DMatrix::zeros(discrete.a.nrows(), INPUTS);
-        e.rows_mut(0, STATES).copy_from(&direct.b);
+        let n = discrete.a.nrows();
+        let behind_lag = |b: &DMatrix<f64>| b.clone().resize_vertically(n, 0.0);
+        let hover = |rows, columns, of: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(rows, columns, of);
+        let (a, b) = if lag_s > 0.0 {
+            let (a, b) = continuous.with_lag(lag_s);
+            (hover(n, n, &|row, column| a[(row, column)]), hover(n, INPUTS, &|row, column| b[(row, column)]))
+        } else {
+            let Continuous { a, b } = continuous;
+            (hover(n, n, &|row, column| a[(row, column)]), hover(n, INPUTS, &|row, column| b[(row, column)]))
+        };
+        let e = behind_lag(&hover(STATES, INPUTS, &|row, column| continuous.b[(row, column)]));
+        let norm = a.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
+        let continuous = [a, b, e];
+        let e = behind_lag(&direct.b);
         Self {
             a: discrete.a,
             b: discrete.b,
             e,
+            continuous,
             trim,
             mixing: MixingMatrix::new(vehicle, scenario.mixer.tilt_reaction),
             actuators: ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s: lag_s, ..scenario.actuator_law() },
+            norm,
             sample_s,
         }
     }
@@ -102,9 +123,46 @@ impl PredictionModel {
         next.gemv(1.0, &self.e, d, 1.0); // (1)
     }
 
+    /// Moves the state `x` on by `time_s`, at hover, under the inputs `u` and the disturbance `d`:
+    ///
+    /// ```text
+    /// x(t) = x + t v + t^2/2 A v + t^3/6 A^2 v + ...,      v = A x + B u + E d
+    /// ```
+    ///
+    /// A long time is taken in steps of norm 1/2 at most, in which `TERMS` terms are exact to rounding. `term` and
+    /// `next` are buffers of the size of `x`.
+    pub fn advance(
+        &self,
+        x: &mut DVector<f64>,
+        u: &Vector4<f64>,
+        d: &Vector4<f64>,
+        time_s: f64,
+        [term, next]: [&mut DVector<f64>; 2],
+    ) {
+        let [a, b, e] = &self.continuous;
+        let steps = libm::ceil(2.0 * self.norm * time_s).max(1.0);
+        let step_s = time_s / steps;
+        for _ in 0..steps as usize {
+            term.gemv(step_s, a, x, 0.0);
+            term.gemv(step_s, b, u, 1.0);
+            term.gemv(step_s, e, d, 1.0);
+            for power in 2..=TERMS {
+                *x += &*term;
+                next.gemv(step_s / f64::from(power), a, term, 0.0);
+                std::mem::swap(term, next);
+            }
+            *x += &*term;
+        }
+    }
+
     /// Positions of the actuators after following `command` for a number of samples.
     pub fn actuate(&self, actuation: &Actuation, command: &Actuation, samples: u64) -> Actuation {
-        self.actuators.advance(actuation, command, samples as f64 * self.sample_s)
+        self.actuate_for(actuation, command, samples as f64 * self.sample_s)
+    }
+
+    /// Positions of the actuators after following `command` for `time_s`.
+    pub fn actuate_for(&self, actuation: &Actuation, command: &Actuation, time_s: f64) -> Actuation {
+        self.actuators.advance(actuation, command, time_s)
     }
 
     /// Inputs that a command produces in steady state, within the actuators' limits.
@@ -166,5 +224,28 @@ mod tests {
         model.predict(&origin, &Vector4::zeros(), &push, &mut next);
         assert!((next[0] - 0.01).abs() < 1e-12);
         assert!(next.rows(STATES, INPUTS).iter().all(|z| *z == 0.0));
+    }
+
+    #[test]
+    fn a_part_of_a_sample_and_the_rest_are_the_sample() {
+        for (profile, lag_s, rate_hz) in
+            [(Profile::Paper, 0.0, 100), (Profile::Robust, 0.03, 100), (Profile::Robust, 0.001, 50)]
+        {
+            let mut scenario = Scenario::from(profile);
+            (scenario.mpc.actuator_lag_model_s, scenario.run.rate_hz) = (lag_s, rate_hz);
+            let model = PredictionModel::new(&scenario);
+            let n = model.states();
+            let start = DVector::from_fn(n, |row, _| 0.1 * (row as f64 - 3.0));
+            let (u, d) = (Vector4::new(-1.0, 0.1, 0.2, -0.05), Vector4::new(0.5, 0.02, -0.03, 0.01));
+            let (mut expected, mut term, mut next) = (start.clone(), start.clone(), start.clone());
+            model.predict(&start, &u, &d, &mut expected);
+            let sample_s = scenario.sample_s();
+            for part in [0.0, 0.3, 1.0] {
+                let mut x = start.clone();
+                model.advance(&mut x, &u, &d, part * sample_s, [&mut term, &mut next]);
+                model.advance(&mut x, &u, &d, (1.0 - part) * sample_s, [&mut term, &mut next]);
+                assert!((&x - &expected).amax() < 1e-12 * expected.amax(), "{part} of {sample_s}: {x}, not {expected}");
+            }
+        }
     }
 }

@@ -25,8 +25,8 @@ impl Core for AttitudeMpc {
         self.snapshot()
     }
 
-    fn restore(&mut self, memory: &Snapshot) {
-        self.restore(memory);
+    fn restore(&mut self, memory: &Snapshot) -> bool {
+        self.restore(memory)
     }
 
     fn apply_fault(&mut self, number: usize, fault: &Fault) {

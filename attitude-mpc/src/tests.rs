@@ -9,6 +9,7 @@ use super::*;
 use crate::fixture::{self, Case};
 
 mod conditions;
+mod delay;
 mod silence;
 
 /// Sample at hover trim, and the reference to stay there.
@@ -33,10 +34,16 @@ pub fn demand_violation(scenario: &Scenario, demand: [f64; 4]) -> f64 {
     Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits()).demand_violation(&demand.into())
 }
 
+const LAWS: [Law; 5] = [Law::Mpc, Law::Lqr, Law::Pid, Law::Geometric, Law::Indi];
+
 #[test]
 fn at_hover_the_demand_is_zero() {
-    for profile in [Profile::Paper, Profile::Robust] {
-        let mut mpc = AttitudeMpc::new(&Scenario::from(profile));
+    for (profile, law) in
+        [Profile::Paper, Profile::Robust].into_iter().flat_map(|profile| LAWS.map(|law| (profile, law)))
+    {
+        let mut scenario = Scenario::from(profile);
+        scenario.mpc.law = law;
+        let mut mpc = AttitudeMpc::new(&scenario);
         for tick in 0..10 {
             let (state, reference) = hover(&mpc, tick);
             let controls = mpc.step(state.stamp.tick, &state, &reference);
@@ -48,7 +55,7 @@ fn at_hover_the_demand_is_zero() {
 
 #[test]
 fn each_reference_pushes_its_own_way() {
-    for law in [Law::Mpc, Law::Lqr, Law::Pid] {
+    for law in LAWS {
         check_directions(law);
     }
 }
@@ -94,7 +101,7 @@ fn val_problems_of_the_independent_simulator() {
         scenario.mpc.time_limit_ms = 0.0;
         scenario.mpc.solver = solver;
         let mut mpc = AttitudeMpc::new(&scenario);
-        mpc.memory.demand = Vector4::from(*previous);
+        mpc.memory.delay.demands[0] = Vector4::from(*previous);
         let controls = mpc.step(0, state, reference);
         let status = if *active { SolveStatus::Solved } else { SolveStatus::Explicit };
         assert_eq!(controls.status, status as u64, "{name}");
@@ -147,17 +154,18 @@ fn a_bad_input_repeats_the_demand_and_changes_nothing_else() {
 fn delay_compensation_plans_from_the_next_sample() {
     let plan_from = |compensate: bool, x: Option<&DVector<f64>>| {
         let mut scenario = Scenario::default();
-        scenario.mpc.delay_compensation = compensate;
+        scenario.mpc.delay_compensation = DelayCompensation::Sample(compensate);
         let mut mpc = AttitudeMpc::new(&scenario);
-        mpc.memory.demand = Vector4::new(-1.0, 0.1, 0.05, -0.02);
+        mpc.memory.delay.demands[0] = Vector4::new(-1.0, 0.1, 0.05, -0.02);
         let (_, reference) = hover(&mpc, 0);
         mpc.work.x.fill(0.01);
         if let Some(x) = x {
             mpc.work.x.copy_from(x);
         }
+        mpc.predict(0, &Vector4::zeros(), &mpc.memory.delay.clone(), &Vector4::zeros());
         mpc.optimise(&Goal::default().renewed(&reference), &Vector4::zeros(), &Vector4::zeros(), &mut Vector4::zeros());
         let mut next = mpc.work.x.clone();
-        mpc.model.predict(&mpc.work.x, &mpc.memory.demand, &Vector4::zeros(), &mut next);
+        mpc.model.predict(&mpc.work.x, &mpc.memory.demand(), &Vector4::zeros(), &mut next);
         (mpc.work.unconstrained, next)
     };
     let (compensated, next) = plan_from(true, None);
@@ -186,10 +194,11 @@ const PUSH: [f64; 4] = [0.5, -0.02, 0.03, 0.01];
 
 /// Final state and answer after ten seconds of the controller's own model, with an unknown push and this roll about
 /// trim as the reference \[rad\].
-fn settle(disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
+fn settle(law: Law, disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
     let mut scenario = Scenario::default();
+    scenario.mpc.law = law;
     scenario.mpc.disturbance_gain = disturbance_gain;
-    scenario.mpc.delay_compensation = false; // this vehicle has no delay beyond its lag
+    scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // this vehicle has no delay beyond its lag
     let mut mpc = AttitudeMpc::new(&scenario);
     let push = Vector4::from(PUSH);
     let mut x = DVector::zeros(11);
@@ -217,19 +226,47 @@ fn settle(disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
 
 #[test]
 fn a_constant_disturbance_leaves_no_offset() {
-    let (x, controls) = settle(0.1, 0.0);
+    let (x, controls) = settle(Law::Mpc, 0.1, 0.0);
     assert!(x.rows(0, STATES).amax() < 1e-9, "{x}");
     let push = Vector4::from(PUSH);
     assert!((Vector4::from(controls.disturbance) - push).amax() < 1e-9);
     assert!((Vector4::from(controls.demand) + push).amax() < 1e-9);
-    let (offset, without) = settle(0.0, 0.0);
+    let (offset, without) = settle(Law::Mpc, 0.0, 0.0);
     assert!(offset[0] > 0.01, "a force down makes it sink");
     assert_eq!(Vector4::from(without.disturbance), Vector4::zeros());
 }
 
 #[test]
+fn a_constant_moment_leaves_no_offset() {
+    let push = Vector4::from(PUSH);
+    let (x, controls) = settle(Law::Indi, 0.0, 0.0);
+    assert!(x.rows(0, STATES).amax() < 1e-9, "{x}");
+    let found = Vector4::from(controls.disturbance) - push;
+    assert!(found.rows(1, 3).amax() < 1e-9, "{found}; this vehicle lacks the side force, which is in col");
+    assert!((Vector4::from(controls.demand) + push).amax() < 1e-9);
+    let (x, _) = settle(Law::Geometric, 0.0, 0.0);
+    assert!(x.rows(0, STATES).amax() < 1e-6, "by its integral: {x}");
+}
+
+#[test]
+fn a_law_without_an_estimate_drops_that_of_the_law_before() {
+    let of = |law| {
+        let mut scenario = Scenario::default();
+        scenario.mpc.law = law;
+        AttitudeMpc::new(&scenario)
+    };
+    let mut before = of(Law::Indi);
+    before.memory.disturbance = Vector4::repeat(0.1);
+    for (law, keeps) in [(Law::Indi, true), (Law::Mpc, false), (Law::Geometric, false)] {
+        let mut after = of(law);
+        assert!(after.restore(&before.snapshot()));
+        assert_eq!(after.memory.disturbance == before.memory.disturbance, keeps, "{law:?}");
+    }
+}
+
+#[test]
 fn a_roll_away_from_trim_leaves_no_offset() {
-    let (mut x, _) = settle(0.1, 0.3);
+    let (mut x, _) = settle(Law::Mpc, 0.1, 0.3);
     x[1] -= 0.3;
     assert!(x.rows(0, STATES).amax() < 1e-9, "{x}");
 }
@@ -268,10 +305,11 @@ proptest! {
 
     #[test]
     fn no_input_makes_the_controller_publish_nan(
-        numbers in prop::array::uniform16(prop::num::f64::ANY), tick in prop::num::u64::ANY,
-        [exact, own, soft] in prop::array::uniform3(prop::bool::ANY),
+        numbers in prop::array::uniform18(prop::num::f64::ANY), tick in prop::num::u64::ANY,
+        [exact, own, soft] in prop::array::uniform3(prop::bool::ANY), law in prop::sample::select(&LAWS[..]),
     ) {
         let mut scenario = Scenario::default();
+        scenario.mpc.law = law;
         scenario.mpc.disturbance_gain = 0.5;
         scenario.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
         scenario.mpc.time_limit_ms = 0.0;
@@ -289,6 +327,7 @@ proptest! {
         reference.w_mps = numbers[11];
         reference.attitude_rad.copy_from_slice(&numbers[12..15]);
         reference.rates_radps[0] = numbers[15];
+        state.measured.velocity_mps[..2].copy_from_slice(&numbers[16..]);
         let controls = mpc.step(state.stamp.tick, &state, &reference);
         prop_assert!(controls.demand.iter().chain(&controls.disturbance).all(|u| u.is_finite()));
     }

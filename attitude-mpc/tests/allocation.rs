@@ -4,7 +4,10 @@ use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
-use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Mode, Model, Profile, Solver, StateConstraints};
+use contract::scenario::{
+    Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Mode, Model, Profile, Solver,
+    StateConstraints,
+};
 
 /// Steps once with a heading error; returns the answer and the number of allocations.
 fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {
@@ -37,6 +40,26 @@ fn the_explicit_path_allocates_nothing() {
         }
         let (controls, allocations) = step(&mut mpc, &scenario, f64::NAN);
         assert_eq!((controls.status, allocations), (SolveStatus::BadInput as u64, 0));
+    }
+}
+
+#[test]
+fn the_prediction_over_a_measured_delay_allocates_nothing() {
+    let mut scenario = Scenario::default();
+    scenario.mpc.delay_compensation = DelayCompensation::Named(DelayName::Measured);
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
+    for tick in 10..20 {
+        let stamp = Stamp { tick, sequence: 1, ..Stamp::default() };
+        let command_in_force = trim.actuation.into();
+        let (applied_sequence, applied_age_ns) = (tick, 43_000_000);
+        let mut state = State { stamp, command_in_force, applied_sequence, applied_age_ns, ..State::default() };
+        state.measured.attitude_rad[0] = trim.roll_rad;
+        let reference = Reference { stamp, attitude_rad: [trim.roll_rad, 0.0, 0.01], ..Reference::default() };
+        let count = allocation_counter::measure(|| {
+            std::hint::black_box(mpc.step(tick, &state, &reference));
+        });
+        assert_eq!(count.count_total, 0);
     }
 }
 

@@ -2,15 +2,19 @@
 
 use bytemuck::Pod;
 
-/// Returns a checksum over the words of `message`. Two messages that differ in one word or in two bits always have
-/// different checksums; any other two have the same one with a probability of 2^-64.
+/// Returns the checksum of the words of `message`.
+pub fn checksum<M: Pod>(message: &M) -> u64 {
+    checksum_of(bytemuck::cast_slice(bytemuck::bytes_of(message)))
+}
+
+/// Returns a checksum over `words`. Two messages that differ in one word or in two bits always have different
+/// checksums; any other two have the same one with a probability of 2^-64.
 ///
 /// Each step is invertible in the word and in the hash so far, so a single wrong word always changes the result. The
 /// shift between the two multiplications spreads the upper bits too. A multiplication alone would leave them in place,
 /// where one bit of the next word can cancel them. The checksum detects accidents, not forgeries.
-pub fn checksum<M: Pod>(message: &M) -> u64 {
+pub fn checksum_of(words: &[u64]) -> u64 {
     const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
-    let words: &[u64] = bytemuck::cast_slice(bytemuck::bytes_of(message));
     words.iter().fold(ODD, |hash, word| {
         let mixed = (hash ^ word).wrapping_mul(ODD);
         (mixed ^ mixed >> 32).wrapping_mul(ODD)

@@ -96,6 +96,22 @@ impl Kinematics {
         let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (libm::sincos(phi), libm::sincos(theta));
         -u * sin_theta + (v * sin_phi + w * cos_phi) * cos_theta
     }
+
+    /// Velocity in NED \[m/s\].
+    pub fn velocity_ned_mps(&self) -> [f64; 3] {
+        let ([phi, theta, psi], [u, v, w]) = (self.attitude_rad, self.velocity_mps);
+        let [(sin_phi, cos_phi), (sin_theta, cos_theta), (sin_psi, cos_psi)] = [phi, theta, psi].map(libm::sincos);
+        // Velocity in the heading frame: forward and right, both level.
+        let forward = u * cos_theta + (v * sin_phi + w * cos_phi) * sin_theta;
+        let right = v * cos_phi - w * sin_phi;
+        [forward * cos_psi - right * sin_psi, forward * sin_psi + right * cos_psi, self.sink_mps()]
+    }
+}
+
+/// Returns the unit quaternion w, x, y, z from the body frame to NED, for the Euler angles phi, theta, psi.
+pub fn quaternion(attitude_rad: [f64; 3]) -> [f64; 4] {
+    let [(sr, cr), (sp, cp), (sy, cy)] = attitude_rad.map(|angle_rad| libm::sincos(angle_rad / 2.0));
+    [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy]
 }
 
 impl From<Actuation> for ActuationMsg {

@@ -11,10 +11,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::integrity::checksum;
+use crate::integrity::checksum_of;
 
 /// Words of a snapshot: room for the largest memory, that of attitude-mpc, and the two words before it.
-pub const SNAPSHOT_WORDS: usize = 128;
+pub const SNAPSHOT_WORDS: usize = 200;
 
 /// Largest number of words in the memory of the plant; their meaning is private to the plant.
 pub const PLANT_WORDS: usize = 1024;
@@ -52,7 +52,7 @@ pub fn pack_bytes(layout: u64, memory: &[u8]) -> Snapshot {
     let mut words = [0; SNAPSHOT_WORDS];
     words[0] = layout;
     bytemuck::cast_slice_mut(&mut words[CONTENTS..])[..memory.len()].copy_from_slice(memory);
-    words[1] = checksum(&words);
+    words[1] = checksum_of(&words);
     words
 }
 
@@ -67,7 +67,7 @@ pub fn unpack<M: Layout>(snapshot: &Snapshot) -> Option<M> {
 pub fn unpack_bytes(layout: u64, snapshot: &Snapshot) -> Option<&[u8; MEMORY_BYTES]> {
     let mut unsigned = *snapshot;
     unsigned[1] = 0;
-    let is_intact = snapshot[0] == layout && snapshot[1] == checksum(&unsigned);
+    let is_intact = snapshot[0] == layout && snapshot[1] == checksum_of(&unsigned);
     let contents = bytemuck::cast_slice(&snapshot[CONTENTS..]).try_into().ok();
     contents.filter(|_| is_intact)
 }

@@ -65,7 +65,9 @@ impl Core for Feedback {
         NO_MEMORY
     }
 
-    fn restore(&mut self, _: &Snapshot) {}
+    fn restore(&mut self, _: &Snapshot) -> bool {
+        false
+    }
 }
 
 fn main() {

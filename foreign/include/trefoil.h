@@ -128,7 +128,8 @@ typedef struct {
 
 // Answer of a step of attitude-mpc.
 typedef struct {
-  // Deviations of col, lon, lat, ped from trim [N, N m, N m, N m].
+  // Deviations of col, lon, lat, ped from trim [N, N m, N m, N m]: force along body z, positive down, and moments
+  // about body y, x and z, positive as pitch, roll and yaw.
   double demand[4];
   // 0 = the demand is an answer; any other number = it is none, and the mixer goes on with the last one that was.
   uint64_t status;
@@ -138,7 +139,8 @@ typedef struct {
 typedef struct {
   // Age in ticks: 0 = of this tick, `TREFOIL_NEVER` = none has come.
   uint64_t age_ticks;
-  // Deviations of col, lon, lat, ped from trim [N, N m, N m, N m].
+  // Deviations of col, lon, lat, ped from trim [N, N m, N m, N m]: force along body z, positive down, and moments
+  // about body y, x and z, positive as pitch, roll and yaw.
   double demand[4];
 } TrefoilDemand;
 

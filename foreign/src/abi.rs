@@ -96,7 +96,8 @@ pub struct TrefoilReference {
 pub struct TrefoilDemand {
     /// Age in ticks: 0 = of this tick, `TREFOIL_NEVER` = none has come.
     pub age_ticks: u64,
-    /// Deviations of col, lon, lat, ped from trim \[N, N m, N m, N m\].
+    /// Deviations of col, lon, lat, ped from trim \[N, N m, N m, N m\]: force along body z, positive down, and moments
+    /// about body y, x and z, positive as pitch, roll and yaw.
     pub demand: [f64; 4],
 }
 
@@ -146,7 +147,8 @@ pub struct TrefoilAttitudeInput {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TrefoilAttitudeAnswer {
-    /// Deviations of col, lon, lat, ped from trim \[N, N m, N m, N m\].
+    /// Deviations of col, lon, lat, ped from trim \[N, N m, N m, N m\]: force along body z, positive down, and moments
+    /// about body y, x and z, positive as pitch, roll and yaw.
     pub demand: [f64; 4],
     /// 0 = the demand is an answer; any other number = it is none, and the mixer goes on with the last one that was.
     pub status: u64,

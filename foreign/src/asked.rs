@@ -63,8 +63,12 @@ impl<P: Protocol> Node for AskedNode<P> {
         self.memory
     }
 
-    fn restore(&mut self, memory: &Snapshot) {
-        self.memory = *memory;
+    fn restore(&mut self, memory: &Snapshot) -> bool {
+        let fits = unpack_bytes(self.layout, memory).is_some();
+        if fits {
+            self.memory = *memory;
+        }
+        fits
     }
 
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}

@@ -9,6 +9,7 @@
 //! | `dt` | time between two samples \[s\] |
 //! | `tick` | number of the sample |
 //! | `p` | the array `p` of the node's settings |
+//! | `start` | of the plant, which needs it: position, velocity, attitude and rates at the start |
 //! | `z`, output `z_next` | memory from step to step, 0 at the first |
 //! | output `status` | of attitude-mpc: not 0 = the demand is no answer |
 
@@ -18,9 +19,11 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 
 use bytemuck::{bytes_of, cast_slice, pod_read_unaligned};
+use contract::message::Kinematics;
 use contract::scenario::{NodeProgram, Scenario};
 use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
+use plant::vehicle::start;
 
 use crate::abi::{TREFOIL_MEMORY_BYTES, TrefoilAttitudeAnswer};
 use crate::engine::Engine;
@@ -45,9 +48,14 @@ enum Meaning {
     Dt,
     Tick,
     Parameters,
+    Start,
     Memory,
     Status,
 }
+
+/// Inputs that every node has beside the numbers of its input.
+const INPUTS: &[(&str, Meaning)] =
+    &[("dt", Meaning::Dt), ("tick", Meaning::Tick), ("p", Meaning::Parameters), ("z", Meaning::Memory)];
 
 /// Input or output of a function.
 struct Argument {
@@ -165,9 +173,8 @@ impl Function {
             (count(), name_of, sparsity_of)
         };
         let own: &[(&str, Meaning)] = match (side, topic) {
-            ("in", _) => {
-                &[("dt", Meaning::Dt), ("tick", Meaning::Tick), ("p", Meaning::Parameters), ("z", Meaning::Memory)]
-            }
+            ("in", Topic::State) => &[INPUTS, &[("start", Meaning::Start)]].concat(),
+            ("in", _) => INPUTS,
             (_, Topic::Controls) => &[("status", Meaning::Status), ("z_next", Meaning::Memory)],
             _ => &[("z_next", Meaning::Memory)],
         };
@@ -189,6 +196,7 @@ impl Function {
             let (meaning, count) = match (place, own.iter().find(|(own, _)| *own == name)) {
                 (Some(place), _) => (Meaning::Place(place.at), Some(place.count)),
                 (None, Some((_, meaning @ (Meaning::Parameters | Meaning::Memory)))) => (*meaning, None),
+                (None, Some((_, meaning @ Meaning::Start))) => (*meaning, Some(START)),
                 (None, Some((_, meaning))) => (*meaning, Some(1)),
                 (None, None) => {
                     let known: Vec<&str> =
@@ -242,6 +250,17 @@ unsafe fn dense(pattern: *const i64) -> Option<usize> {
     }
 }
 
+/// Number of values of `start`.
+const START: usize = 12;
+
+/// Returns position, velocity, attitude and rates at the start of `scenario`.
+fn state_at_start(scenario: &Scenario) -> [f64; START] {
+    let (Kinematics { position_m, velocity_mps, attitude_rad, rates_radps }, _) = start(scenario);
+    let mut state = [0.0; START];
+    state.copy_from_slice([position_m, velocity_mps, attitude_rad, rates_radps].as_flattened());
+    state
+}
+
 impl Casadi {
     /// Sets what does not change from step to step, and checks that inputs and outputs fit each other.
     fn check(&mut self, scenario: &Scenario, topic: Topic) -> Result<(), String> {
@@ -264,12 +283,16 @@ impl Casadi {
                     let (needs, has) = (input.values.len(), given.len());
                     return Err(format!("input `p` has {needs} numbers, and `settings.p` has {has}"));
                 }
+                Meaning::Start => input.values.copy_from_slice(&state_at_start(scenario)),
                 Meaning::Memory => self.memory = input.values.len(),
                 _ => {}
             }
         }
         if parameters == 0 && !given.is_empty() {
             return Err("`settings.p` is given, and the function has no input `p`".into());
+        }
+        if topic == Topic::State && !self.inputs.iter().any(|input| matches!(input.meaning, Meaning::Start)) {
+            return Err("a vehicle needs the input `start`: its state when the flight begins".into());
         }
         let z_next = self.outputs.iter().find(|output| matches!(output.meaning, Meaning::Memory));
         if z_next.map_or(0, |z_next| z_next.values.len()) != self.memory {
@@ -298,7 +321,7 @@ impl Engine for Casadi {
                     }
                 }
                 Meaning::Tick => values[0] = pod_read_unaligned::<u64>(&input[..8]) as f64, // the first of every input
-                Meaning::Dt | Meaning::Parameters | Meaning::Memory | Meaning::Status => {}
+                Meaning::Dt | Meaning::Parameters | Meaning::Start | Meaning::Memory | Meaning::Status => {}
             }
         }
         for (place, input) in self.arg.iter_mut().zip(&self.inputs) {
@@ -325,7 +348,7 @@ impl Engine for Casadi {
                         z.values.copy_from_slice(values);
                     }
                 }
-                Meaning::Dt | Meaning::Tick | Meaning::Parameters => {}
+                Meaning::Dt | Meaning::Tick | Meaning::Parameters | Meaning::Start => {}
             }
         }
         Ok(())
@@ -340,11 +363,12 @@ impl Engine for Casadi {
         memory.copy_from_slice(cast_slice(self.z()));
     }
 
-    fn restore(&mut self, memory: &[u8]) {
+    fn restore(&mut self, memory: &[u8]) -> bool {
         let z = self.inputs.iter_mut().find(|input| matches!(input.meaning, Meaning::Memory));
         for (value, bytes) in z.into_iter().flat_map(|z| &mut z.values).zip(memory.chunks_exact(8)) {
             *value = pod_read_unaligned(bytes);
         }
+        true
     }
 }
 

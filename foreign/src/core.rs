@@ -52,11 +52,10 @@ impl<P: Protocol> Core for Foreign<P> {
         }
     }
 
-    fn restore(&mut self, memory: &Snapshot) {
+    fn restore(&mut self, memory: &Snapshot) -> bool {
         let bytes = self.library.engine().memory_bytes();
-        if let Some(memory) = unpack_bytes(self.layout, memory).filter(|_| bytes > 0) {
-            self.library.restore(&memory[..bytes]);
-        }
+        let memory = unpack_bytes(self.layout, memory).filter(|_| bytes > 0);
+        memory.is_some_and(|memory| self.library.restore(&memory[..bytes]))
     }
 }
 

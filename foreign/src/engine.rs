@@ -8,6 +8,6 @@ pub trait Engine {
     fn memory_bytes(&self) -> usize;
     /// Writes the memory to `memory`, of [`memory_bytes`](Self::memory_bytes).
     fn snapshot(&self, memory: &mut [u8]);
-    /// Continues from `memory`, of [`memory_bytes`](Self::memory_bytes); a node that refuses it begins cold.
-    fn restore(&mut self, memory: &[u8]);
+    /// Continues from `memory`, of [`memory_bytes`](Self::memory_bytes); returns `false` if the node refuses it.
+    fn restore(&mut self, memory: &[u8]) -> bool;
 }

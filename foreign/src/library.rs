@@ -86,17 +86,19 @@ impl Library {
         &*self.engine
     }
 
-    /// Continues from `memory`; a node that refuses it begins cold.
-    pub fn restore(&mut self, memory: &[u8]) {
-        self.engine.restore(memory);
+    /// Continues from `memory`; returns `false` if the node refuses it.
+    pub fn restore(&mut self, memory: &[u8]) -> bool {
+        self.engine.restore(memory)
     }
 }
 
-/// Returns the first word of the snapshots of the library or program that publishes `topic`: part of the hash of its
-/// file.
+/// Returns the first word of the snapshots of the library or program that publishes `topic`: part of the hashes of its
+/// files.
 pub fn layout_of(scenario: &Scenario, topic: Topic) -> u64 {
-    let sha256 = &scenario.node.of(topic).sha256;
-    sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX)
+    let program = scenario.node.of(topic);
+    let part = |sha256: &String| sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok());
+    let all = std::iter::once(&program.sha256).chain(program.files.values());
+    all.map(|sha256| part(sha256).unwrap_or(u64::MAX)).fold(0, |layout, part| layout ^ part)
 }
 
 /// Fails if the mode of the floating-point unit is not `usual` any more, and sets it back.

@@ -111,12 +111,10 @@ impl Engine for Table {
         }
     }
 
-    fn restore(&mut self, memory: &[u8]) {
+    fn restore(&mut self, memory: &[u8]) -> bool {
         assert_eq!(memory.len(), self.memory_bytes);
-        if let Some((_, restore)) = self.memory {
-            // SAFETY: `memory` has as many bytes as the library says that it reads.
-            let _ = unsafe { restore(self.node, memory.as_ptr().cast()) }; // a node that refuses it begins cold
-        }
+        // SAFETY: `memory` has as many bytes as the library says that it reads.
+        self.memory.is_some_and(|(_, restore)| unsafe { restore(self.node, memory.as_ptr().cast()) } == 0)
     }
 }
 

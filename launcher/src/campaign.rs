@@ -1,34 +1,38 @@
 //! `campaign`: many flights, on all cores of this machine or on a cluster, and their statistics.
 
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::atomic::AtomicU32;
+use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder};
 use campaign::layout::MAX_SHARDS;
-use campaign::page::{self, Page, promises};
+use campaign::page::{self, Page, promises, under_way};
 use campaign::row::{self, Standing};
-use campaign::table::Cell;
+use campaign::table::{Cell, Table};
 use campaign::{Campaign, OwnController, Plan, Rate, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
 use flight::interrupts::{catch_interrupts, end_at_once};
+use flight::shipped::Kind;
 use outcome::target::Verdict;
 use runtime::console::{eprint_line, is_read, print};
 use view::table;
 
 use crate::fly;
 use crate::progress::Progress;
+use crate::scenarios;
+use crate::web::{self, OpenPage, TokenArgs};
 
 /// Arguments of `campaign`.
 #[derive(Args)]
 #[command(
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
-    after_help = "The same command continues where an earlier one ended. docs/campaigns.md has the form of FILE and an example.\n\n\
-Exit codes: 0 every flight has passed or failed, every promise is kept, and the results are written; 1 some could not be flown \
-(invalid), or a promise is broken; 2 usage or campaign error; 3 shards are missing, or results could not be written; 130 interrupted: what is complete is kept."
+    after_help = "The same command continues where an earlier one ended. docs/campaigns.md has the form of FILE and an example. \
+Exit code 0 says that every flight has passed or failed, every promise is kept, and the results are written."
 )]
 pub struct CampaignArgs {
     #[command(subcommand)]
@@ -50,6 +54,11 @@ pub struct CampaignArgs {
     /// Write the results of the shards that are there, and fly nothing
     #[arg(long, conflicts_with_all = ["slurm", "status", "shard"])]
     collect: bool,
+    /// Show the campaign in the browser while it flies [default ADDR: 127.0.0.1:8080]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = web::address)]
+    web: Option<SocketAddr>,
+    #[command(flatten)]
+    token: TokenArgs,
     #[command(flatten)]
     cluster: Cluster,
 }
@@ -57,7 +66,7 @@ pub struct CampaignArgs {
 /// Campaign file, and folder of the results.
 #[derive(Args)]
 struct What {
-    /// Campaign file (TOML)
+    /// Campaign file (TOML), or the name of a shipped campaign
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Folder of the campaign [default: runs/NAME]
@@ -120,6 +129,13 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
     let plan = what.plan()?;
     let out = what.out(&plan);
     let shards = args.shard.map(|flights| plan.flights().div_ceil(flights));
+    let flies_here = !(args.plan || args.only.is_some() || args.status || args.collect || args.cluster.slurm);
+    ensure!(
+        flies_here || args.web.is_none(),
+        "--web shows a campaign that this command flies on this machine; --slurm, --only, --plan, --status and --collect \
+         have no page, and `launcher campaign FILE --collect` writes campaign.html of the flights that are there"
+    );
+    let page = OpenPage::open(args.web, &args.token)?;
     if args.plan {
         print_plan(&plan);
         return Ok(exit::FLOWN);
@@ -132,11 +148,12 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
         return if args.status { status(&plan, &folder) } else { conclude(&plan, &folder, what) };
     }
     plan.check().and_then(|()| seeds::check(&plan)).with_context(|| what.file.display().to_string())?;
-    if args.cluster.slurm { on_slurm(&args.cluster, what, &plan, shards) } else { fly_here(what, &plan, shards) }
+    if args.cluster.slurm { on_slurm(&args.cluster, what, &plan, shards) } else { fly_here(what, &plan, shards, page) }
 }
 
 impl What {
     fn plan(&self) -> anyhow::Result<Plan> {
+        scenarios::tell(Kind::Campaign, &self.file);
         Plan::new(Campaign::load_with(&self.file, &self.controller)?).with_context(|| self.file.display().to_string())
     }
 
@@ -152,30 +169,80 @@ impl What {
     }
 }
 
+/// Flights that are there, in the order in which they came, and what the campaign does.
+struct SoFar {
+    flights: Table,
+    words: String,
+}
+
+impl SoFar {
+    /// Renders the page of the campaign under way.
+    fn page(so_far: &Mutex<Self>, plan: &Plan, again: &str) -> String {
+        let (flights, words) = {
+            let so_far = so_far.lock().unwrap_or_else(PoisonError::into_inner);
+            (so_far.flights.clone(), so_far.words.clone())
+        };
+        under_way::page(plan, &flights, &words, again)
+    }
+}
+
 /// Flies the missing shards on all cores of this machine; returns the exit code.
-fn fly_here(what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
+fn fly_here(what: &What, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>) -> anyhow::Result<u8> {
     let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::Alone)?;
     // Reads the shards that exist, so that a damaged one is an error before any flight.
     let (there, missing) = folder.collect(plan)?;
     if there.rows() > 0 && !missing.is_empty() {
         eprint_line(&format!("{} of {} flights are there already", there.rows(), plan.flights()));
     }
-    drop(there);
     // Signals are caught only from here on: until now nothing has begun, and a signal may end the program.
     let interrupts = catch_interrupts()?;
-    match fly_missing(plan, &folder, &missing, &interrupts) {
+    let fly = |landed: &mut dyn FnMut(&local::Progress, &[Cell])| match fly_missing(
+        plan,
+        &folder,
+        &missing,
+        &interrupts,
+        landed,
+    ) {
         exit::FLOWN => conclude(plan, &folder, what),
         code => {
             conclude(plan, &folder, what)?;
             Ok(code)
         }
-    }
+    };
+    let Some(page) = page else {
+        drop(there);
+        return fly(&mut |_, _| {});
+    };
+    let so_far = Mutex::new(SoFar { flights: there, words: "no flight has ended yet".into() });
+    let lock = || so_far.lock().unwrap_or_else(PoisonError::into_inner);
+    let again = what.again();
+    page.while_running(
+        || SoFar::page(&so_far, plan, &again),
+        || {
+            let code = fly(&mut |now, row| {
+                let mut so_far = lock();
+                so_far.flights.push(row.to_vec());
+                so_far.words = now.describe().replace("   ", ", ");
+            });
+            lock().words = "no more flights are flown; campaign.html in the campaign's folder has the rest".into();
+            code
+        },
+    )?
 }
 
-/// Flies the missing shards and prints why it stopped, if it did; returns the exit code.
-fn fly_missing(plan: &Plan, folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> u8 {
+/// Flies the missing shards and prints why it stopped, if it did; `landed` gets each flight. Returns the exit code.
+fn fly_missing(
+    plan: &Plan,
+    folder: &CampaignFolder,
+    missing: &[u64],
+    interrupts: &AtomicU32,
+    landed: &mut dyn FnMut(&local::Progress, &[Cell]),
+) -> u8 {
     let progress = Progress::start();
-    let flown = local::fly(plan, folder, missing, interrupts, |now| progress.show(|| now.describe()));
+    let flown = local::fly(plan, folder, missing, interrupts, |now, row| {
+        landed(now, row);
+        progress.show(|| now.describe());
+    });
     progress.finish();
     match flown {
         Ok(true) => exit::FLOWN,
@@ -205,7 +272,7 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
         eprint_line(&format!("shard {index} is there already"));
         return Ok(exit::FLOWN);
     }
-    let code = fly_missing(&plan, &folder, &[index], &*catch_interrupts()?);
+    let code = fly_missing(&plan, &folder, &[index], &*catch_interrupts()?, &mut |_, _| {});
     if code == exit::FLOWN {
         eprint_line(&format!("shard {index} of {of} is flown"));
     }

@@ -11,6 +11,7 @@ use runtime::console;
 use runtime::process::run_as;
 use runtime::realtime::{reset_signals, tell_of_crashes};
 
+use flight::shipped::Kind;
 use flight::stack::{StartError, check_memory};
 use flight::{guarded, intruder, nodes, programs, recorder, settings};
 use measure::Measure;
@@ -19,14 +20,15 @@ use view::{report, trace};
 
 use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
-use crate::{campaign, command, compare, export, fly, manage, new, replay, swap, tune};
+use crate::{
+    campaign, command, compare, doctor, export, fly, help, manage, manual, mavlink, new, replay, runs, scenarios, swap,
+    tune, web,
+};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
-#[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the flight's bounds, diverged, or without \
-a swap that could not be tried; 2 usage or scenario error; 3 a process or the log was lost, messages were missed, or results \
-could not be written or printed; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
-struct Cli {
+#[command(after_help = "`launcher COMMAND --help` has examples and exit codes.")]
+pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -39,12 +41,14 @@ enum Command {
     New(new::NewArgs),
     /// Check a scenario file and print the merged settings
     Check {
-        /// Scenario file (TOML)
+        /// Scenario file (TOML), or the name of a shipped scenario
         scenario: PathBuf,
         /// Override a setting, value in TOML
         #[arg(long = "set", value_name = "KEY=VALUE")]
         set: Vec<String>,
     },
+    /// Check if this machine gives a flight in real time what it asks for, and what to do where it does not
+    Doctor(doctor::DoctorArgs),
     /// Write the report of a recorded run again, or the figures of a part of it with every sample drawn
     Report(PartOfRun),
     /// Fly a recorded flight again in process, from its folder alone, and compare the bits
@@ -57,6 +61,8 @@ enum Command {
     Trace(trace::TraceArgs),
     /// List the flying stacks, and the state of their nodes
     Status(manage::StatusArgs),
+    /// Show a flying stack to a ground station, by MAVLink over UDP
+    Mavlink(mavlink::MavlinkArgs),
     /// Replace a process of a flying stack; the new one is tried on standby first, and removed if it fails
     Swap(swap::SwapArgs),
     /// Inject a fault into a stack that flies in real time
@@ -65,16 +71,27 @@ enum Command {
     Clear(command::ClearArgs),
     /// Stop a flying stack, cleanly
     Stop(TargetArgs),
+    /// Show a flying stack in the browser, live, with buttons for inject, clear, swap and stop
+    Web(web::WebArgs),
     /// Fly a campaign: many flights that differ in what a file varies
     Campaign(campaign::CampaignArgs),
     /// Tune the controllers of a campaign, each with the same budget, on draws that the campaign does not use
     Tune(tune::TuneArgs),
-    /// Export the plant for other tools
-    #[command(subcommand)]
-    Export(export::Export),
+    /// Export a run, or the plant, for other tools
+    Export(export::ExportArgs),
     /// Measure figures of the stack, each against its target
     #[command(subcommand)]
     Measure(Measure),
+    /// List the scenarios and campaigns that are part of the program, or print one
+    Scenarios(scenarios::ScenariosArgs),
+    /// List the flights in a folder: when, scenario, mode, outcome, error, state hash
+    Runs(runs::RunsArgs),
+    /// Print the JSON Schema of a file, by which editors complete and check it
+    Schema(manual::SchemaArgs),
+    /// Print the completions of a shell, to be loaded by it
+    Completions(manual::CompletionsArgs),
+    /// Write manual pages, one for each command
+    Man(manual::ManArgs),
     /// Run one process of a stack (the launcher starts these itself)
     Node {
         /// plant, guidance, attitude-mpc, mixer or recorder
@@ -101,6 +118,9 @@ enum Command {
     /// Fly with libraries for the launcher that starts this, one flight after the other
     #[command(hide = true)]
     FlyGuarded,
+    /// Serve the page of one flight, for the launcher that starts this
+    #[command(hide = true)]
+    ServePage,
     /// Try to enter a stack as a foreign process (the launcher starts this as a fault)
     #[command(hide = true)]
     Intrude(intruder::IntrudeArgs),
@@ -125,18 +145,22 @@ fn run() -> ExitCode {
     tell_of_crashes();
     if let Err(error) = check_memory() {
         console::eprint_line(&format!("error: {error}"));
-        return console::finish(exit::USAGE);
+        return console::finish(exit::USAGE).into();
     }
     // A process that was started from /proc/self/exe has the name `exe`. The call fails only for longer names.
     let _ = rustix::thread::set_name(c"launcher");
-    let cli = match Cli::try_parse() {
+    let cli = match help::parse::<Cli>() {
         Ok(cli) => cli,
         Err(usage) => return tell(&usage),
     };
     let result = match cli.command {
-        Command::Fly(args) => fly::fly(&args),
+        Command::Fly(args) => {
+            args.scenario.iter().for_each(|path| scenarios::tell(Kind::Scenario, path));
+            fly::fly(&args)
+        }
         Command::New(args) => new::new(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
+        Command::Doctor(args) => doctor::doctor(&args),
         Command::Report(of) => report(&of).map_err(|error| with_hint(error, &[&of.run])),
         Command::Replay(args) => replay::replay(&args).map_err(|error| with_hint(error, &[&args.of.run])),
         Command::Explain(args) => replay::explain(&args).map_err(|error| with_hint(error, &[&args.of.run])),
@@ -145,30 +169,45 @@ fn run() -> ExitCode {
             trace::trace(&args).map(|()| exit::FLOWN).map_err(|error| with_hint(error, &[&args.run]))
         }
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
+        Command::Mavlink(args) => mavlink::mavlink(&args),
         Command::Swap(args) => swap::swap(&args),
         Command::Inject(args) => command::inject(&args).map(|()| exit::FLOWN),
         Command::Clear(args) => command::clear(&args).map(|()| exit::FLOWN),
         Command::Stop(args) => manage::stop(&args).map(|()| exit::FLOWN),
+        Command::Web(args) => web::web(&args),
         Command::Campaign(args) => campaign::campaign(&args),
         Command::Tune(args) => tune::tune(&args),
-        Command::Export(what) => export::export(&what).map(|()| exit::FLOWN),
+        Command::Export(args) => export::export(&args).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
+        Command::Scenarios(args) => scenarios::scenarios(&args).map(|()| exit::FLOWN),
+        Command::Runs(args) => runs::runs(&args).map(|()| exit::FLOWN),
+        Command::Schema(args) => {
+            manual::schema(&args);
+            Ok(exit::FLOWN)
+        }
+        Command::Completions(args) => {
+            manual::completions(&args, help::command::<Cli>());
+            Ok(exit::FLOWN)
+        }
+        Command::Man(args) => manual::man(&args, help::command::<Cli>()).map(|()| exit::FLOWN),
         Command::TryLibrary { node } => Ok(programs::try_library(&node)),
         Command::FlyGuarded => guarded::serve().map_err(Into::into),
+        Command::ServePage => web::serve_page(),
         Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {
             return node(name, &namespace, epoch, settings.as_deref(), log);
         }
     };
-    match result {
-        Ok(code) => console::finish(code),
+    let code = match result {
+        Ok(code) => code,
         Err(error) => {
             let text = with_causes(&error);
             // Scenario errors begin with `error:` themselves, before the lines that they quote.
             console::eprint_line(&format!("error: {}", text.strip_prefix("error: ").unwrap_or(&text)));
-            console::finish(error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code))
+            error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code)
         }
-    }
+    };
+    guarded::exit_code(console::finish(code)).into()
 }
 
 /// Prints the text of `--help` and the like, or the error in the arguments.
@@ -176,7 +215,7 @@ fn tell(usage: &clap::Error) -> ExitCode {
     if usage.use_stderr() {
         // The text may contain names of files, so it is printed like every message, and without colours.
         eprint_line(usage.render().to_string().trim_end());
-        return console::finish(exit::USAGE);
+        return console::finish(exit::USAGE).into();
     }
     match usage.print() {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => ExitCode::from(exit::PROCESS_LOST),
@@ -203,6 +242,7 @@ fn report(of: &PartOfRun) -> anyhow::Result<u8> {
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
+    scenarios::tell(Kind::Scenario, scenario);
     let merged = settings::load(Some(scenario), set)?;
     print(&scenario::to_toml(&merged));
     eprint_line(&format!("{}: fine", scenario.display()));

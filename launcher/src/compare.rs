@@ -6,14 +6,11 @@ use anyhow::Context;
 use contract::exit;
 use flight::files::write_whole;
 use runtime::console::print;
-use view::comparison::Comparison;
+use view::comparison::{Align, Comparison};
 
 /// Arguments of `compare`.
 #[derive(clap::Args)]
-#[command(
-    after_help = "The flights may differ in length, rate and mode, and their logs may be torn. Exit codes: 0 compared; \
-2 usage, a run that cannot be read, or a page that cannot be written."
-)]
+#[command(after_help = "The flights may differ in length, rate and mode, and their logs may be torn.")]
 pub struct CompareArgs {
     /// Folders of two or more runs, or their flight.mcap
     #[arg(required = true, num_args = 2.., value_name = "RUN")]
@@ -21,11 +18,15 @@ pub struct CompareArgs {
     /// File for the page [default: compare.html beside the folder of the first run]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Draw the runs so that this lies at time zero in each: the first event or fault of a kind, WHAT:NODE as in
+    /// run.json (died:mixer, took-over:attitude-mpc, gust:wind), or a time of each run in seconds (8,12.5)
+    #[arg(long, value_name = "EVENT", allow_hyphen_values = true)]
+    align: Option<Align>,
 }
 
 /// Prints what differs between the runs, and writes the page.
 pub fn compare(args: &CompareArgs) -> anyhow::Result<u8> {
-    let comparison = Comparison::read(&args.runs)?;
+    let comparison = Comparison::read(&args.runs, args.align.as_ref())?;
     print(&comparison.text());
     let page = args.out.clone().map_or_else(|| beside_first(args), Ok)?;
     write_whole(&page, comparison.page().as_bytes()).context("give another file with --out")?;

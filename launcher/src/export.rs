@@ -1,26 +1,71 @@
-//! `export fmu`: packs the plant for other tools.
+//! `export`: a run in the formats of other tools; `export fmu` packs the plant for them.
 
 use std::io::{Cursor, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
+use flight::duration::{seconds, seconds_or_inf};
 use flight::files::write_whole;
 use flight::settings;
-use runtime::console::print;
+use flight::shipped::Kind;
+use outcome::recorded::Part;
+use runtime::console::{eprint_line, print};
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};
+use view::export;
+use view::trace::{self, Asked};
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// Format of an export.
+use crate::run_folder::with_hint;
+use crate::scenarios;
+
+/// Arguments of `export`.
+#[derive(clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(after_help = "docs/tools.md shows how other tools open the files.")]
+pub struct ExportArgs {
+    #[command(subcommand)]
+    plant: Option<Plant>,
+    /// Folder of the run, or its flight.mcap
+    #[arg(required = true)]
+    run: Option<PathBuf>,
+    /// Format
+    #[arg(long, value_enum, required = true)]
+    to: Option<Format>,
+    /// Begin of the part of the flight: 500ms, 2s, 1min, plain seconds
+    #[arg(long = "from", value_name = "TIME", default_value = "0s", value_parser = seconds)]
+    from_s: f64,
+    /// Length of the part [default: to the end]
+    #[arg(long = "for", value_name = "TIME", default_value = "inf", hide_default_value = true, value_parser = seconds_or_inf)]
+    for_s: f64,
+    /// Folder (csv, parquet) or file to write [default: csv/, parquet/, flight.ulg, trace.json beside the log]
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
+}
+
+/// Export of the plant.
 #[derive(clap::Subcommand)]
-pub enum Export {
+enum Plant {
     /// Write plant and actuators as an FMU for co-simulation, FMI 3.0
     Fmu(FmuArgs),
+}
+
+/// Format of an exported run.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Format {
+    /// A CSV file for each topic, for the events and for the cycles of the nodes
+    Csv,
+    /// Parquet files of the same tables
+    Parquet,
+    /// One `ULog` file, for PlotJuggler and the tools of PX4
+    Ulog,
+    /// A trace for ui.perfetto.dev, as of `launcher trace`
+    Perfetto,
 }
 
 /// Arguments of `export fmu`.
 #[derive(clap::Args)]
 pub struct FmuArgs {
-    /// Scenario file (TOML) whose vehicle it is; without one, the defaults
+    /// Scenario file (TOML) whose vehicle it is, or the name of a shipped scenario; without one, the defaults
     scenario: Option<PathBuf>,
     /// Override a setting, value in TOML
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -30,9 +75,36 @@ pub struct FmuArgs {
     out: PathBuf,
 }
 
+/// Writes what was asked for, and says where.
+pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
+    match (&args.plant, &args.run, args.to) {
+        (Some(Plant::Fmu(args)), ..) => fmu(args),
+        (None, Some(run), Some(to)) => of_run(run, to, args).map_err(|error| with_hint(error, &[run])),
+        _ => unreachable!("clap requires a run and a format"),
+    }
+}
+
+fn of_run(run: &Path, to: Format, args: &ExportArgs) -> anyhow::Result<()> {
+    let ExportArgs { from_s, for_s, ref out, .. } = *args;
+    ensure!(for_s > 0.0, "--for 0 is no part of a flight");
+    let format = match to {
+        Format::Csv => export::Format::Csv,
+        Format::Parquet => export::Format::Parquet,
+        Format::Ulog => export::Format::Ulog,
+        Format::Perfetto => return trace::write(run, Asked::From { from_s, for_s }, out.clone()),
+    };
+    let log = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
+    let written = export::export(&log, format, Part { from_s, to_s: from_s + for_s }, out.clone())?;
+    for note in &written.notes {
+        eprint_line(&format!("note: {note}"));
+    }
+    print(&format!("written to {}\n", written.out.display()));
+    Ok(())
+}
+
 /// Writes the FMU, and says where.
-pub fn export(what: &Export) -> anyhow::Result<()> {
-    let Export::Fmu(args) = what;
+fn fmu(args: &FmuArgs) -> anyhow::Result<()> {
+    args.scenario.iter().for_each(|path| scenarios::tell(Kind::Scenario, path));
     let scenario = settings::load(args.scenario.as_deref(), &args.set)?;
     check(&scenario).map_err(|why| anyhow!(why))?;
     let library = std::fs::read(library()?).context("cannot read the library of the FMU")?;
@@ -52,11 +124,17 @@ pub fn export(what: &Export) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Finds the library of the FMU, which cargo builds with the launcher: in its folder, or in `deps` there.
+/// Finds the library of the FMU, which cargo builds with the launcher: in its folder, in `deps` there, or where a
+/// package of the system puts it.
 fn library() -> anyhow::Result<PathBuf> {
     let launcher = std::env::current_exe().context("cannot find the folder of the launcher")?;
     let folder = launcher.parent().context("the launcher lies in no folder")?;
-    let places = [folder.to_owned(), folder.join("deps")].map(|folder| folder.join("libtrefoil_fmu.so"));
-    let found = places.into_iter().find(|place| place.is_file());
-    found.with_context(|| format!("libtrefoil_fmu.so is not in {}: copy it there with the launcher", folder.display()))
+    let folders = [folder.to_owned(), folder.join("deps"), folder.join("../lib/trefoil")];
+    let found = folders.map(|folder| folder.join("libtrefoil_fmu.so")).into_iter().find(|place| place.is_file());
+    found.with_context(|| {
+        let folder = folder.display();
+        format!(
+            "libtrefoil_fmu.so is not in {folder}: copy it there from target/release/deps of the clone that built it"
+        )
+    })
 }

@@ -1,25 +1,31 @@
 //! One flight, from scenario to report.
 
 use std::cell::RefCell;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use anyhow::ensure;
 use clap::ValueEnum;
 use contract::Scenario;
 use contract::exit;
 use contract::scenario::{self, Mode};
 use rustix::process::{Resource, getrlimit};
 
+use crate::mavlink::Beside;
 use crate::progress::Progress;
+use crate::web::{self, Page, TokenArgs};
 use flight::event::name;
 use flight::folder::Folder;
 use flight::guarded;
 use flight::interrupts::{catch_interrupts, end_at_once};
 use flight::log::Record;
-use flight::provenance::{Scheduling, provenance};
+use flight::provenance::{Scheduling, granted, provenance};
 use flight::recorder::CountedLog;
 use flight::stack::{Ended, Stack};
+use ground::{Address, Home};
+use machine::{Level, Machine};
 use outcome::judge::{Circumstances, Verdict};
 use outcome::recorded::Part;
 use outcome::run_record::{Account, RunRecord};
@@ -31,7 +37,8 @@ use view::report;
 /// Arguments of `fly`.
 #[derive(clap::Args)]
 pub struct FlyArgs {
-    /// Scenario file (TOML); without one: profile robust, trajectory survey, real time, 60 s
+    /// Scenario file (TOML), or the name of a shipped scenario; without one: profile robust, trajectory survey, real
+    /// time, 60 s
     pub scenario: Option<PathBuf>,
     /// Mode of the flight
     #[arg(long)]
@@ -51,6 +58,17 @@ pub struct FlyArgs {
     /// Name of the stack: several can fly at once under different names
     #[arg(long, default_value = "default")]
     pub namespace: String,
+    /// Show the flight to a ground station: udpout:127.0.0.1:14550 is QGroundControl on this machine
+    #[arg(long, value_name = "ADDR")]
+    pub mavlink: Option<Address>,
+    /// Place of the flight's origin for --mavlink: latitude and longitude in degrees, height in m
+    #[arg(long, value_name = "LAT,LON,HEIGHT", requires = "mavlink", allow_hyphen_values = true, value_parser = home)]
+    pub home: Option<String>,
+    /// Show the flight in the browser, live [default ADDR: 127.0.0.1:8080]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = web::address)]
+    pub web: Option<SocketAddr>,
+    #[command(flatten)]
+    pub token: TokenArgs,
 }
 
 /// Values of `--mode`.
@@ -78,7 +96,20 @@ impl FlyArgs {
     /// Returns the arguments of a flight with its log in the folder `out`.
     pub fn into_folder(out: PathBuf) -> Self {
         let namespace = "default".to_owned();
-        Self { scenario: None, mode: None, set: vec![], out: Some(out), json: false, no_log: false, namespace }
+        let (out, token) = (Some(out), TokenArgs::default());
+        Self {
+            scenario: None,
+            mode: None,
+            set: vec![],
+            out,
+            json: false,
+            no_log: false,
+            namespace,
+            mavlink: None,
+            home: None,
+            web: None,
+            token,
+        }
     }
 }
 
@@ -89,7 +120,12 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
 
 /// Flies `scenario`; of `args` only output, log and namespace are used. Returns the exit code.
 pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
+    ensure!(
+        args.mavlink.is_none() || scenario.run.mode != Mode::Inprocess,
+        "--mavlink shows a flight through processes; fly with --mode realtime or lockstep"
+    );
     let interrupts = catch_interrupts()?;
+    let page = page(&scenario, args)?;
     let out = Folder::prepare(args.out.as_deref(), &scenario).map_err(with_file_limit)?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
 
@@ -101,7 +137,8 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
             fly_processes(args, &mut scenario, log.as_deref(), &mut summary, &interrupts)
         }
     };
-    let Flown { mut how, wall, scheduling } = match flown {
+    drop(page);
+    let Flown { mut how, wall, scheduling, beside_error } = match flown {
         Ok(flown) => flown,
         Err(error) => {
             out.withdraw();
@@ -144,11 +181,25 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let written = written.and_then(|()| if log.is_some() { write_report(&out.path) } else { Ok(()) });
     let log_error = how.log.as_ref().and_then(|log| log.error.clone());
     let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
-    for error in [log_error, write_error].into_iter().flatten() {
+    let failed = written.is_err() || beside_error.is_some();
+    for error in [log_error, write_error, beside_error].into_iter().flatten() {
         eprint_line(&format!("error: {error}"));
     }
     // What the flight came to is graver than what could not be written of it.
-    Ok(if written.is_err() { verdict.exit_code.max(exit::PROCESS_LOST) } else { verdict.exit_code })
+    Ok(if failed { verdict.exit_code.max(exit::PROCESS_LOST) } else { verdict.exit_code })
+}
+
+/// Starts the process of the page, if the arguments ask for one.
+fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Page>> {
+    let Some(address) = args.web else {
+        ensure!(!args.token.is_given(), "--token protects the page of --web, and there is none");
+        return Ok(None);
+    };
+    ensure!(
+        scenario.run.mode != Mode::Inprocess,
+        "--web shows a flight through processes; a flight in process is over before a browser is open"
+    );
+    Page::start(address, &args.token, &args.namespace).map(Some)
 }
 
 /// Writes the report. That can take longer than the flight, which is flown again to find the cost of disturbed ticks.
@@ -178,6 +229,8 @@ struct Flown {
     wall: Duration,
     /// Scheduling that the kernel gave each node; empty in process.
     scheduling: Vec<(String, Scheduling)>,
+    /// Failure of the process of `--mavlink`, if it failed.
+    beside_error: Option<String>,
 }
 
 fn fly_inprocess(
@@ -213,7 +266,7 @@ fn fly_inprocess(
     if interrupts.load(Ordering::Relaxed) > 0 {
         how.ended = Ended::Interrupted;
     }
-    Ok(Flown { how, wall, scheduling: vec![] })
+    Ok(Flown { how, wall, scheduling: vec![], beside_error: None })
 }
 
 /// Flies with processes, and adds to `scenario` the faults and swaps that were ordered meanwhile.
@@ -225,6 +278,9 @@ fn fly_processes(
     interrupts: &AtomicU32,
 ) -> anyhow::Result<Flown> {
     let stack = Stack::start(&args.namespace, scenario, log, interrupts).map_err(with_file_limit)?;
+    tell_shortfalls(scenario, &stack.scheduling);
+    let home = args.home.as_deref().unwrap_or(Home::USUAL);
+    let mavlink = args.mavlink.map(|address| Beside::start(&args.namespace, &address, home)).transpose()?;
     let progress = Progress::start();
     let summary = RefCell::new(summary);
     let flown = stack.fly(
@@ -236,9 +292,29 @@ fn fly_processes(
         },
     );
     progress.finish();
+    let beside_error = mavlink.and_then(Beside::finish);
     *scenario = flown.scenario.clone();
     let (wall, scheduling) = (flown.wall, flown.scheduling.clone());
-    Ok(Flown { how: flown.into(), wall, scheduling })
+    Ok(Flown { how: flown.into(), wall, scheduling, beside_error })
+}
+
+/// Prints what the scenario asks for and the processes did not get, as `doctor` does.
+fn tell_shortfalls(scenario: &Scenario, scheduling: &[(String, Scheduling)]) {
+    let granted = granted(scheduling.iter().map(|(name, got)| (name, got)));
+    let findings = machine::scheduling(&Machine::this(), scenario, granted, &program());
+    for finding in findings.iter().filter(|finding| finding.level == Level::Bad) {
+        eprint_line(&format!("note: {}: {}", finding.check, finding.lines().join("\n      ")));
+    }
+}
+
+/// Path of this program, for commands that change its file.
+pub fn program() -> String {
+    std::env::current_exe().map_or("target/release/launcher".into(), |path| path.display().to_string())
+}
+
+/// Checks a home, which the process of `--mavlink` is given as it was written.
+fn home(text: &str) -> Result<String, String> {
+    text.parse::<Home>().map(|_| text.to_owned())
 }
 
 /// Adds the limit on file sizes to an error that it caused: the kernel's text does not name it.

@@ -4,31 +4,53 @@
 //! |---|---|
 //! | `cli` | the commands |
 //! | `fly` | `fly`: one flight from scenario to report |
+//! | `doctor` | `doctor`: what this machine gives a flight in real time |
 //! | `progress` | the line shown while flying |
 //! | `manage` | `status` and `stop` |
+//! | `mavlink` | `mavlink`: a flying stack for ground stations |
 //! | `command` | `inject` and `clear` |
 //! | `swap` | `swap`: replaces the process of a node of a flying stack |
 //! | `replay` | `replay` and `explain`: a flight flown again from its folder |
 //! | `compare` | `compare`: recorded flights side by side |
 //! | `campaign` | `campaign`: many flights, here or on a cluster |
 //! | `tune` | `tune`: gains for the controllers of a campaign |
+//! | `scenarios`, `runs` | `scenarios` and `runs`: what there is to fly, and what was flown |
+//! | `manual` | `schema`, `completions`, `man` |
+//! | `help` | examples and exit codes of every command |
+//! | `reference` | test: the pages in docs/reference/ are those of the code |
 //! | `run_folder` | the run that a command reads; hints for a path that is no run |
 //! | `target` | the flying stack that a command is for |
+//! | `web` | `web` and `fly --web`: the live page |
 
 mod campaign;
 mod cli;
 mod command;
 mod compare;
+mod doctor;
 mod export;
 mod fly;
+mod help;
 mod manage;
+mod manual;
+mod mavlink;
 mod new;
 mod progress;
+#[cfg(test)]
+#[allow(
+    clippy::format_push_string,
+    clippy::format_collect,
+    clippy::needless_for_each,
+    reason = "a page is written line by line"
+)]
+mod reference;
 mod replay;
 mod run_folder;
+mod runs;
+mod scenarios;
 mod swap;
 mod target;
 mod tune;
+mod web;
 
 use std::process::ExitCode;
 

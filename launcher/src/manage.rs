@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use runtime::console::is_read;
 use runtime::domain::Domain;
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use flight::control::view::view;
 use flight::control::{Request, ask};
 
 use crate::target::{self, TargetArgs};
@@ -37,7 +38,7 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
     let mut looked = false;
     loop {
         let is_meant = |domain: &&Domain| args.namespace.as_ref().is_none_or(|name| domain.namespace() == *name);
-        let stacks: Vec<Value> = Domain::list().iter().filter(is_meant).map(look).collect();
+        let stacks: Vec<Value> = Domain::list().iter().filter(is_meant).map(view).collect();
         if let Some(name) = args.namespace.as_ref().filter(|_| stacks.is_empty() && !args.watch) {
             bail!("no stack is flying in namespace '{name}'; `launcher status` lists those that do");
         }
@@ -58,27 +59,6 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
         looked = true;
         std::thread::sleep(WATCH);
     }
-}
-
-/// Returns the state of one stack without joining it: its settings, its control page, and the launcher's answer. A
-/// guest that joined while the stack ends would leave files in shared memory. Fields that cannot be read are absent.
-fn look(domain: &Domain) -> Value {
-    let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });
-    if let Some(scenario) = target::settings(domain) {
-        view["name"] = json!(scenario.name);
-        view["mode"] = json!(scenario.run.mode);
-        view["profile"] = json!(scenario.profile);
-        view["duration_s"] = json!(scenario.run.duration_s);
-    }
-    if let Some(phase) = target::phase(domain) {
-        view["time_s"] = json!(target::time_s(domain));
-        view["phase"] = json!(phase);
-    }
-    // The rest is known to the launcher only, which does not answer while it ends.
-    if let (Some(view), Ok(Value::Object(told))) = (view.as_object_mut(), ask(domain, &Request::Status)) {
-        view.extend(told);
-    }
-    view
 }
 
 /// Asks the launcher of a flight to end it, and waits until it has.

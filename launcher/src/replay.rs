@@ -1,5 +1,6 @@
 //! `replay` and `explain`: fly a flight again from its folder.
 
+use std::net::SocketAddr;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -9,6 +10,7 @@ use contract::scenario::{Mode, Scenario, Swap, SwapNode, candidate};
 use contract::topic::Topic;
 use flight::duration::seconds;
 use flight::files::write_whole;
+use flight::guarded;
 use flight::programs;
 use flight::provenance::status_of;
 use flight::replay::{Plan, Recording};
@@ -17,6 +19,8 @@ use rustix::process::{Signal, getpid, kill_process};
 
 use crate::progress::Progress;
 use crate::run_folder::PartOfRun;
+use crate::web::{self, OpenPage, TokenArgs};
+use live::player::Player;
 use outcome::explain::{Work, explain as explain_ticks};
 use outcome::recorded::{Part, Recorded};
 use outcome::replay_verdict::replay_and_judge;
@@ -26,10 +30,6 @@ use view::explain::Shown;
 
 /// Arguments of `replay`.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Exit codes: 0 no difference, or what was asked of other settings; 1 a difference, nothing compared, or a log \
-that is not all of the flight; 2 usage, or a log of another version."
-)]
 pub struct ReplayArgs {
     #[command(flatten)]
     pub of: PartOfRun,
@@ -50,6 +50,11 @@ pub struct ReplayArgs {
     /// With --set or --exec: close the loop, so that all other nodes read the new answers
     #[arg(long)]
     closed: bool,
+    /// Then play the log of the flight in the browser, until Ctrl-C [default ADDR: 127.0.0.1:8080]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = web::address)]
+    web: Option<SocketAddr>,
+    #[command(flatten)]
+    token: TokenArgs,
 }
 
 /// Libraries that a replay may load.
@@ -87,6 +92,9 @@ pub struct ExplainArgs {
 
 /// Prints the cost of the disturbed ticks of a run, and writes explain.html into its folder; returns the exit code.
 pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
+    if let Some(code) = in_child(!args.trusted.programs.is_empty())? {
+        return Ok(code);
+    }
     let part = args.of.part()?;
     let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
     let missing = recorded.missing();
@@ -108,13 +116,14 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     progress.into_inner().into_iter().for_each(Progress::finish);
     let explained = explained?;
     let page = recorded.path.with_file_name("explain.html");
-    write_whole(&page, Shown(&explained).page(missing.as_deref()).as_bytes())?;
+    let shown = Shown { explained: &explained, happened: &recorded.run.happenings() };
+    write_whole(&page, shown.page(missing.as_deref()).as_bytes())?;
     if args.json {
-        let mut costs = Shown(&explained).to_json();
+        let mut costs = shown.to_json();
         costs["missing"] = json!(missing);
         print(&(serde_json::to_string_pretty(&costs)? + "\n"));
     } else {
-        print(&Shown(&explained).text());
+        print(&shown.text());
         print(&format!("\nwritten to {}\n", page.display()));
     }
     Ok(if missing.is_none() { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
@@ -122,7 +131,17 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
 
 /// Flies a run again and judges the result; returns the exit code.
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
+    let loads = args.exec.is_some() || !args.trusted.programs.is_empty();
+    ensure!(
+        !(loads && args.web.is_some()),
+        "--web goes without --exec and --program, which replay in a process of their own; the page shows the log alone"
+    );
+    // A debugger stays with this process.
+    if let Some(code) = in_child(loads && args.stop.is_none())? {
+        return Ok(code);
+    }
     let part = args.of.part()?;
+    let page = OpenPage::open(args.web, &args.token)?;
     let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
     let mut recording = recorded.recording()?;
     args.trusted.trust(&mut recording)?;
@@ -148,7 +167,15 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
         bail!("--break {stop}: the node did not answer to that sample in this flight");
     }
     print(&verdict.text);
+    if let Some(page) = page {
+        page.play(Player::read(&args.of.run, part, &recorded.run.events)?)?;
+    }
     Ok(verdict.exit_code)
+}
+
+/// Runs this command in a child if it `loads` libraries; returns its exit code, `None` if it runs here.
+fn in_child(loads: bool) -> anyhow::Result<Option<u8>> {
+    Ok(if loads { guarded::command()? } else { None })
 }
 
 fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<Plan> {

@@ -1,8 +1,9 @@
 //! `swap`: replaces the process of a node of a flying stack, and follows the swap to its end.
 
+use std::path::{Path, absolute};
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
 use contract::exit;
 use contract::scenario::{Swap, SwapBounds, SwapNode, suggest};
 use runtime::domain::Domain;
@@ -12,6 +13,8 @@ use serde_json::{Map, Value};
 
 use flight::control::{Request, ask};
 use flight::event::Event;
+use flight::programs::pin_swap;
+use flight::settings::check_swap;
 use flight::swap_story::{SwapStory, stayed};
 
 use crate::command::word;
@@ -25,8 +28,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Arguments of `swap`.
 #[derive(clap::Args)]
 #[command(after_help = "A recorder has neither settings nor a trial: it takes over as soon as it records, and --set, \
---standby, --watch and --bounds are refused for it.\n\nExit codes: 0 the candidate stays; 1 it was removed, and the old one \
-is active; 2 the swap is refused; 3 the flight ended first. The flight itself ends with 1 if the candidate does not stay, unless \
+--standby, --watch and --bounds are refused for it. The flight itself ends with 1 if the candidate does not stay, unless \
 --may-fail was given.")]
 pub struct SwapArgs {
     /// guidance, attitude-mpc, mixer or recorder
@@ -63,8 +65,11 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let exec = args.exec.as_deref().map(program).transpose()?;
     let (set, standby_s, watch_s) = (args.set.clone(), args.standby, args.watch);
     let (bounds, may_fail) = (args.bounds, args.may_fail);
-    let swap = Swap { exec, set, standby_s, watch_s, bounds, may_fail, ..Swap::new(node, 0.0) };
+    let mut swap = Swap { exec, set, standby_s, watch_s, bounds, may_fail, ..Swap::new(node, 0.0) };
     let domain = args.stack.find()?;
+    let run = domain.scenario()?;
+    pin_swap(&run, &mut swap)?;
+    check_swap(&run, &swap)?; // here, where it holds up no flight
     let flight = target::describe(&domain);
     let ordered = ask(&domain, &Request::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
     if !args.json {
@@ -109,7 +114,10 @@ fn flies(domain: &Domain) -> bool {
 
 /// Returns the absolute path of a program: the launcher that starts it may run in another folder.
 fn program(path: &str) -> anyhow::Result<String> {
-    let whole = std::fs::canonicalize(path).with_context(|| format!("cannot find the program '{path}'"))?;
+    let whole = Path::new(path);
+    ensure!(whole.exists(), "cannot find the program '{path}'");
+    // Not canonical: the program of a virtual environment finds its packages by the path of the link.
+    let whole = absolute(whole)?;
     whole.into_os_string().into_string().ok().with_context(|| format!("the path of '{path}' is not text"))
 }
 

@@ -1,11 +1,8 @@
 //! The flying stack that a command is for, and its description in the answer.
 
 use anyhow::{Context, bail, ensure};
-use contract::Scenario;
-use contract::scenario;
-use contract::scenario::file::{self, MAX_TEXT_BYTES};
+use flight::control::view::{phase, settings, time_s};
 use runtime::domain::Domain;
-use runtime::realtime::{ControlPage, phase};
 
 /// Argument that selects a flying stack.
 #[derive(clap::Args)]
@@ -47,28 +44,6 @@ pub fn describe(domain: &Domain) -> String {
         (None, _) => String::new(),
     };
     format!("{name} in namespace '{}'{pid}{stands}", domain.namespace())
-}
-
-/// Reads the settings of the flight; `None` if it is only starting, or has ended.
-pub fn settings(domain: &Domain) -> Option<Scenario> {
-    let text = file::read_text(&domain.file("scenario.toml"), MAX_TEXT_BYTES).ok()?;
-    scenario::from_merged(&text, "settings").ok()
-}
-
-/// Returns the phase of the flight: starting, flying or ending; `None` without a control page.
-pub fn phase(domain: &Domain) -> Option<&'static str> {
-    let page = ControlPage::open(&domain.file("page")).ok()?;
-    Some(match page.phase.count() {
-        phase::JOIN => "starting",
-        phase::GO => "flying",
-        _ => "ending",
-    })
-}
-
-/// Returns the simulated time of the flight \[s\]; `None` if control page or settings cannot be read.
-pub fn time_s(domain: &Domain) -> Option<f64> {
-    let page = ControlPage::open(&domain.file("page")).ok()?;
-    Some(f64::from(page.watched.count()) / f64::from(settings(domain)?.run.rate_hz))
 }
 
 #[cfg(test)]

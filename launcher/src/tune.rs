@@ -8,19 +8,20 @@ use campaign::{Campaign, search};
 use clap::Args;
 use contract::exit;
 use flight::interrupts::catch_interrupts;
+use flight::shipped::Kind;
 use runtime::console::{eprint_line, print};
 
 use crate::progress::Progress;
+use crate::scenarios;
 
 /// Arguments of `tune`.
 #[derive(Args)]
 #[command(
     after_help = "Prints the tuned settings of each controller, to be put into the file. docs/campaigns.md has the form \
-of [tune], docs/mpc.md an example.\n\n\
-Exit codes: 0 searched; 2 usage or campaign error; 130 interrupted."
+of [tune], docs/mpc.md an example."
 )]
 pub struct TuneArgs {
-    /// Campaign file (TOML) with [tune]
+    /// Campaign file (TOML) with [tune], or the name of a shipped campaign
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Tune this controller only (repeatable)
@@ -30,6 +31,7 @@ pub struct TuneArgs {
 
 /// Searches and prints the gains; returns the exit code.
 pub fn tune(args: &TuneArgs) -> anyhow::Result<u8> {
+    scenarios::tell(Kind::Campaign, &args.file);
     let campaign = Campaign::load(&args.file)?;
     let file = args.file.display();
     let tune = campaign.tune().with_context(|| format!("{file} has no [tune]; docs/campaigns.md says what it is"))?;

@@ -25,7 +25,7 @@ impl Core for Mixer {
         self.snapshot()
     }
 
-    fn restore(&mut self, memory: &Snapshot) {
-        self.restore(memory);
+    fn restore(&mut self, memory: &Snapshot) -> bool {
+        self.restore(memory)
     }
 }

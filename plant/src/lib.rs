@@ -11,10 +11,12 @@
 //! | [`landing`] | true take-off and landing | |
 //! | [`integrator`] | one Runge-Kutta step | |
 //! | [`commands`] | delay, jitter and loss between mixer and actuators; the cut without commands | |
+//! | [`air`] | surroundings of the vehicle at one instant | |
 //! | [`schedule`] | wind and disturbance as steps in time | |
 //! | [`turbulence`] | continuous gusts, and the mean wind over the height | |
-//! | [`sensors`] | measurements: errors, rates, latencies | |
+//! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
 //! | [`filter`] | the complementary filter behind the sensors | |
+//! | [`navigation_unit`], [`instruments`] | the EKF in place of that filter, and its sensors | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //! | [`memory`] | state of the vehicle as words | |
@@ -30,26 +32,31 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
+pub mod air;
 pub mod battery;
 pub mod commands;
 pub mod dynamics;
 pub mod faults;
 pub mod filter;
 pub mod ground;
+pub mod instruments;
 pub mod integrator;
 pub mod landing;
 pub mod memory;
+pub mod navigation_unit;
+#[cfg(target_os = "linux")]
 mod process;
 pub mod random;
 pub mod rotors;
 pub mod schedule;
+pub mod sensor;
 pub mod sensors;
 pub mod tricopter;
 pub mod turbulence;
 pub mod vehicle;
 
 use contract::Scenario;
-use contract::message::{Actuators, Arrival, MAX_ARRIVALS, PlantStatus, Stamp, State};
+use contract::message::{Actuators, Arrival, MAX_ARRIVALS, Navigation, PlantStatus, Stamp, State};
 use contract::scenario::Fault;
 use contract::snapshot::PLANT_WORDS;
 use runtime::error::SessionError;
@@ -57,6 +64,8 @@ use runtime::error::SessionError;
 use commands::CommandLine;
 use faults::sensors::SensorFaults;
 use memory::Tape;
+use navigation_unit::NavigationUnit;
+#[cfg(target_os = "linux")]
 pub use process::{run, run_with};
 use sensors::Sensors;
 use tricopter::Tricopter;
@@ -72,10 +81,12 @@ pub struct Plant<V: Vehicle + ?Sized = Tricopter> {
     /// Arrivals between the sample before and the present one, and their number.
     arrived: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
+    /// Takes the place of `sensors` where there is one.
+    pub(crate) navigation: Option<NavigationUnit>,
     sensor_faults: SensorFaults,
     sample_ns: u64,
     last_tick: u64,
-    tick: u64,
+    pub(crate) tick: u64,
 }
 
 impl Plant {
@@ -91,6 +102,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
     pub fn with(scenario: &Scenario, vehicle: Box<V>) -> Self {
         let (_, actuation) = vehicle::start(scenario);
         Self {
+            navigation: NavigationUnit::new(scenario, &vehicle.motion()),
             vehicle,
             commands: CommandLine::new(scenario, actuation),
             arrivals: Default::default(),
@@ -150,6 +162,13 @@ impl<V: Vehicle + ?Sized> Plant<V> {
         self.vehicle.remember(tape, self.tick);
         self.commands.remember(tape);
         self.sensors.remember(tape);
+        if let Some(navigation) = &mut self.navigation {
+            navigation.remember(tape);
+            // Published samples do not tell what its sensors measured.
+            if self.sensor_faults.needs_past() {
+                tape.refuse();
+            }
+        }
         self.sensor_faults.remember(tape, self.tick);
     }
 
@@ -158,8 +177,13 @@ impl<V: Vehicle + ?Sized> Plant<V> {
     /// STATE names the command in force up to this instant, not one that takes effect at it.
     pub fn sample(&mut self) -> State {
         let actual = self.vehicle.motion();
-        let mut measured = self.sensors.measure(self.now_ns(), &actual);
-        self.sensor_faults.inject(self.tick, &mut measured);
+        let (measured, navigation) = if let Some(unit) = &self.navigation {
+            unit.estimate(self.now_ns())
+        } else {
+            let mut measured = self.sensors.measure(self.now_ns(), &actual);
+            self.sensor_faults.inject(self.tick, &mut measured);
+            (measured, Navigation::default())
+        };
         let command = self.commands.in_force();
         let (arrivals, arrived) = self.arrived;
         State {
@@ -173,6 +197,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             status: self.status() as u64,
             arrivals,
             arrived: arrived as u64,
+            navigation,
         }
     }
 
@@ -187,8 +212,8 @@ impl<V: Vehicle + ?Sized> Plant<V> {
         self.commands.receive(actuators, self.now_ns().saturating_add(arrival_ns));
     }
 
-    /// Moves to the sample `periods` later, piece by piece: each ends when the command in force changes, or at that
-    /// sample.
+    /// Moves to the sample `periods` later, piece by piece: each ends when the command in force changes, at a sample of
+    /// the IMU if there is one, or at that sample.
     ///
     /// # Errors
     /// The code of the vehicle has failed.
@@ -198,8 +223,12 @@ impl<V: Vehicle + ?Sized> Plant<V> {
         self.arrived = std::mem::take(&mut self.arrivals);
         while now_ns < self.now_ns() && self.vehicle.diverged().is_none() {
             self.commands.switch(now_ns);
-            let until_ns = self.commands.next_switch_ns().min(self.now_ns());
+            let due_ns = self.navigation.as_ref().map_or(u64::MAX, NavigationUnit::due_ns);
+            let until_ns = self.commands.next_switch_ns().min(self.now_ns()).min(due_ns);
             self.vehicle.advance(now_ns, until_ns, &self.commands.in_force().actuation)?;
+            if let Some(navigation) = self.navigation.as_mut().filter(|_| until_ns == due_ns) {
+                navigation.measure(&self.vehicle.motion(), &self.vehicle.actuators(), &mut self.sensor_faults);
+            }
             now_ns = until_ns;
         }
         Ok(self.status())

@@ -44,6 +44,8 @@ pub enum Stream {
     Jitter,
     /// Turbulence.
     Turbulence,
+    /// Sensors of the navigation unit.
+    Navigation,
     /// Fault at this index in the scenario.
     Fault(usize),
 }
@@ -63,6 +65,7 @@ impl Stream {
             Self::Drops => 2,
             Self::Jitter => 3,
             Self::Turbulence => 4,
+            Self::Navigation => 5,
             Self::Fault(index) => FAULTS + index as u64,
         }
     }

@@ -351,7 +351,8 @@ fn vehicles() -> Vec<Scenario> {
     vec![
         load("survey", &["run.command_jitter_ms=5", "run.command_drop_probability=0.2", "run.command_delay_ms=25"]),
         load("dryden", &["plant.battery.energy_wh=20"]),
-        load("typical-sensors", &["plant.sensors.rates.latency_ms=12"]),
+        load("typical-sensors", &["plant.sensors.filter=complementary", "plant.sensors.rates.latency_ms=12"]),
+        load("typical-sensors", &["plant.sensors.flow.rate_hz=20", "run.mode=inprocess"]),
         load("take-off-and-land", &["run.mode=realtime"]),
         load("survey", &[faults, "run.mode=inprocess"]),
     ]
@@ -395,8 +396,8 @@ fn a_vehicle_with_the_memory_of_another_continues_its_flight_bit_for_bit() {
 proptest! {
     #[test]
     fn no_memory_makes_a_vehicle_panic_or_hang(
-        changes in proptest::collection::vec((0..300_usize, prop_oneof![any::<u64>(), 0..5_u64, Just(u64::MAX)]), 1..4),
-        which in 0..5_usize,
+        changes in proptest::collection::vec((0..PLANT_WORDS, prop_oneof![any::<u64>(), 0..5_u64, Just(u64::MAX)]), 1..4),
+        which in 0..6_usize,
     ) {
         let scenario = &vehicles()[which];
         let mut plant = Plant::new(scenario);
@@ -411,5 +412,19 @@ proptest! {
             plant.advance(20).unwrap();
             plant.sample();
         }
+    }
+}
+
+#[test]
+fn quaternion_and_velocity_of_a_message_are_those_of_the_rotation() {
+    for attitude_rad in [[0.0; 3], [0.3, 0.0, 0.0], [0.0, -0.7, 0.0], [0.1, 0.2, 3.0], [-2.5, 1.2, -1.9]] {
+        let [roll, pitch, yaw] = attitude_rad;
+        let rotation = nalgebra::UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        let [w, x, y, z] = contract::message::quaternion(attitude_rad);
+        let same = nalgebra::Quaternion::new(w, x, y, z);
+        assert!((rotation.quaternion() - same).norm() < 1e-12, "{attitude_rad:?}");
+        let motion = Kinematics { attitude_rad, velocity_mps: [3.0, -2.0, 0.5], ..Kinematics::default() };
+        let expected = rotation * nalgebra::Vector3::from(motion.velocity_mps);
+        assert!((nalgebra::Vector3::from(motion.velocity_ned_mps()) - expected).norm() < 1e-12, "{attitude_rad:?}");
     }
 }

@@ -6,30 +6,24 @@ use contract::message::{Kinematics, PlantStatus};
 use contract::scenario::Fault;
 use runtime::error::SessionError;
 
+use crate::air::Air;
 use crate::battery::Battery;
 use crate::dynamics::{self, Dynamics, StateVector};
 use crate::faults::actuators::ActuatorFaults;
-use crate::faults::environment::EnvironmentFaults;
 use crate::integrator;
 use crate::landing::Landing;
 use crate::memory::Tape;
-use crate::schedule::Schedule;
-use crate::turbulence::{self, Moment, Turbulence};
 use crate::vehicle::{self, Vehicle};
 
 /// Tilt-rotor tricopter of the scenario.
 #[derive(Debug, Clone)]
 pub struct Tricopter {
     dynamics: Dynamics,
-    schedule: Schedule,
-    turbulence: Option<Turbulence>,
-    wind_roughness_m: f64,
-    height_zero_m: f64,
+    air: Air,
     battery: Option<Battery>,
     /// Take-off and landing; `None` without a ground.
     landing: Option<Landing>,
     actuator_faults: ActuatorFaults,
-    environment_faults: EnvironmentFaults,
     sample_ns: u64,
     substep_ns: u64,
     pub(crate) x: StateVector,
@@ -44,14 +38,10 @@ impl Tricopter {
         let x = dynamics::assemble(&motion, &actuators);
         Self {
             dynamics: Dynamics::new(scenario),
-            schedule: Schedule::new(scenario),
-            turbulence: Turbulence::new(scenario),
-            wind_roughness_m: scenario.plant.wind_roughness_m,
-            height_zero_m: scenario.plant.height_zero_m(),
+            air: Air::new(scenario),
             battery: Battery::new(scenario),
             landing: Landing::new(scenario),
             actuator_faults: ActuatorFaults::new(scenario),
-            environment_faults: EnvironmentFaults::new(scenario),
             sample_ns: scenario.sample_ns(),
             substep_ns: scenario.substep_ns(),
             x,
@@ -65,18 +55,9 @@ impl Tricopter {
         let demand = self.demand(command);
         let driven = self.battery.as_mut().map_or(demand, |battery| battery.drive(&demand, &position, dt_s));
         let (command, condition) = self.actuator_faults.inject(from_ns / self.sample_ns, &position, &driven);
-        let mut scheduled = self.schedule.at(from_ns);
-        let (height_m, reference_mps) = (self.height_zero_m - self.x[2], scheduled.wind_mps);
-        let shear = turbulence::shear(height_m, self.wind_roughness_m);
-        scheduled.wind_mps.x *= shear;
-        scheduled.wind_mps.y *= shear;
-        if let Some(turbulence) = &mut self.turbulence {
-            let airspeed_mps = (dynamics::velocity_ned_mps(&self.x) - scheduled.wind_mps).norm();
-            let moment = Moment { height_m, wind_mps: reference_mps, airspeed_mps };
-            scheduled.wind_mps += turbulence.at(from_ns / self.sample_ns, &moment);
-        }
+        let calm = self.air.without_faults(from_ns, &self.x);
         let mut x = integrator::step(&self.x, dt_s, |t_s, x| {
-            let outside = self.environment_faults.inject(from_ns, t_s, &scheduled);
+            let outside = self.air.with_faults(from_ns, t_s, &calm);
             self.dynamics.derivative(x, &command, &condition, &outside)
         });
         dynamics::normalise(&mut x);
@@ -133,7 +114,7 @@ impl Vehicle for Tricopter {
 
     fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.actuator_faults.apply_fault(number, fault);
-        self.environment_faults.apply_fault(number, fault);
+        self.air.apply_fault(number, fault);
     }
 
     fn remember(&mut self, tape: &mut Tape, tick: u64) {
@@ -141,7 +122,7 @@ impl Vehicle for Tricopter {
         self.diverged = divergence(&self.x);
         self.battery.iter_mut().for_each(|battery| battery.remember(tape));
         self.landing.iter_mut().for_each(|landing| landing.remember(tape));
-        self.turbulence.iter_mut().for_each(|turbulence| turbulence.remember(tape, tick));
+        self.air.remember(tape, tick);
         self.actuator_faults.remember(tape);
     }
 }

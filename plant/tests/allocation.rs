@@ -2,7 +2,7 @@
 
 use contract::Scenario;
 use contract::message::{Actuators, Stamp};
-use contract::scenario::{Fault, FaultTarget};
+use contract::scenario::{Fault, FaultTarget, SensorPreset, Sensors};
 use plant::Plant;
 
 #[test]
@@ -26,8 +26,9 @@ fn a_flight_with_every_fault_allocates_nothing() {
     scenario.plant.noise.position_m = 0.01;
     scenario.run.command_delay_ms = 35.0;
     let given = std::mem::take(&mut scenario.fault);
-    for live in [false, true] {
+    for (live, preset) in [(false, SensorPreset::Ideal), (true, SensorPreset::Ideal), (false, SensorPreset::Typical)] {
         scenario.fault = if live { vec![] } else { given.clone() };
+        scenario.plant.sensors = Sensors::from(preset);
         check_allocates_nothing(&scenario, if live { &given } else { &[] });
     }
 }

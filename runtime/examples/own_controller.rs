@@ -52,7 +52,9 @@ impl Core for PdController {
         NO_MEMORY
     }
 
-    fn restore(&mut self, _memory: &Snapshot) {}
+    fn restore(&mut self, _memory: &Snapshot) -> bool {
+        false
+    }
 }
 
 impl PdController {

@@ -6,8 +6,9 @@
 //! Names of files, scenarios and nodes come from elsewhere: characters that control a terminal are escaped ([`plain`]).
 
 use std::borrow::Cow;
+use std::fmt::Write as _;
 use std::io::{self, ErrorKind, IsTerminal, Write, stderr, stdout};
-use std::process::ExitCode;
+
 use std::sync::OnceLock;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
@@ -41,6 +42,35 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
+/// Styles of the beginnings of lines: escape sequences of bold red, cyan and green.
+const STYLES: [(&str, &str); 3] = [("error:", "\x1b[1;31m"), ("note:", "\x1b[1;36m"), ("help:", "\x1b[1;32m")];
+/// Escape sequence that ends a style.
+const PLAIN: &str = "\x1b[0m";
+
+/// Returns whether stderr takes colours: it is a terminal, and neither `NO_COLOR` nor `CLICOLOR=0` is set.
+fn has_colours() -> bool {
+    static CHOICE: OnceLock<bool> = OnceLock::new();
+    *CHOICE.get_or_init(|| anstream::AutoStream::choice(&stderr()) != anstream::ColorChoice::Never)
+}
+
+/// Adds colours to a message: to the word that each line begins with, and to the marks below a quoted line.
+fn coloured(text: &str) -> String {
+    let mut result = String::new();
+    for line in text.split_inclusive('\n') {
+        let words = line.trim_start_matches([' ', '|', '=']);
+        let (before, mark) = (&line[..line.len() - words.len()], words.trim_end());
+        let style = STYLES.iter().find(|(word, _)| words.starts_with(word));
+        let _ = match style {
+            Some((word, style)) => write!(result, "{before}{style}{word}{PLAIN}{}", &words[word.len()..]),
+            None if !mark.is_empty() && mark.bytes().all(|byte| byte == b'^') => {
+                write!(result, "{before}{}{mark}{PLAIN}{}", STYLES[0].1, &words[mark.len()..])
+            }
+            None => write!(result, "{line}"),
+        };
+    }
+    result
+}
+
 /// Prints `text` to stdout. [`finish`] reports an error.
 pub fn print(text: &str) {
     print_after("", text);
@@ -67,6 +97,7 @@ pub fn is_read() -> bool {
 /// Prints a line to stderr without waiting; the line is dropped if too many are waiting.
 pub fn eprint_line(line: &str) {
     let line = format!("{}\n", plain(line));
+    let line = if has_colours() { coloured(&line) } else { line };
     match WRITER.get_or_init(start_writer) {
         Some(writer) => _ = writer.try_send(Word::Line(line)), // dropped if the queue is full
         None => write_line(&line),
@@ -76,7 +107,7 @@ pub fn eprint_line(line: &str) {
 /// Waits at most [`LAST_LINES`] for stderr. Returns `code`, or at least [`exit::PROCESS_LOST`] if stdout failed.
 ///
 /// A reader of stdout that has ended, as in `launcher check FILE | head`, is no error.
-pub fn finish(code: u8) -> ExitCode {
+pub fn finish(code: u8) -> u8 {
     let error = STDOUT_ERROR.get().filter(|error| error.kind() != ErrorKind::BrokenPipe);
     if let Some(error) = error {
         eprint_line(&format!("error: cannot write to stdout: {error}"));
@@ -87,7 +118,7 @@ pub fn finish(code: u8) -> ExitCode {
             let _ = all.recv_timeout(LAST_LINES); // give up if stderr is not read
         }
     }
-    ExitCode::from(if error.is_some() { code.max(exit::PROCESS_LOST) } else { code })
+    if error.is_some() { code.max(exit::PROCESS_LOST) } else { code }
 }
 
 fn start_writer() -> Option<SyncSender<Word>> {
@@ -112,6 +143,18 @@ fn write_line(line: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_beginning_of_a_message_and_the_marks_are_coloured_and_nothing_else() {
+        let message = "error: no `x`\n  |\n4 | error: x\n  | ^^\n  = help: did you mean `y`?\n";
+        let told = coloured(message);
+        assert_eq!(told.matches('\x1b').count(), 6, "{told:?}");
+        for part in
+            ["\x1b[1;31merror:\x1b[0m no", "| \x1b[1;31m^^\x1b[0m\n", "= \x1b[1;32mhelp:\x1b[0m did", "4 | error: x"]
+        {
+            assert!(told.contains(part), "{part:?}: {told:?}");
+        }
+    }
 
     #[test]
     fn characters_that_control_a_terminal_are_escaped() {

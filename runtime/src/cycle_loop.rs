@@ -134,17 +134,18 @@ impl CycleLoop {
         let is_assigned = self.is_assigned();
         let page = &self.member.page;
         let state_bell = page.doorbell(Topic::State);
-        if !is_assigned {
-            state_bell.wait(rung, look_around_ns); // a process becomes active or standby with a tick
+        let origin_ns = page.origin_ns();
+        if !is_assigned || origin_ns == 0 {
+            // A process becomes active or standby with a tick; the first input may never come.
+            state_bell.wait(rung, look_around_ns);
             return Wake::LookAround;
         }
-        let origin_ns = page.origin_ns();
         // The sample that is due next; the present one for a process that slept.
         let present = now.saturating_sub(origin_ns + self.patience_ns) / period_ns;
         let due = self.next.max(present);
         let sample_ns = origin_ns + due * period_ns;
         let late_ns = sample_ns + self.patience_ns;
-        let will_be_sampled = origin_ns > 0 && (page.total_samples() == 0 || due < page.total_samples());
+        let will_be_sampled = page.total_samples() == 0 || due < page.total_samples();
         let warm_up_ns = warm_up_ns(period_ns, sample_ns.saturating_sub(period_ns), now);
         let wake_ns = if will_be_sampled { warm_up_ns.unwrap_or(late_ns) } else { u64::MAX };
 

@@ -6,6 +6,7 @@
 //!         launcher        process number of the launcher, as its own PID namespace has it
 //!         scenario.toml   the merged settings          page       doorbells, roles, phase, faults given in flight
 //!         control         the socket on which the launcher answers
+//!         observer.<n>    locked (flock) by an observer of the run while it looks
 //!         <node>.<epoch>.toml                          settings of a candidate
 //!         iox/            iceoryx2's root, with all its segments
 //! ```
@@ -26,12 +27,15 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use contract::scenario::file::{self, MAX_TEXT_BYTES};
+use contract::scenario::{self, Scenario};
 use rustix::fs::{FlockOperation, flock, fstat};
 use rustix::io::Errno;
 
 pub use crate::error::DomainError;
+use crate::error::SessionError;
 use crate::limits::{NAMESPACE_PAUSE, NAMESPACE_TRIES};
-pub use shm::{allocate, check_room};
+pub use shm::{SHM, allocate, check_room};
 use shm::{homes, make_home, open_folder};
 
 /// Folder of a run in shared memory, as seen by any of its processes.
@@ -55,6 +59,17 @@ impl Domain {
         check_name(namespace)?;
         let live = Self::all(namespace).find(Self::is_live);
         live.ok_or_else(|| DomainError::NotRunning(namespace.into()))
+    }
+
+    /// Reads the merged settings of the run.
+    ///
+    /// # Errors
+    /// The settings cannot be read.
+    pub fn scenario(&self) -> Result<Scenario, SessionError> {
+        let file = self.file("scenario.toml");
+        let text = file::read_text(&file, MAX_TEXT_BYTES);
+        let text = text.map_err(|why| SessionError::Io { what: file.display().to_string(), why })?;
+        Ok(scenario::from_merged(&text, "the run's merged scenario")?)
     }
 
     /// Lists all domains of this user whose launcher is alive.
@@ -158,7 +173,7 @@ fn folders(home: &Path) -> Vec<Domain> {
 }
 
 /// Wipes the folders of this user that no launcher has locked.
-fn wipe_the_dead() {
+pub fn wipe_the_dead() {
     for Domain { folder } in homes().flat_map(|home| folders(&home)) {
         if let Ok(Some(_lock)) = lock(&folder) {
             remove(&folder);
@@ -189,7 +204,8 @@ fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
     Ok(still_there.then_some(lock))
 }
 
-fn check_name(namespace: &str) -> Result<(), DomainError> {
+/// Returns an error unless `namespace` can be the name of one.
+pub fn check_name(namespace: &str) -> Result<(), DomainError> {
     let fits = (1..=40).contains(&namespace.len())
         && namespace.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
     if fits { Ok(()) } else { Err(DomainError::BadName(namespace.into())) }

@@ -2,6 +2,7 @@
 
 #![expect(missing_docs, reason = "the text of an error says what it is")]
 
+use std::any::Any;
 use std::io;
 use std::path::PathBuf;
 
@@ -105,4 +106,10 @@ pub enum SessionError {
     InChild(String),
     #[error("tick {tick}: a fault `exit` ended this process")]
     FaultExit { tick: u64 },
+}
+
+/// Returns the words of a panic that was caught.
+pub fn words_of_panic(panic: &(dyn Any + Send)) -> &str {
+    let said = panic.downcast_ref::<String>().map(String::as_str);
+    said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why")
 }

@@ -28,6 +28,13 @@ pub struct FaultTable {
     entries: [[AtomicU64; WORDS]; MAX_LIVE_FAULTS],
 }
 
+impl Default for FaultTable {
+    fn default() -> Self {
+        let entries = std::array::from_fn(|_| Default::default());
+        Self { generation: AtomicU64::default(), count: AtomicU64::default(), entries }
+    }
+}
+
 impl FaultTable {
     /// Enters fault `number`, or changes its end if it is in the table. Returns `false` if there was no room.
     pub fn enter(&self, number: usize, fault: &Fault) -> bool {

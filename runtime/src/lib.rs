@@ -25,10 +25,15 @@
 //!
 //! One message, from the plant to a node that answers: [`sample_loop`] releases the tick, [`output`] stamps it,
 //! [`link`] lets it pass, [`port`] carries it, [`input`] judges it, [`cycle_loop`] wakes the node.
+//!
+//! Processes need Linux. On other targets, such as WebAssembly, the crate has what a flight in process needs.
 
+#[cfg(target_os = "linux")]
 pub mod console;
+#[cfg(target_os = "linux")]
 pub mod cycle_loop;
 pub mod cycle_timing;
+#[cfg(target_os = "linux")]
 pub mod domain;
 pub mod error;
 pub mod fault_table;
@@ -42,12 +47,15 @@ pub mod node;
 pub mod output;
 pub mod port;
 pub mod ports;
+#[cfg(target_os = "linux")]
 pub mod process;
 pub mod process_faults;
 pub mod queue;
 pub mod realtime;
 pub mod release;
+#[cfg(target_os = "linux")]
 pub mod sample_loop;
+#[cfg(target_os = "linux")]
 pub mod session;
 pub mod shared_role;
 

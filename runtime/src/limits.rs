@@ -53,8 +53,8 @@ pub const MAX_OBSERVER_DEPTH: usize = 2048;
 pub const OBSERVER_S: usize = 5;
 /// Publishers per topic: the node's process, the one that replaces it, and dead ones that are not removed yet.
 pub const MAX_PUBLISHERS: usize = 16;
-/// Subscribers per topic: three nodes with a standby each, two recorders, the launcher, and as many dead processes of
-/// each node and of the recorder as it takes to give it up. A publisher reserves memory for each.
+/// Subscribers per topic: three nodes with a standby each, two recorders, the launcher, four observers, and dead
+/// processes that are not removed yet. A publisher reserves memory for each.
 pub const MAX_SUBSCRIBERS: usize = 24;
 /// Attachments to a run, those of dead processes included.
 pub const MAX_NODES: usize = 48;

@@ -12,6 +12,7 @@ use crate::member::Member;
 use crate::output::Output;
 use crate::port::Wire;
 use crate::ports::Ports;
+#[cfg(target_os = "linux")]
 use crate::session::NodeSession;
 
 /// Core of a node that answers: its control law, without ports.
@@ -27,8 +28,8 @@ pub trait Core: Sized + 'static {
     fn step(&mut self, tick: u64, inputs: &Self::Inputs) -> Result<Self::Answer, SessionError>;
     /// Packs the memory; [`NO_MEMORY`](contract::snapshot::NO_MEMORY) if the core cannot be continued by another.
     fn snapshot(&self) -> Snapshot;
-    /// Continues from the memory of another process; one that does not fit counts as none.
-    fn restore(&mut self, memory: &Snapshot);
+    /// Continues from the memory of another process; returns `false` if it does not fit, and counts as none.
+    fn restore(&mut self, memory: &Snapshot) -> bool;
     /// Adds fault `number`, or changes it to `fault`; a core without faults of its own ignores it.
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}
     /// Sets whether the next steps shall do less, because a deadline was missed.
@@ -96,8 +97,8 @@ pub trait Node {
     fn answer(&mut self, sample: Stamp, known: Option<&dyn Any>) -> Result<(), SessionError>;
     /// Returns the memory of the core.
     fn memory(&self) -> Snapshot;
-    /// Continues from the memory of another process; one that does not fit counts as none.
-    fn restore(&mut self, memory: &Snapshot);
+    /// Continues from the memory of another process; returns `false` if it does not fit, and counts as none.
+    fn restore(&mut self, memory: &Snapshot) -> bool;
     /// Adds fault `number` of the core, or changes it to `fault`.
     fn apply_fault(&mut self, number: usize, fault: &Fault);
     /// Returns the node as one that is asked, if its caller computes its answers.
@@ -156,8 +157,8 @@ impl<C: Core> Node for Wired<C> {
         self.core.snapshot()
     }
 
-    fn restore(&mut self, memory: &Snapshot) {
-        self.core.restore(memory);
+    fn restore(&mut self, memory: &Snapshot) -> bool {
+        self.core.restore(memory)
     }
 
     fn apply_fault(&mut self, number: usize, fault: &Fault) {
@@ -166,11 +167,10 @@ impl<C: Core> Node for Wired<C> {
 }
 
 /// Runs the node that `open` opens as a process: it answers to every sample until the run is over.
+#[cfg(target_os = "linux")]
 pub fn run(mut session: NodeSession, open: Open) -> Result<(), SessionError> {
     let mut node = session.open(open)?;
-    if let Some(memory) = session.take_over_memory() {
-        node.restore(&memory);
-    }
+    session.take_over_memory(|memory| node.restore(memory));
     let mut cycles = session.ready()?;
     while let Some(tick) = cycles.next(node.upstream())? {
         cycles.new_faults(|number, fault| node.apply_fault(number, fault));

@@ -1,39 +1,28 @@
-//! Ports: message transport between processes. Only this file and its child name iceoryx2.
+//! Ports: how messages leave a node and reach it.
 //!
-//! Publish-subscribe with safe overflow: a publisher never waits, and a slow subscriber loses the oldest messages. A
-//! process that dies while it creates a service makes that service unusable for all. So the launcher creates every
-//! service before it starts any process, and keeps it; the nodes only open services.
+//! | module | holds |
+//! |---|---|
+//! | `shared_memory`, `storage` | ports between processes, by iceoryx2 |
+//! | [`crate::queue`] | ports of one thread |
 //!
-//! The rest of the crate uses ports through [`SendPort`] and [`ReceivePort`]; [`crate::queue`] has the ports of one
-//! thread.
+//! The rest of the crate uses ports through [`SendPort`] and [`ReceivePort`].
 
+#[cfg(target_os = "linux")]
+mod shared_memory;
+#[cfg(target_os = "linux")]
 mod storage;
 
-use std::cell::RefCell;
-use std::rc::Rc;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-
-/// Marks a type that may be sent: fixed layout, no pointers.
-pub use iceoryx2::prelude::ZeroCopySend;
-
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::port::{DegradationAction, DegradationInfo};
-use iceoryx2::prelude::*;
-use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
-use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-
-use storage::{FileService, allocate_own, config, reason};
-pub use storage::{bytes_needed, makers, observer_depth};
-
-use crate::domain::Domain;
 pub use crate::error::{PortError, PortFailure};
-use crate::limits::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS};
+use crate::limits::{MAX_OBSERVER_DEPTH, OBSERVER_S};
 pub use crate::limits::{MIN_OBSERVER_DEPTH, NODE_DEPTH};
-use crate::realtime::shortage;
-use contract::integrity::checksum;
-use contract::message::{Actuators, Controls, Message, Reference, State};
+#[cfg(target_os = "linux")]
+pub use shared_memory::{Bus, Services, Wire, ZeroCopySend};
+#[cfg(target_os = "linux")]
+pub use storage::{bytes_needed, makers};
+
+/// Message that can be sent: where there is no shared memory, every message.
+#[cfg(not(target_os = "linux"))]
+pub use contract::message::Message as Wire;
 
 /// Port that can touch its memory without any other effect.
 pub trait WarmUp {
@@ -67,232 +56,7 @@ pub trait ReceivePort<M> {
     fn reconnect(&self) -> Result<(), PortError>;
 }
 
-/// Attachment of a process to the iceoryx2 services of a domain.
-pub struct Bus {
-    node: Node<FileService>,
-    domain: Domain,
-}
-
-/// Handles that keep the four services of a run alive.
-pub struct Services {
-    _state: PortFactory<FileService, State, ()>,
-    _reference: PortFactory<FileService, Reference, ()>,
-    _controls: PortFactory<FileService, Controls, ()>,
-    _actuators: PortFactory<FileService, Actuators, ()>,
-}
-
-impl Bus {
-    /// Attaches this process to `domain`.
-    pub fn attach(domain: &Domain) -> Result<Self, PortError> {
-        set_log_level(LogLevel::Fatal); // errors come back as values; the loop must not print
-        let node = NodeBuilder::new()
-            .config(&config(domain)?)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<FileService>()
-            .map_err(|e| PortError::Domain(reason(e)))?;
-        Ok(Self { node, domain: domain.clone() })
-    }
-
-    /// Removes the ports of dead processes from the services; called by the launcher. May take tens of milliseconds.
-    pub fn remove_dead_ports(&self) {
-        // What cannot be removed now is wiped at the end of the run.
-        let _ = self.node.try_cleanup_dead_nodes();
-    }
-
-    /// Creates the four services, with queues of up to `depth`; called by the launcher.
-    pub fn create_services(&self, depth: usize) -> Result<Services, PortError> {
-        Ok(Services {
-            _state: create(&self.node, depth)?,
-            _reference: create(&self.node, depth)?,
-            _controls: create(&self.node, depth)?,
-            _actuators: create(&self.node, depth)?,
-        })
-    }
-
-    /// Opens the sending side of `M`'s topic.
-    pub fn sender<M: Wire>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
-        let port = M::sender(&self.node)?;
-        allocate_own(&self.domain)?;
-        Ok(port)
-    }
-
-    /// Tries to open `M`'s topic as a process with another layout of the messages, which must be refused.
-    pub fn open_as_another_version<M: Wire>(&self) -> Result<(), PortError> {
-        M::open_as_another_version(&self.node)
-    }
-
-    /// Opens the receiving side of `M`'s topic with a queue of `depth`.
-    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
-        let port = M::receiver(&self.node, depth)?;
-        allocate_own(&self.domain)?;
-        Ok(port)
-    }
-}
-
-/// Message that can be sent: one of the four of [`contract::message`].
-pub trait Wire: Message {
-    #[doc(hidden)]
-    fn sender(node: &Node<FileService>) -> Result<Rc<dyn SendPort<Self>>, PortError>;
-    #[doc(hidden)]
-    fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError>;
-    #[doc(hidden)]
-    fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError>;
-}
-
-macro_rules! wire {
-    ($($name:ident),*) => {$(
-        impl Wire for $name {
-            fn sender(node: &Node<FileService>) -> Result<Rc<dyn SendPort<Self>>, PortError> {
-                let port =
-                    open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
-                Ok(Rc::new(port))
-            }
-            fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError> {
-                let topic = open::<Self>(node, &layout::<Self>())?;
-                let unreachable = Arc::new(Unreachable::default());
-                let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
-                Ok(Rc::new(Subscription { port, topic, depth, unreachable }))
-            }
-            fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError> {
-                open::<Self>(node, &"0".repeat(16)).map(drop)
-            }
-        }
-    )*};
-}
-wire!(State, Reference, Controls, Actuators);
-
-impl<M: Message + ZeroCopySend> SendPort<M> for Publisher<FileService, M, ()> {
-    fn send(&self, message: &M) -> Result<(), PortFailure> {
-        match self.send_copy(*message) {
-            Ok(1..) => Ok(()),
-            Ok(0) | Err(_) => Err(PortFailure::Send),
-        }
-    }
-
-    fn number(&self) -> u64 {
-        numbered(self.id().value())
-    }
-}
-
-impl<M: Message + ZeroCopySend> WarmUp for Publisher<FileService, M, ()> {
-    fn warm_up(&self) {
-        drop(self.loan_uninit()); // a loan touches most of the memory that a send touches
-    }
-}
-
-/// Subscriber, and the publishers that it could not connect to.
-struct Subscription<M: Message + ZeroCopySend> {
-    port: RefCell<Subscriber<FileService, M, ()>>,
-    topic: PortFactory<FileService, M, ()>,
-    depth: usize,
-    unreachable: Arc<Unreachable>,
-}
-
-/// Ports of the newest publishers that could not be connected to.
-#[derive(Default)]
-struct Unreachable {
-    ports: [AtomicU64; MAX_PUBLISHERS],
-    count: AtomicUsize,
-}
-
-impl Unreachable {
-    fn note(&self, port: u64) {
-        let place = self.count.fetch_add(1, Ordering::Relaxed) % MAX_PUBLISHERS;
-        self.ports[place].store(port, Ordering::Relaxed);
-    }
-}
-
-impl<M: Message + ZeroCopySend> ReceivePort<M> for Subscription<M> {
-    fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
-        let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
-        let Some(sample) = sample else { return Ok(false) };
-        let message = *sample; // a publisher may change its memory between check and use
-        take(&message, numbered(sample.header().publisher_id().value()));
-        Ok(true)
-    }
-
-    fn cannot_reach(&self, port: u64) -> bool {
-        port != 0 && self.unreachable.ports.iter().any(|noted| noted.load(Ordering::Relaxed) == port)
-    }
-
-    fn reconnect(&self) -> Result<(), PortError> {
-        self.unreachable.ports.iter().for_each(|noted| noted.store(0, Ordering::Relaxed));
-        let port = subscriber(&self.topic, self.depth, &self.unreachable)?;
-        drop(self.port.replace(port));
-        Ok(())
-    }
-}
-
-fn subscriber<M: Message + ZeroCopySend>(
-    topic: &PortFactory<FileService, M, ()>,
-    depth: usize,
-    unreachable: &Arc<Unreachable>,
-) -> Result<Subscriber<FileService, M, ()>, PortError> {
-    let unreachable = unreachable.clone();
-    let failed = move |_, info: &DegradationInfo| {
-        unreachable.note(numbered(info.sender_port_id));
-        DegradationAction::Ignore
-    };
-    topic.subscriber_builder().buffer_size(depth).set_degradation_handler(failed).create().map_err(refused::<M>)
-}
-
-/// Hashes a publisher's identity (process, time, count) to one word.
-fn numbered(id: u128) -> u64 {
-    checksum(&[id as u64, (id >> 64) as u64])
-}
-
-fn create<M: Message + ZeroCopySend>(
-    node: &Node<FileService>,
-    depth: usize,
-) -> Result<PortFactory<FileService, M, ()>, PortError> {
-    let mut attributes = AttributeSpecifier::new();
-    attributes = attributes.define(&layout_key()?, &attribute(&layout::<M>())?).map_err(refused::<M>)?;
-    node.service_builder(&service_name::<M>()?)
-        .publish_subscribe::<M>()
-        .enable_safe_overflow(true)
-        .history_size(1)
-        .subscriber_max_buffer_size(depth)
-        .max_publishers(MAX_PUBLISHERS)
-        .max_subscribers(MAX_SUBSCRIBERS)
-        .max_nodes(MAX_NODES)
-        .create_with_attributes(&attributes)
-        .map_err(refused::<M>)
-}
-
-fn open<M: Message + ZeroCopySend>(
-    node: &Node<FileService>,
-    layout: &str,
-) -> Result<PortFactory<FileService, M, ()>, PortError> {
-    let mut attributes = AttributeVerifier::new();
-    attributes = attributes.require(&layout_key()?, &attribute(layout)?).map_err(refused::<M>)?;
-    node.service_builder(&service_name::<M>()?)
-        .publish_subscribe::<M>()
-        .open_with_attributes(&attributes)
-        .map_err(refused::<M>)
-}
-
-fn service_name<M: Message>() -> Result<ServiceName, PortError> {
-    ServiceName::new(&format!("trefoil/{}", M::TOPIC.name())).map_err(refused::<M>)
-}
-
-fn layout_key() -> Result<AttributeKey, PortError> {
-    AttributeKey::new(b"layout").map_err(|e| PortError::Domain(format!("{e:?}")))
-}
-
-/// Computes the layout attribute of `M`: a hash of the default message as printed, which shows names, order, nesting,
-/// lengths and kinds of numbers. iceoryx2 compares only name, size and alignment of a type.
-fn layout<M: Message>() -> String {
-    let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-    let hash = format!("{:?}", M::default()).bytes().fold(0xcbf2_9ce4_8422_2325, fnv);
-    format!("{hash:016x}")
-}
-
-fn attribute(value: &str) -> Result<AttributeValue, PortError> {
-    AttributeValue::new(value.as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
-}
-
-fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {
-    let reason = reason(error);
-    let otherwise = || format!("{reason}; if the stack is of another version, stop it and start all of it again");
-    PortError::Service { topic: M::TOPIC.name(), reason: shortage().unwrap_or_else(otherwise) }
+/// Depth of the queues of recorder and launcher, which must receive every message, at `rate_hz`.
+pub fn observer_depth(rate_hz: u32) -> usize {
+    (rate_hz as usize * OBSERVER_S).clamp(MIN_OBSERVER_DEPTH, MAX_OBSERVER_DEPTH)
 }

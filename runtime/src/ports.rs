@@ -6,20 +6,22 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
-use crate::domain::Domain;
 use crate::error::{PortError, SessionError};
 use crate::limits::{PROBE_LIMIT_NS, PROBE_PERIOD_NS, RECONNECT_NS, RECONNECTS};
-use crate::port::{Bus, ReceivePort, SendPort, Wire};
+#[cfg(target_os = "linux")]
+use crate::port::Bus;
+use crate::port::{ReceivePort, SendPort, Wire};
 use crate::queue::Queues;
 use crate::realtime::{self, ControlPage, now_ns, phase};
 use crate::shared_role::VACANT;
 use contract::message::Stamp;
-use contract::scenario::file::{self, MAX_TEXT_BYTES};
-use contract::scenario::{self, Scenario};
+#[cfg(target_os = "linux")]
+use {crate::domain::Domain, contract::scenario::Scenario};
 
 /// Transport of the messages.
 pub enum Transport {
     /// Shared memory, between processes.
+    #[cfg(target_os = "linux")]
     SharedMemory(Bus),
     /// Queues, between nodes in process.
     Queues(Queues),
@@ -42,14 +44,14 @@ struct Probe {
 
 impl Ports {
     /// Joins the run of `namespace`, without ports, and reads the run's settings.
+    #[cfg(target_os = "linux")]
     pub fn join(namespace: &str) -> Result<(Self, Scenario), SessionError> {
         let domain = Domain::find(namespace)?;
         let io = |what: &str| {
             let what = domain.file(what).display().to_string();
             move |why| SessionError::Io { what, why }
         };
-        let text = file::read_text(&domain.file("scenario.toml"), MAX_TEXT_BYTES).map_err(io("scenario.toml"))?;
-        let scenario = scenario::from_merged(&text, "the run's merged scenario")?;
+        let scenario = domain.scenario()?;
         let page = ControlPage::open(&domain.file("page")).map_err(io("page"))?;
         Ok((Self::new(Arc::new(page), Transport::SharedMemory(Bus::attach(&domain)?)), scenario))
     }
@@ -65,6 +67,7 @@ impl Ports {
     /// The place was not offered, or another process has it.
     pub fn sender<M: Wire>(&mut self, epoch: u32) -> Result<Rc<dyn SendPort<M>>, SessionError> {
         let port = match &self.transport {
+            #[cfg(target_os = "linux")]
             Transport::SharedMemory(bus) => bus.sender::<M>(),
             Transport::Queues(queues) => queues.sender(),
         }?;
@@ -82,6 +85,7 @@ impl Ports {
     /// Opens the receiving side of `M`'s topic with a queue of `depth`.
     pub fn receiver<M: Wire>(&mut self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, SessionError> {
         let port = match &self.transport {
+            #[cfg(target_os = "linux")]
             Transport::SharedMemory(bus) => bus.receiver::<M>(depth),
             Transport::Queues(queues) => queues.receiver(depth),
         }?;

@@ -37,6 +37,7 @@ pub fn run_as(
     own: Option<&Path>,
     run: fn(NodeSession) -> Result<(), SessionError>,
 ) -> ExitCode {
+    realtime::name_in_crashes(name);
     realtime::tell_of_crashes();
     let session = die_with_launcher(namespace).and_then(|()| NodeSession::join(namespace, name, epoch, own));
     match session.and_then(run) {
@@ -44,7 +45,7 @@ pub fn run_as(
         Err(error) => {
             console::eprint_line(&format!("{name}: {error}"));
             let late = matches!(error, SessionError::Late { .. });
-            console::finish(if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST })
+            console::finish(if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST }).into()
         }
     }
 }
@@ -79,5 +80,5 @@ fn usage(name: &str) -> ExitCode {
     console::eprint_line(&format!(
         "usage: {name} --namespace NAME [--epoch NUMBER [--settings FILE]]\nThe launcher starts this program, which ends with it."
     ));
-    console::finish(exit::USAGE)
+    console::finish(exit::USAGE).into()
 }

@@ -151,6 +151,9 @@ mod tests {
         of(Topic::Actuators, &faults.iter().map(fault).collect::<Vec<_>>())
     }
 
+    /// No tick.
+    const NONE: [u64; 0] = [];
+
     /// Ticks below 100 on which a process ends that works from tick `first` on and misses none.
     fn leaves(faults: &ProcessFaults, first: u64) -> Vec<u64> {
         (first..100).filter(|tick| faults.leaves(*tick, *tick)).collect()
@@ -164,10 +167,10 @@ mod tests {
         assert_eq!(leaves(&exits, 11), [30], "the first began without it");
         assert!(exits.leaves(8, 12), "it slept when it was to leave");
         assert!(!exits.leaves(8, 9) && !exits.leaves(32, 33) && !exits.leaves(0, 12));
-        assert_eq!(leaves(&of_mixer(&[(FaultKind::Exit, 0.1, Some(0.0))]), 5), [], "one that lasts no time");
+        assert_eq!(leaves(&of_mixer(&[(FaultKind::Exit, 0.1, Some(0.0))]), 5), NONE, "one that lasts no time");
         assert_eq!(
             leaves(&of_mixer(&[(FaultKind::Exit, 0.0, None)]), 0),
-            [],
+            NONE,
             "it does not wait for the first sample yet"
         );
     }
@@ -179,7 +182,7 @@ mod tests {
         assert_eq!(both.burns_until(11, 11), None);
         assert_eq!(leaves(&both, 5), [10]);
         let others = of(Topic::Actuators, &[Fault::new(FaultTarget::Guidance, FaultKind::Exit, 0.1, None)]);
-        assert_eq!(leaves(&others, 5), []);
+        assert_eq!(leaves(&others, 5), NONE);
     }
 
     #[test]
@@ -187,7 +190,7 @@ mod tests {
         let exit = Fault::new(FaultTarget::Mixer, FaultKind::Exit, 0.1, None);
         let scenario = Scenario { fault: vec![exit], ..Scenario::default() };
         let page = Arc::new(ControlPage::private().expect("memory"));
-        assert_eq!(leaves(&ProcessFaults::new(page, Topic::Actuators, &scenario, false), 5), []);
+        assert_eq!(leaves(&ProcessFaults::new(page, Topic::Actuators, &scenario, false), 5), NONE);
     }
 
     #[test]

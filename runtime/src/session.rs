@@ -77,14 +77,15 @@ impl NodeSession {
         open(&mut self.ports, &self.member, &self.scenario)
     }
 
-    /// Takes over the snapshot of the previous active process, which all stamps of this one name from then on; `None`
-    /// for epoch 1, or if there is none.
-    pub fn take_over_memory(&self) -> Option<Snapshot> {
+    /// Offers the snapshot of the previous active process, if this is not the first and there is one, to `restore`,
+    /// which returns whether it fits. All stamps of this process then name its origin.
+    pub fn take_over_memory(&self, restore: impl FnOnce(&Snapshot) -> bool) {
         let memory = &self.member.page.role(self.member.topic).memory;
         let written = (self.member.epoch > 1).then(|| memory.read_whole()).flatten();
-        let (origin, snapshot) = written.filter(|(origin, _)| *origin != Origin::default())?;
-        self.member.continues.set(origin);
-        Some(snapshot)
+        let written = written.filter(|(origin, _)| *origin != Origin::default());
+        if let Some((origin, _)) = written.filter(|(_, snapshot)| restore(snapshot)) {
+            self.member.continues.set(origin);
+        }
     }
 
     /// Enters the real-time class, says that this process is ready, and returns the loop of a node that answers. Call
@@ -182,9 +183,12 @@ mod tests {
         let memory = [7; contract::snapshot::SNAPSHOT_WORDS];
         let origin = Origin { epoch: 1, done: 5 };
         ring.page.role(Topic::Controls).memory.write(origin, &memory);
-        assert_eq!(ring.session(Topic::Controls, 1).take_over_memory(), None);
-        let next = ring.session(Topic::Controls, 2);
-        assert_eq!((next.take_over_memory(), next.member.continues.get()), (Some(memory), origin));
+        ring.session(Topic::Controls, 1).take_over_memory(|_| panic!("it is the first"));
+        for (fits, continues) in [(true, origin), (false, Origin::default())] {
+            let next = ring.session(Topic::Controls, 2);
+            next.take_over_memory(|offered| *offered == memory && fits);
+            assert_eq!(next.member.continues.get(), continues);
+        }
     }
 
     #[test]

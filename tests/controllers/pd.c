@@ -24,6 +24,7 @@
 #define FAIL_IN_STEP 13
 #define CRASH_WHEN_LOADED 14
 #define MARK_WHEN_LOADED 15 // writes the file TREFOIL_MARK
+#define REFUSE_MEMORY 16
 #ifndef TRAP
 #define TRAP 0
 #endif
@@ -85,6 +86,7 @@ static int32_t step(void *node, const void *input, void *answer) {
 static void snapshot(const void *node, void *memory) { memcpy(memory, &((const Pd *)node)->steps, 8); }
 
 static int32_t restore(void *node, const void *memory) {
+  if (TRAP == REFUSE_MEMORY) return 1;
   memcpy(&((Pd *)node)->steps, memory, 8);
   return 0;
 }

@@ -31,7 +31,7 @@ const WORDS: [(&str, &[&str]); 13] = [
     ("guidance.roll_reference", &["trim", "absolute"]),
     ("guidance.derivative", &["error", "velocity"]),
     ("guidance.rate_reference", &["difference", "zero"]),
-    ("mpc.law", &["mpc", "lqr", "pid"]),
+    ("mpc.law", &["mpc", "lqr", "pid", "geometric", "indi"]),
     ("mpc.terminal", &["zero", "q", "dare"]),
     ("mpc.constraints", &["none", "box", "cone"]),
     ("mpc.solver", &["clarabel", "active-set"]),

@@ -2,7 +2,7 @@
 
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
-use contract::integrity::checksum;
+use contract::integrity::checksum_of;
 use contract::message::{Controls, Message, Reference, Stamp, State};
 use contract::scenario::{Law, Profile};
 use contract::snapshot::{SNAPSHOT_WORDS, Snapshot};
@@ -14,14 +14,15 @@ use proptest::sample::select;
 
 use super::cases;
 
-/// Controllers of every kind: without constraints, with them, and the two other laws.
+/// Controllers of every kind: without constraints, with them, and the other laws.
 fn scenario() -> impl Strategy<Value = Scenario> {
     let of = |profile, law| {
         let mut scenario = Scenario::from(profile);
         scenario.mpc.law = law;
         scenario
     };
-    select(vec![of(Profile::Paper, Law::Mpc), of(Profile::Robust, Law::Mpc), of(Profile::Robust, Law::Pid)])
+    let robust = [Law::Mpc, Law::Pid, Law::Geometric, Law::Indi].map(|law| of(Profile::Robust, law));
+    select([&robust[..], &[of(Profile::Paper, Law::Mpc)]].concat())
 }
 
 /// Words and where to put them: any bits, small counts, numbers of any size.
@@ -37,7 +38,7 @@ fn forged(mut snapshot: Snapshot, words: &[(usize, u64)]) -> Snapshot {
     }
     if words.iter().all(|(place, _)| *place != 1) {
         snapshot[1] = 0;
-        snapshot[1] = checksum(&snapshot);
+        snapshot[1] = checksum_of(&snapshot);
     }
     snapshot
 }

@@ -21,7 +21,7 @@ SAMPLE_NS = 10_000_000
 # Schema name and fields of every topic.
 TOPICS = {
     "/state": ("trefoil.v1.State", "stamp applied_sequence applied_age_ns measured actual actuators command_in_force"
-               " status status_name arrivals arrived"),
+               " status status_name arrivals arrived navigation"),
     "/reference": ("trefoil.v1.Reference", "stamp position_m velocity_mps w_mps attitude_rad rates_radps"
                    " disturbance_mps2 flags"),
     "/controls": ("trefoil.v1.Controls", "stamp demand disturbance status status_name iterations solve_ns"
@@ -31,6 +31,17 @@ TOPICS = {
 # What happened to the processes; no message in a quiet flight.
 EVENTS = "/events"
 EVENT = ("trefoil.v1.Event", "tick node epoch what why swap by fault_number fault origin")
+
+# Derived messages for viewers, in Foxglove's schemas. No message on /view/log in a quiet flight.
+VIEW = {
+    "/view/tf": "foxglove.FrameTransforms",
+    "/view/tf_static": "foxglove.FrameTransforms",
+    "/view/arrows": "foxglove.SceneUpdate",
+    "/view/vehicle": "foxglove.SceneUpdate",
+    "/view/path": "foxglove.PosesInFrame",
+    "/view/course": "foxglove.PosesInFrame",
+    "/view/log": "foxglove.Log",
+}
 
 
 class Unexpected(Exception):
@@ -63,6 +74,9 @@ def messages_of(file):
 def check(schema, channel, message, decoded):
     """One message against the promises."""
     topic = channel.topic
+    if topic in VIEW:
+        expect((schema.name, schema.encoding) == (VIEW[topic], "protobuf"), f"{topic} holds {schema.name}")
+        return
     expect(topic in TOPICS or topic == EVENTS, f"unknown topic {topic}")
     name, fields = EVENT if topic == EVENTS else TOPICS[topic]
     expect((schema.name, schema.encoding) == (name, "protobuf"), f"{topic} holds {schema.name} in {schema.encoding}")
@@ -88,7 +102,7 @@ def ordinary(path):
 
 def summary(path):
     """Reads and checks the log at `path`."""
-    counts = dict.fromkeys([*TOPICS, EVENTS], 0)
+    counts = dict.fromkeys([*TOPICS, EVENTS, *VIEW], 0)
     times_s, heights_m, complete = [], [], True
     with open(path, "rb") as file:
         scenario = scenario_of(file)
@@ -101,7 +115,7 @@ def summary(path):
             times_s.append(item.message.log_time * 1e-9)
             if item.channel.topic == "/state":
                 heights_m.append(-item.decoded_message.actual.position_m.z)
-        empty = [topic for topic in TOPICS if counts[topic] == 0]
+        empty = [topic for topic in [*TOPICS, *VIEW] if counts[topic] == 0 and topic != "/view/log"]
         expect(not empty, f"no message on {' '.join(empty)}")
         if complete:
             file.seek(0)

@@ -30,7 +30,7 @@ fn faults_are_slices_and_events_are_marks_in_lanes_of_their_own() {
     let ms = 1_000_000;
     let expected = [
         (6, Some("wind gust"), 10 * ms, 40 * ms),
-        (6, Some("mixer kill"), 20 * ms, 70 * ms),
+        (6, Some("mixer kill"), 20 * ms, 0),
         (7, Some("mixer was down"), 20 * ms, 40 * ms),
     ];
     assert_eq!(spans, expected);

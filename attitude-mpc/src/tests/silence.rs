@@ -2,13 +2,13 @@
 
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags};
-use contract::scenario::{Constraints, Law, Profile, Solver, StateConstraints};
+use contract::scenario::{Constraints, DelayCompensation, DelayName, Law, Profile, Solver, StateConstraints};
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
 
 use super::{hover, violent_turn};
 use crate::AttitudeMpc;
-use crate::memory::{Held, MAX_HELD, Memory, WarmStart, Whole};
+use crate::memory::{Held, MAX_HELD, WarmStart, Whole};
 
 #[test]
 fn without_a_fresh_state_the_demand_is_repeated_with_status_stale() {
@@ -50,7 +50,7 @@ fn a_missing_reference_shows_in_the_status_from_its_first_tick_on() {
 /// Demands at hover; after tick 0 there are no new references, or only repeated ones with `flags`.
 fn without_references(flags: u64) -> Vec<[f64; 4]> {
     let mut scenario = Scenario::default();
-    scenario.mpc.delay_compensation = false; // the demand must not depend on the last one
+    scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // the demand must not depend on the last one
     let mut mpc = AttitudeMpc::new(&scenario);
     let answer = |tick| {
         let (state, mut reference) = hover(&mpc, tick);
@@ -84,7 +84,7 @@ fn without_references_the_demand_holds_then_levels_then_descends() {
 #[test]
 fn a_new_reference_is_followed_again() {
     let mut scenario = Scenario::default();
-    scenario.mpc.delay_compensation = false; // as above
+    scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // as above
     let mut mpc = AttitudeMpc::new(&scenario);
     let (state, reference) = hover(&mpc, 400);
     assert!(mpc.step(400, &state, &Reference::default()).demand[0] > 0.1, "none came: down");
@@ -100,7 +100,8 @@ fn a_bad_snapshot_changes_nothing() {
     let memory = mpc.memory;
     let mut torn = mpc.snapshot();
     torn[20] ^= 1;
-    let bad = Memory { demand: [f64::NAN; 4].into(), ..memory };
+    let mut bad = memory;
+    bad.delay.demands[3][1] = f64::NAN;
     let bad = snapshot::pack(&Whole { memory: bad, warm_start: WarmStart::default() });
     let other_model = AttitudeMpc::new(&Scenario::from(Profile::Paper)).snapshot();
     for snapshot in [torn, bad, other_model, [0; SNAPSHOT_WORDS]] {
@@ -146,6 +147,7 @@ fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec
         state.measured.velocity_mps[2] = *w;
         state.measured.attitude_rad = [*phi, *theta, 0.0];
         state.measured.rates_radps = [*p, *q, *r];
+        (state.applied_sequence, state.applied_age_ns) = (tick, 15_000_000 * late);
         reference.attitude_rad[2] = *heading;
         let [one, other] = [Some(&mut mpc), candidate.as_mut()]
             .map(|mpc| mpc.map(|mpc| Controls { solve_ns: 0, ..mpc.step(tick, &state, &reference) }));
@@ -160,15 +162,19 @@ proptest! {
     #[test]
     fn a_restored_node_answers_bit_by_bit_like_the_one_it_continues(
         path in prop::collection::vec((prop::array::uniform7(-1.5..1.5_f64), 0_u64..3), 4..30), until in 1_usize..4,
-        [paper, own, soft, pid] in prop::array::uniform4(prop::bool::ANY),
+        [paper, own, soft, measured] in prop::array::uniform4(prop::bool::ANY),
+        law in prop::sample::select(&[Law::Mpc, Law::Mpc, Law::Mpc, Law::Pid, Law::Geometric, Law::Indi][..]),
     ) {
         let mut scenario = Scenario::from(if paper { Profile::Paper } else { Profile::Robust });
         scenario.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
         scenario.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         scenario.mpc.constraints = Constraints::Cone;
         scenario.mpc.disturbance_gain = 0.1;
+        if measured {
+            scenario.mpc.delay_compensation = DelayCompensation::Named(DelayName::Measured);
+        }
         scenario.mpc.time_limit_ms = 0.0;
-        scenario.mpc.law = if pid && paper { Law::Pid } else { Law::Mpc };
+        scenario.mpc.law = law;
         for [one, other] in continued(&scenario, &path, until) {
             prop_assert_eq!(one, other);
         }

@@ -78,6 +78,24 @@ macro_rules! messages {
                     tilt_rad: f64,
                 }
 
+                /// Errors that the navigation unit expects of its estimate, and what became of its measurements; all
+                /// zero without the EKF.
+                Navigation {
+                    /// Standard deviations of the measured position, NED \[m\].
+                    position_m: [f64; 3],
+                    /// Standard deviations of the measured velocity, NED \[m/s\].
+                    velocity_mps: [f64; 3],
+                    /// Standard deviations of the measured attitude, as turns about the body axes \[rad\].
+                    attitude_rad: [f64; 3],
+                    /// Normalised innovation squared of the last position, velocity, height, heading and flow, as a
+                    /// share of its gate: above 1 the measurement was refused, or reset the estimate.
+                    innovations: [f64; 5],
+                    /// Measurements that the gates refused so far, in the same order.
+                    refused: [u64; 5],
+                    /// Resets so far.
+                    resets: u64,
+                }
+
                 /// Command that the plant received, for replay.
                 Arrival {
                     /// Sequence number of the message.
@@ -90,7 +108,7 @@ macro_rules! messages {
             }
             messages {
                 /// STATE: the measured motion, the true motion, and the command in force.
-                State "trefoil.State.v5" 600 bytes {
+                State "trefoil.State.v6" 760 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim
@@ -98,7 +116,7 @@ macro_rules! messages {
                     applied_sequence: u64,
                     /// Age of the sample behind that command when the command took effect at the actuators \[ns\].
                     applied_age_ns: u64,
-                    /// Measured motion. A controller may use only this and `command_in_force`.
+                    /// Measured motion. A controller may use only this, `command_in_force`, and its number and age.
                     measured: Kinematics,
                     /// True motion, for the recorder and the report.
                     actual: Kinematics,
@@ -113,10 +131,12 @@ macro_rules! messages {
                     arrivals: [Arrival; MAX_ARRIVALS],
                     /// Number of valid entries in `arrivals`.
                     arrived: u64,
+                    /// Errors that the navigation unit expects of `measured`.
+                    navigation: Navigation,
                 }
 
                 /// REFERENCE: the attitude, rates and vertical velocity that the attitude loop shall follow.
-                Reference "trefoil.Reference.v5" 344 bytes {
+                Reference "trefoil.Reference.v6" 344 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Position on the trajectory, NED \[m\].
@@ -129,14 +149,15 @@ macro_rules! messages {
                     attitude_rad: [f64; 3] as demand,
                     /// References of p, q, r \[rad/s\].
                     rates_radps: [f64; 3] as demand,
-                    /// Disturbance estimate of the position loop: acceleration x, y in the heading frame \[m/s2\].
+                    /// Disturbance estimate of the position loop: acceleration x (ahead) and y (to the right) in the
+                    /// heading frame, which is NED turned by the yaw psi, so not north and east \[m/s2\].
                     disturbance_mps2: [f64; 2],
                     /// Limits that were active, and repeated references: bits of [`guidance_flags`].
                     flags: u64,
                 }
 
                 /// CONTROLS: the demanded conventional inputs, as deviations from trim.
-                Controls "trefoil.Controls.v5" 320 bytes {
+                Controls "trefoil.Controls.v6" 320 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Demand of col, lon, lat, ped \[N, N m, N m, N m\].
@@ -156,7 +177,7 @@ macro_rules! messages {
                 }
 
                 /// ACTUATORS: the command for rotors and servo.
-                Actuators "trefoil.Actuators.v5" 256 bytes {
+                Actuators "trefoil.Actuators.v6" 256 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Command inside the actuators' limits.

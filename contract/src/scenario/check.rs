@@ -15,6 +15,7 @@ use toml::{Table, Value};
 
 pub use self::found::Violation;
 pub use self::idle::drop_overridden;
+pub use self::ranges::range_of;
 pub use self::swaps::LoadCandidate;
 
 use self::found::Found;
@@ -295,7 +296,7 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         match mpc.law {
             Law::Mpc => true,
             Law::Lqr => matches!(mpc.model, Model::Hover | Model::Coupled),
-            Law::Pid => mpc.model == Model::Hover,
+            Law::Pid | Law::Geometric | Law::Indi => mpc.model == Model::Hover,
         },
         &["mpc.model", "mpc.law"],
         "`mpc.model` with a law that has no such model".into(),
@@ -312,6 +313,12 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         &["mpc.model", "mpc.state_constraints"],
         "`mpc.state_constraints` with a model at speed, where that of hover predicts them".into(),
         "`mpc.model` = \"hover\" or \"coupled\" with them",
+    );
+    found.require(
+        !mpc.delay_compensation.is_measured() || matches!(mpc.model, Model::Hover | Model::Coupled),
+        &["mpc.model", "mpc.delay_compensation"],
+        "`mpc.delay_compensation` = \"measured\" with a model at speed, which predicts whole samples only".into(),
+        "`mpc.model` = \"hover\" or \"coupled\" with it, or `mpc.delay_compensation` = true",
     );
     found.require(
         mpc.actuator_lag_model_s <= 0.0 || mpc.actuator_lag_model_s >= 0.001,

@@ -1,29 +1,39 @@
 //! `[guidance]`, `[mpc]` and `[mixer]`: the controllers' settings.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Settings of the position controller, `[guidance]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Settings of the position controller, `[guidance]`. The nine gains of Table III have the names printed there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-#[expect(missing_docs, reason = "nine gains of Table III, named as printed there")]
 #[expect(clippy::struct_excessive_bools, reason = "independent switches of the file")]
 pub struct Guidance {
+    /// Gain of the roll reference, on the lateral position error, to the right \[rad/m\].
     pub kp_phi: f64,
+    /// Gain of the roll reference, on the integral of the lateral position error, to the right \[rad/(m s)\].
     pub ki_phi: f64,
+    /// Gain of the roll reference, on the derivative of the lateral position error, to the right \[rad s/m\].
     pub kd_phi: f64,
+    /// Gain of the pitch reference, on the longitudinal position error, ahead \[rad/m\].
     pub kp_theta: f64,
+    /// Gain of the pitch reference, on the integral of the longitudinal position error, ahead \[rad/(m s)\].
     pub ki_theta: f64,
+    /// Gain of the pitch reference, on the derivative of the longitudinal position error, ahead \[rad s/m\].
     pub kd_theta: f64,
+    /// Gain of the vertical speed, down positive, on the vertical position error, down \[1/s\].
     pub kp_w: f64,
+    /// Gain of the vertical speed, down positive, on the integral of the vertical position error, down \[1/s2\].
     pub ki_w: f64,
+    /// Gain of the vertical speed, down positive, on the derivative of the vertical position error, down \[1\].
     pub kd_w: f64,
     /// Roll angle that `phi_ref` is added to.
     pub roll_reference: RollReference,
     /// Error derivative that the D terms act on.
     pub derivative: Derivative,
-    /// References of p, q, r.
+    /// References of the body rates p, q, r.
     pub rate_reference: RateReference,
-    /// `true` to rotate errors and feed-forward by psi into the heading frame.
+    /// `true` to rotate errors and feed-forward by psi into the heading frame (ahead, right, down); `false` = north is
+    /// ahead and east is right, whatever the heading.
     pub heading_frame: bool,
     /// `true` to feed the reference acceleration forward: `phi += a_y/g`, `theta -= a_x/g`.
     pub acceleration_feedforward: bool,
@@ -31,23 +41,23 @@ pub struct Guidance {
     pub velocity_feedforward: bool,
     /// `true` to choose w such that the inertial vertical speed is the wanted one.
     pub exact_w: bool,
-    /// Bandwidth of the outer acceleration observer \[rad/s\], 0 = off.
+    /// Bandwidth of the outer acceleration observer \[rad/s\], below `run.rate_hz`; 0 = off.
     pub disturbance_observer_radps: f64,
-    /// Largest references of roll (without trim) and pitch, either way \[deg\].
+    /// Largest references of roll (without trim) and pitch, in either direction \[deg\].
     pub angle_limit_deg: f64,
-    /// Limit of the wanted vertical speed, up or down, before `exact_w` \[m/s\].
+    /// Limit of the wanted vertical speed in the world, up or down, before `exact_w` \[m/s\].
     pub climb_limit_mps: f64,
-    /// Limit of the reference of w, after `exact_w` \[m/s\]. Level flight at speed V has w = V sin theta; a lower limit
-    /// costs altitude.
+    /// Limit of the reference of w, the body z velocity, after `exact_w` \[m/s\]. Level flight at speed V has w = V sin
+    /// theta; a lower limit costs altitude.
     pub w_limit_mps: f64,
     /// Rate at which the heading reference turns \[deg/s\]; 0 = it steps.
     pub heading_rate_limit_dps: f64,
-    /// Clamp of each error integral \[m s\].
+    /// Limit of each error integral, in either direction \[m s\].
     pub integral_limit: f64,
 }
 
 /// Zero point of the roll reference, `guidance.roll_reference`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RollReference {
     /// Roll angle `phi_trim`.
@@ -57,7 +67,7 @@ pub enum RollReference {
 }
 
 /// Input of the D terms, `guidance.derivative`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Derivative {
     /// Backward difference of the position error, 0 at the first tick.
@@ -67,7 +77,7 @@ pub enum Derivative {
 }
 
 /// References of the body rates, `guidance.rate_reference`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RateReference {
     /// Backward difference of the angle references, through the inverse of (8).
@@ -77,7 +87,7 @@ pub enum RateReference {
 }
 
 /// Settings of the attitude controller, `[mpc]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mpc {
     /// Control law of the attitude loop. `mpc` and `lqr` use weights, model and disturbance estimate; only `mpc` uses
@@ -85,15 +95,18 @@ pub struct Mpc {
     pub law: Law,
     /// Point at which the prediction model is linearised.
     pub model: Model,
-    /// Diagonal of Q on w, phi, theta, psi, p, q, r.
+    /// Diagonal of Q: cost of the squared errors of w \[s2/m2\], of phi, theta, psi \[1/rad2\] and of p, q, r
+    /// \[s2/rad2\].
     pub q: [f64; 7],
-    /// Diagonal of R on col, lon, lat, ped: R1 of Table IV.
+    /// Diagonal of R: cost of the squares of col \[1/N2\] and of lon, lat, ped \[1/(N m)2\], as deviations from trim;
+    /// R1 of Table IV.
     pub r: [f64; 4],
-    /// Diagonal of the weight on their change from sample to sample, for `mpc` only: R2 of Table IV, zero in the paper.
+    /// Diagonal of the weight on the change of col \[1/N2\] and of lon, lat, ped \[1/(N m)2\] from sample to sample,
+    /// for `mpc` only: R2 of Table IV, zero in the paper.
     pub r_rate: [f64; 4],
     /// Prediction horizon Np \[samples\].
     pub np: usize,
-    /// Control horizon Nu \[samples\].
+    /// Control horizon Nu \[samples\], at most `np`.
     pub nu: usize,
     /// Terminal weight P.
     pub terminal: Terminal,
@@ -103,7 +116,7 @@ pub struct Mpc {
     pub solver: Solver,
     /// Largest number of iterations of a solve.
     pub max_iterations: u32,
-    /// Longest solve of Clarabel in real time \[ms\], 0 = unlimited. It has no effect in lockstep and in process,
+    /// Longest solve of Clarabel in real time \[ms\]; 0 = unlimited. It has no effect in lockstep and in process,
     /// because a flight that repeats bit for bit cannot depend on the clock.
     pub time_limit_ms: f64,
     /// Constraints that keep predicted states inside the limits below.
@@ -112,20 +125,52 @@ pub struct Mpc {
     pub state_penalty: f64,
     /// Limits of phi, theta, psi in either direction \[deg\].
     pub attitude_limit_deg: [f64; 3],
-    /// Limits of p, q, r in either direction \[deg/s\].
+    /// Limits of the body rates p, q, r in either direction \[deg/s\].
     pub rates_limit_dps: [f64; 3],
-    /// Time constant of the modelled actuator lag \[s\], 0 = not modelled.
+    /// Time constant of the modelled actuator lag \[s\]; 0 = not modelled, else at least 0.001.
     pub actuator_lag_model_s: f64,
-    /// `true` to predict one sample ahead with the last command before solving.
-    pub delay_compensation: bool,
-    /// Gain of the input-disturbance estimate, 0 = off.
+    /// Time over which the state is predicted before solving: `false` = none, `true` = one sample with the last demand,
+    /// `"measured"` = the delay that STATE reports, with the demands that are still under way.
+    pub delay_compensation: DelayCompensation,
+    /// Gain of the input-disturbance estimate: share of the prediction error that one sample takes in; 0 = off. The law
+    /// `indi` has an estimate of its own.
     pub disturbance_gain: f64,
     /// Gains of the law `pid`.
     pub pid: PidGains,
+    /// Gains of the law `geometric`, as of `pid`; those of phi, theta, psi are about x, y, z of the level frame, and w
+    /// is the vertical speed.
+    pub geometric: PidGains,
+    /// Gains of the law `indi`.
+    pub indi: IndiGains,
+}
+
+/// Prediction over the delay of the commands, `mpc.delay_compensation`: `false`, `true` or `"measured"`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected true, false or \"measured\"")]
+pub enum DelayCompensation {
+    /// Over one sample with the last demand, or not at all.
+    Sample(bool),
+    /// Over a delay that is not written down.
+    Named(DelayName),
+}
+
+impl DelayCompensation {
+    /// Returns whether the delay is the measured one.
+    pub fn is_measured(self) -> bool {
+        self == Self::Named(DelayName::Measured)
+    }
+}
+
+/// Named delays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DelayName {
+    /// Over the age at which commands take effect, as STATE reports it, with the demands that are still under way.
+    Measured,
 }
 
 /// Gains of the law `pid`, `[mpc.pid]`: accelerations per error, so that another vehicle has the same poles with them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PidGains {
     /// Gains on the errors of w \[1/s\] and of theta, phi, psi \[1/s2\], which drive col, lon, lat, ped.
@@ -144,8 +189,27 @@ impl Default for PidGains {
     }
 }
 
+/// Gains of the law `indi`, `[mpc.indi]`: accelerations per error, as those of `geometric`, without integrals.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct IndiGains {
+    /// Gains on the errors of w \[1/s\] and of theta, phi, psi \[1/s2\], which drive col, lon, lat, ped.
+    pub kp: [f64; 4],
+    /// Gains on the errors of q, p, r \[1/s\], which drive lon, lat, ped.
+    pub kd: [f64; 3],
+    /// Bandwidth of each of the two low-passes on acceleration and actuators \[rad/s\].
+    pub filter_radps: f64,
+}
+
+impl Default for IndiGains {
+    /// Places both poles of each angle at -6 rad/s and that of the climb at -4. The filter is five times as fast.
+    fn default() -> Self {
+        Self { kp: [4.0, 36.0, 36.0, 36.0], kd: [12.0; 3], filter_radps: 30.0 }
+    }
+}
+
 /// Control law of the attitude loop, `mpc.law`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Law {
     /// The paper's law: the best plan over the horizon.
@@ -154,10 +218,14 @@ pub enum Law {
     Lqr,
     /// One PID per axis.
     Pid,
+    /// Tilt before heading on SO(3), with the inverse of the rigid body's nonlinear equations.
+    Geometric,
+    /// Incremental nonlinear dynamic inversion: the measured acceleration replaces the model of disturbances.
+    Indi,
 }
 
 /// Linearisation of the prediction model, `mpc.model`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Model {
     /// Model at hover.
@@ -171,7 +239,7 @@ pub enum Model {
 }
 
 /// Solver of the constrained problem, `mpc.solver`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
     /// Clarabel, an interior-point method.
@@ -181,7 +249,7 @@ pub enum Solver {
 }
 
 /// Constraints on predicted states, `mpc.state_constraints`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum StateConstraints {
     /// No constraints.
@@ -191,7 +259,7 @@ pub enum StateConstraints {
 }
 
 /// Terminal weight P, `mpc.terminal`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Terminal {
     /// P = 0.
@@ -203,7 +271,7 @@ pub enum Terminal {
 }
 
 /// Constraints on the actuators, `mpc.constraints`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Constraints {
     /// No constraints: the unconstrained optimum.
@@ -215,14 +283,14 @@ pub enum Constraints {
 }
 
 /// Settings of the control allocation, `[mixer]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mixer {
     /// `true` to use the mixing matrix with the tilt reaction.
     pub tilt_reaction: bool,
     /// `true` to replace a demand outside the exact actuator set by the nearest one inside.
     pub projection: bool,
-    /// Cost of an error in col, lon, lat, ped in the projection, per N^2 and (N m)^2: the cheapest is given up first.
-    /// The controller uses the same costs when its solver fails.
+    /// Cost of an error in col \[1/N2\] and in lon, lat, ped \[1/(N m)2\] in the projection: the cheapest is given up
+    /// first. The controller uses the same costs when its solver fails.
     pub projection_weights: [f64; 4],
 }

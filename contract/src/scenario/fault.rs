@@ -6,6 +6,7 @@
 mod catalogue;
 
 pub use catalogue::{FaultKind, FaultTarget, Wrong};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Latest beginning and longest duration of a fault \[s\]: a day, the longest flight.
@@ -14,36 +15,42 @@ pub const MAX_FAULT_S: f64 = 86_400.0;
 pub const MAX_FAULT_MS: f64 = 60_000.0;
 
 /// One `[[fault]]`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// Beginning of the fault \[s\].
+    /// Beginning of the fault \[s\], 0 to 86400.
+    #[schemars(range(min = 0.0, max = MAX_FAULT_S))]
     pub at_s: f64,
-    /// Duration \[s\]; absent = until the end of the flight.
+    /// Duration \[s\], 0 to 86400; absent = until the end of the flight.
+    #[schemars(range(min = 0.0, max = MAX_FAULT_S))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub for_s: Option<f64>,
     /// Part of the stack that has the fault.
     pub target: FaultTarget,
-    /// Kind of the fault.
+    /// Kind of the fault; each target has only some of them.
     pub kind: FaultKind,
     /// Process whose clock is off (offset), or whose segments are removed (shm-removed).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<FaultTarget>,
     /// Time \[ms\]: delay (slow process, delay, delayed), age (stale), time constant (slow sensor or actuator),
     /// duration of the rise (step), or lead of the clock (offset; negative = it is behind).
+    #[schemars(range(min = -MAX_FAULT_MS, max = MAX_FAULT_MS))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ms: Option<f64>,
-    /// Size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), mass \[kg\]. Angles
-    /// are in degrees.
+    /// Size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), kilograms (mass). It
+    /// has the unit of what it changes; angles are in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
-    /// Wind, NED \[m/s\].
+    /// Wind, NED \[m/s\] (step, gust).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vector: Option<[f64; 3]>,
-    /// Share of the messages or ticks affected (drop, duplicate, reorder, corrupt, garbage, intermittent).
+    /// Share of the messages or ticks affected, 0 to 1 (drop, duplicate, reorder, corrupt, garbage, intermittent).
+    #[schemars(range(min = 0, max = 1))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
-    /// Number of messages lost in a row (burst), bits flipped (corrupt), or messages for each that passes (rate).
+    /// Number of messages lost in a row (burst), bits flipped (corrupt), or messages for each that passes (rate); 1 or
+    /// more.
+    #[schemars(range(min = 1))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<u64>,
     /// Error of a sensor or topic that is wrong; absent = bias for a sensor, sign for a topic.

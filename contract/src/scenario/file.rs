@@ -5,9 +5,11 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
+#[cfg(target_os = "linux")]
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
+#[cfg(target_os = "linux")]
 use rustix::fs::OFlags;
 
 /// Largest scenario or settings file \[bytes\], more than people write.
@@ -19,9 +21,11 @@ pub const MAX_LOG_BYTES: u64 = 64 << 30;
 
 /// Opens the regular file at `path` without ever waiting, and returns its length too, at most `limit` bytes.
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
+    let mut options = OpenOptions::new();
     // std adds O_CLOEXEC. O_NONBLOCK means nothing to a regular file, and keeps the open of a FIFO from waiting.
-    let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
-    checked(OpenOptions::new().read(true).custom_flags(flags.bits().cast_signed()).open(path)?, limit)
+    #[cfg(target_os = "linux")]
+    options.custom_flags((OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed());
+    checked(options.read(true).open(path)?, limit)
 }
 
 /// Refuses a file that is not regular, or has more than `limit` bytes; otherwise returns its length too.
@@ -31,7 +35,9 @@ pub fn checked(file: File, limit: u64) -> Result<(File, u64)> {
     if !kind.is_file() {
         let what = match () {
             () if kind.is_dir() => "a directory",
+            #[cfg(target_os = "linux")]
             () if kind.is_fifo() => "a FIFO",
+            #[cfg(target_os = "linux")]
             () if kind.is_char_device() || kind.is_block_device() => "a device",
             () => "of another kind",
         };

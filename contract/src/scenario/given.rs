@@ -15,7 +15,12 @@ pub struct Given(Table);
 impl Given {
     /// Loads the settings of `file`, with `overrides` (`key=value`) on top.
     pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Self, ScenarioError> {
-        given(&sources(file, overrides)?).map(Self)
+        Self::load_from(file.map(Source::read).transpose()?, overrides)
+    }
+
+    /// Loads like [`load`](Self::load), from the text of a file that was read before.
+    pub fn load_from(file: Option<Source>, overrides: &[String]) -> Result<Self, ScenarioError> {
+        given(&sources(file, overrides)).map(Self)
     }
 
     /// Adds the settings of a table on top.

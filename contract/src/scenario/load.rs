@@ -4,7 +4,6 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::file::{self, MAX_TEXT_BYTES};
 use super::program::{drop_replaced_programs, find_programs};
 use super::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
 use super::{Fault, Scenario, Sensors, Swap, check, profile, shape};
@@ -12,18 +11,28 @@ use super::{Fault, Scenario, Sensors, Swap, check, profile, shape};
 /// Loads the scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the
 /// defaults of the profile they choose. Without a file the overrides are laid on the defaults alone.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-    resolve(&sources(file, overrides)?)
+    load_from(file.map(Source::read).transpose()?, overrides)
+}
+
+/// Loads like [`load`], from the text of a file that was read before.
+pub fn load_from(file: Option<Source>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+    resolve(&sources(file, overrides))
 }
 
 /// Collects the sources to merge, lowest first: the text of `file`, then the `overrides`.
-pub(super) fn sources(file: Option<&Path>, overrides: &[String]) -> Result<Vec<Source>, ScenarioError> {
-    let file = file.map(read).transpose()?;
-    Ok(file.into_iter().chain(overrides.iter().map(|text| set(text))).collect())
+pub(super) fn sources(file: Option<Source>, overrides: &[String]) -> Vec<Source> {
+    file.into_iter().chain(overrides.iter().map(|text| set(text))).collect()
+}
+
+/// Loads like [`load`] the scenario `text`; `origin` names it in errors.
+pub fn load_text(text: &str, origin: &str, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+    let file = Source { path: Some(origin.into()), text: text.into() };
+    resolve(&std::iter::once(file).chain(overrides.iter().map(|text| set(text))).collect::<Vec<_>>())
 }
 
 /// Reads the scenario that [`to_toml`] wrote as `text`, and checks it again; `origin` names the text in errors.
 pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
-    resolve(&[Source { path: Some(origin.into()), text: text.into() }])
+    load_text(text, origin, &[])
 }
 
 /// Prints all settings as a scenario file, exact to the last bit.
@@ -150,23 +159,6 @@ pub(super) fn overlay(below: &mut Table, above: Table) {
             }
         }
     }
-}
-
-fn read(path: &Path) -> Result<Source, ScenarioError> {
-    let name = path.display().to_string();
-    let bytes = file::read(path, MAX_TEXT_BYTES).map_err(|error| {
-        ScenarioError::new(&[Problem {
-            title: format!("cannot read the scenario `{name}`: {error}"),
-            place: None,
-            help: "give the path of a scenario file; `ls scenarios` lists the shipped ones".into(),
-        }])
-    })?;
-    String::from_utf8(bytes).map(|text| Source { path: Some(name.clone()), text }).map_err(|error| {
-        let start = error.utf8_error().valid_up_to();
-        let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
-        let place = Some((&Source { path: Some(name), text }, start..start + char::REPLACEMENT_CHARACTER.len_utf8()));
-        ScenarioError::new(&[Problem { title: "not UTF-8".into(), place, help: "save the file as UTF-8 text".into() }])
-    })
 }
 
 /// Reads the argument of one `--set`. A value that begins as a word or a path and is no TOML is a string without

@@ -1,9 +1,10 @@
 //! `[mission]` and `[initial]`: the trajectory and the initial state.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Trajectory and heading reference, `[mission]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mission {
     /// Kind of trajectory.
@@ -14,9 +15,10 @@ pub struct Mission {
     pub step_at_s: f64,
     /// `waypoints`: positions NED \[m\], reached at `times_s`.
     pub waypoints_m: Vec<[f64; 3]>,
-    /// `waypoints`: time at which each is reached \[s\].
+    /// `waypoints`: time at which each is reached \[s\], rising.
     pub times_s: Vec<f64>,
-    /// Shape of the velocity between waypoints.
+    /// Shape of the velocity between waypoints: seconds of ramp \[s\] (0 = constant velocity), `"min-jerk"` or
+    /// `"spline"`.
     pub ramp_s: Ramp,
     /// `circle`: radius \[m\].
     pub radius_m: f64,
@@ -27,12 +29,12 @@ pub struct Mission {
     /// `circle`: number of laps. A single lap is min-jerk, from rest to rest. Several laps are flown at constant speed,
     /// except for the first and the last half lap.
     pub laps: u32,
-    /// Heading reference \[deg\], constant or steps.
+    /// Heading reference \[deg\], from north over east: one value, or steps `[[t_s, deg], ...]`.
     pub heading_deg: Heading,
 }
 
 /// Kind of trajectory, `mission.trajectory`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TrajectoryKind {
     /// The paper's surveillance square, 8 m in 60 s, as inferred in docs/paper.md.
@@ -48,7 +50,7 @@ pub enum TrajectoryKind {
 }
 
 /// Shape of the velocity, `mission.ramp_s`: seconds of ramp (0 = constant velocity), `"min-jerk"` or `"spline"`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected seconds, \"min-jerk\" or \"spline\"")]
 pub enum Ramp {
     /// Trapezoid of velocity with ramps this long \[s\].
@@ -58,7 +60,7 @@ pub enum Ramp {
 }
 
 /// Named shapes of the velocity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum RampName {
     /// Legs that are quintics with zero velocity and acceleration at both ends.
     #[serde(rename = "min-jerk")]
@@ -69,7 +71,7 @@ pub enum RampName {
 }
 
 /// Heading reference, `mission.heading_deg`: one value, or `[[t_s, deg], ...]` steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected degrees, or steps [[t_s, deg], ...]")]
 pub enum Heading {
     /// Constant heading \[deg\].
@@ -79,16 +81,16 @@ pub enum Heading {
 }
 
 /// Initial state, `[initial]`, added to hover trim, or to standing still.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Initial {
-    /// Position, NED \[m\].
+    /// Position, NED \[m\], within 500 m of the origin.
     pub position_m: [f64; 3],
-    /// Velocity, body \[m/s\].
+    /// Velocity u, v, w, body \[m/s\].
     pub velocity_mps: [f64; 3],
-    /// Roll, pitch, yaw \[deg\].
+    /// Euler angles roll, pitch, yaw \[deg\]; the pitch lies between -88 and 88.
     pub attitude_deg: [f64; 3],
-    /// Body rates \[rad/s\].
+    /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
     /// `true` if the vehicle starts on the ground, level, with the rotors idling, instead of at hover trim.
     pub standing: bool,

@@ -10,6 +10,7 @@
 //! | `timing` | `[realtime]`, `[deadline]` |
 //! | `mission` | `[mission]`, `[initial]` |
 //! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
+//! | `sensors` | `[plant.sensors]` |
 //! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
 //! | `fault` | `[[fault]]` |
 //! | `swap` | `[[swap]]` |
@@ -17,6 +18,7 @@
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, error messages with their place |
 //! | `given` | settings without the defaults, as a base for the flights of a campaign |
+//! | `schema` | the JSON Schema of a scenario file, with the ranges |
 //! | `words` | the known word nearest to an unknown one |
 //! | [`file`](mod@file) | reading files that come from outside |
 
@@ -31,6 +33,8 @@ mod profile;
 mod program;
 mod report;
 mod run;
+mod schema;
+mod sensors;
 mod shape;
 mod swap;
 #[cfg(test)]
@@ -42,11 +46,15 @@ mod words;
 pub use control::*;
 pub use fault::*;
 pub use given::Given;
-pub use load::{candidate, candidate_from, check_fault, check_sizes, check_swaps, from_merged, load, to_toml};
+pub use load::{
+    candidate, candidate_from, check_fault, check_sizes, check_swaps, from_merged, load, load_from, load_text, to_toml,
+};
 pub use mission::*;
-pub use program::{NodeProgram, Nodes, ProgramKind, find_programs};
-pub use report::ScenarioError;
+pub use program::{NodeProgram, Nodes, ProgramKind, any_table, find_programs};
+pub use report::{ScenarioError, Source};
 pub use run::*;
+pub use schema::{as_in_toml, schema, schema_of};
+pub use sensors::*;
 pub use swap::*;
 pub use timing::*;
 pub use vehicle::*;

@@ -6,10 +6,10 @@
 use airframe::{Parameters, Preset, projection};
 
 use super::{
-    Battery, Bounds, Constraints, Deadline, Derivative, FlownAirframe, Ground, Guidance, Heading, Initial, Late, Law,
-    Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp,
-    RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors, Solver, StateConstraints, Supervision,
-    Terminal, TrajectoryKind, Turbulence,
+    Battery, Bounds, Constraints, Deadline, DelayCompensation, Derivative, FlownAirframe, Ground, Guidance, Heading,
+    IndiGains, Initial, Late, Law, Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise, PidGains, Plant,
+    Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors, Solver,
+    StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
 };
 
 /// Returns all defaults of a profile.
@@ -143,9 +143,11 @@ fn paper() -> Scenario {
             attitude_limit_deg: [90.0, 90.0, 360.0],
             rates_limit_dps: [360.0, 360.0, 360.0],
             actuator_lag_model_s: 0.0,
-            delay_compensation: false,
+            delay_compensation: DelayCompensation::Sample(false),
             disturbance_gain: 0.0,
             pid: PidGains::default(),
+            geometric: PidGains::default(),
+            indi: IndiGains::default(),
         },
         mixer: Mixer { tilt_reaction: false, projection: false, projection_weights: projection::WEIGHTS },
         bounds: Bounds::default(),
@@ -208,7 +210,7 @@ fn robust() -> Scenario {
             terminal: Terminal::Dare,
             constraints: Constraints::Cone,
             actuator_lag_model_s: 0.03,
-            delay_compensation: true,
+            delay_compensation: DelayCompensation::Sample(true),
             ..paper.mpc
         },
         mixer: Mixer { projection: true, ..paper.mixer },

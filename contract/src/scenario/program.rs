@@ -9,13 +9,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, absolute};
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use crate::Topic;
 
 /// Programs of all nodes, `[node]`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Nodes {
     /// Program of the plant, `[node.plant]`.
@@ -33,7 +34,7 @@ pub struct Nodes {
 }
 
 /// Program of one node, `[node.<name>]`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct NodeProgram {
     /// File of the library or program. A relative path that exists beside the scenario file is that file; any other is
@@ -45,12 +46,22 @@ pub struct NodeProgram {
     /// Arguments before those of the launcher, for a program; paths as in `exec`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub args: Vec<String>,
+    /// SHA-256 of each file that `args` names, by its path; the launcher adds them, and refuses other files where they
+    /// are given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
     /// Variables added to the environment of the process.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub env: BTreeMap<String, String>,
     /// Settings handed over as JSON, `[node.<name>.settings]`: any keys.
     #[serde(skip_serializing_if = "Table::is_empty")]
+    #[schemars(schema_with = "any_table")]
     pub settings: Table,
+}
+
+/// Makes the schema of a table with any keys.
+pub fn any_table(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({ "type": "object" })
 }
 
 /// Kind of a node's program.

@@ -14,6 +14,8 @@ use std::path::Path;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
+use super::file::{self, MAX_TEXT_BYTES};
+
 /// Largest number of problems that one message lists.
 pub const MAX_PROBLEMS: usize = 8;
 
@@ -52,6 +54,26 @@ pub struct Source {
 }
 
 impl Source {
+    /// Reads the scenario file at `path`.
+    pub fn read(path: &Path) -> Result<Self, ScenarioError> {
+        let name = path.display().to_string();
+        let bytes = file::read(path, MAX_TEXT_BYTES).map_err(|error| {
+            ScenarioError::new(&[Problem {
+                title: format!("cannot read the scenario `{name}`: {error}"),
+                place: None,
+                help: "give the path of a scenario file, or the name of a shipped one: `launcher scenarios` lists them"
+                    .into(),
+            }])
+        })?;
+        String::from_utf8(bytes).map(|text| Self { path: Some(name.clone()), text }).map_err(|error| {
+            let start = error.utf8_error().valid_up_to();
+            let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
+            let place = Some((&Self { path: Some(name), text }, start..start + char::REPLACEMENT_CHARACTER.len_utf8()));
+            let help = "save the file as UTF-8 text".into();
+            ScenarioError::new(&[Problem { title: "not UTF-8".into(), place, help }])
+        })
+    }
+
     /// Folder of the file; that of the process for `--set`.
     pub fn folder(&self) -> &Path {
         self.path.as_ref().and_then(|path| Path::new(path).parent()).unwrap_or(Path::new(""))

@@ -1,6 +1,7 @@
 //! The scenario as a whole, `[run]` and `[bounds]`. Names and units are the file's.
 
 use airframe::{ActuatorLaw, Limits, Parameters, Trim};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -9,7 +10,7 @@ use super::{
 };
 
 /// All settings that decide a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scenario {
     /// Name of the run, shown in its folder and report.
@@ -49,7 +50,7 @@ pub struct Scenario {
 }
 
 /// The two sets of defaults.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Profile {
     /// The paper's controller as verified: fragile, it tolerates less than 5 ms of delay.
@@ -59,7 +60,7 @@ pub enum Profile {
 }
 
 /// Mode of a run: how the nodes are run, and what releases the plant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
     /// Nodes are processes; the plant is released by the clock.
@@ -71,28 +72,29 @@ pub enum Mode {
 }
 
 /// Mode, duration, rate and delays of a run, `[run]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Run {
     /// Execution of the nodes: processes or one thread, and the release of the plant.
     pub mode: Mode,
     /// Simulated time \[s\].
     pub duration_s: f64,
-    /// Rate of the ring \[Hz\], from which sampling, control and deadlines follow.
+    /// Rate of the ring \[Hz\], from which sampling, control and deadlines follow; its period is a whole number of
+    /// nanoseconds.
     pub rate_hz: u32,
-    /// Seed of every random stream.
+    /// Seed of every random stream; flights of equal settings and equal seed are equal.
     pub seed: u64,
     /// Delay between mixer output and actuators \[ms\]; the previous command acts meanwhile.
     pub command_delay_ms: f64,
-    /// Upper end of a further random delay, uniform from 0 \[ms\].
+    /// Upper end of a further random delay of each command, uniform from 0 \[ms\].
     pub command_jitter_ms: f64,
-    /// Probability that a command is dropped; the previous one then stays in force.
+    /// Probability that a command is dropped, 0 to 1; the previous one then stays in force.
     pub command_drop_probability: f64,
 }
 
 /// Bounds on metrics of the run (see run.json), `[bounds]`; `inf` = not checked. Position error and fallback have
-/// defaults of profile and mission (`launcher/outcome/src/bounds.rs`); the others are not checked when absent.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// defaults of profile and mission; the others are not checked when absent.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Bounds {
     /// Largest position error \[m\].

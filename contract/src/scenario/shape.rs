@@ -1,5 +1,6 @@
 //! The shape of one source: TOML, known keys, right types. No other source is needed, so errors point into the text.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
@@ -62,6 +63,7 @@ fn example() -> Table {
         exec: "my-controller.so".into(),
         sha256: "0".repeat(64),
         args: vec!["my-controller.py".into()],
+        files: BTreeMap::from([("my-controller.py".into(), "00".into())]),
         env: [("NAME".into(), "value".into())].into(),
         settings: [("gain".into(), 0.5.into())].into_iter().collect(),
     };
@@ -200,7 +202,7 @@ impl Keys<'_, '_> {
 
 /// Returns whether the table at `key` may have any keys: settings and environment of a program.
 fn has_any_keys(key: &str) -> bool {
-    matches!(key.split('.').collect::<Vec<_>>()[..], ["node", _, "settings" | "env"])
+    matches!(key.split('.').collect::<Vec<_>>()[..], ["node", _, "settings" | "env" | "files"])
 }
 
 fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Option<Range<usize>>) -> Problem<'a> {

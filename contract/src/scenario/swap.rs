@@ -9,16 +9,18 @@
 //! A recorder has no trial: the old one ends as soon as the candidate records. A swap of it with `set`, `standby_s`,
 //! `watch_s` or `bounds` is refused.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Topic;
 use crate::scenario::words::named;
 
 /// One `[[swap]]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Swap {
-    /// Start of the candidate \[s\].
+    /// Start of the candidate \[s\], 0 to 86400.
+    #[schemars(range(min = 0, max = 86400))]
     pub at_s: f64,
     /// The node whose process is replaced.
     pub node: SwapNode,
@@ -29,10 +31,12 @@ pub struct Swap {
     /// Settings of the candidate, each as after `--set`, on top of the run's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
-    /// Time that the candidate is on standby \[s\]; `shadow_s` is the old spelling.
+    /// Time that the candidate is on standby \[s\], 0 to 86400; `shadow_s` is the old spelling.
+    #[schemars(range(min = 0, max = 86400))]
     #[serde(default = "Swap::usual_standby_s", alias = "shadow_s")]
     pub standby_s: f64,
-    /// Time that the old process stays on standby after that \[s\].
+    /// Time that the old process stays on standby after that \[s\], 0 to 86400.
+    #[schemars(range(min = 0, max = 86400))]
     #[serde(default = "Swap::usual_watch_s")]
     pub watch_s: f64,
     /// Bounds that the candidate must keep.
@@ -44,21 +48,27 @@ pub struct Swap {
 }
 
 /// Bounds that a candidate must keep, on standby and active, `swap.bounds`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SwapBounds {
     /// Largest difference between the answers of candidate and old process to the same sample, as a share of the usual
-    /// range.
+    /// range, above 0.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub difference: f64,
     /// Least cosine similarity of the candidate's answers with those of the old process: 1 = equal up to a factor, 0 =
     /// orthogonal, -1 = opposite; `accord` is the old spelling.
+    #[schemars(range(min = -1, max = 1))]
     #[serde(alias = "accord")]
     pub similarity: f64,
-    /// Ticks in a row on which the candidate's answer may be missing, late, implausible, too different, or opposite.
+    /// Ticks in a row on which the candidate's answer may be missing, late, implausible, too different, or opposite; 1
+    /// or more.
+    #[schemars(range(min = 1))]
     pub ticks: u64,
-    /// Largest tilt of the vehicle while the candidate is active \[deg\].
+    /// Largest tilt of the vehicle while the candidate is active \[deg\], above 0.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub tilt_deg: f64,
-    /// Largest distance from the trajectory while the candidate is active \[m\].
+    /// Largest distance from the trajectory while the candidate is active \[m\], above 0.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub error_m: f64,
 }
 
@@ -69,10 +79,11 @@ impl Default for SwapBounds {
 }
 
 /// Role whose process is replaced, `swap.node`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SwapNode {
     /// The vehicle; refused, because it cannot be replaced.
+    #[schemars(skip)]
     Plant,
     /// The position controller.
     Guidance,

@@ -45,7 +45,7 @@ fn set_takes_toml_and_bare_words() {
     assert_eq!(mission, (Ramp::Named(RampName::MinJerk), TrajectoryKind::Waypoints));
     assert_eq!(scenario.plant.noise, Noise { position_m: 1e-3, ..Noise::default() });
     assert_eq!(scenario.plant.wind_ned_mps, [(15.0, [5.0, 0.0, 0.0])]);
-    assert!(!scenario.mpc.delay_compensation);
+    assert_eq!(scenario.mpc.delay_compensation, DelayCompensation::Sample(false));
 }
 
 #[test]
@@ -131,7 +131,7 @@ fn unknown_words_get_the_nearest_known_one() {
 fn files_that_cannot_be_read_are_named() {
     let missing = load(Some(Path::new("no/such.toml")), &[]).unwrap_err().to_string();
     assert!(
-        missing.contains("cannot read the scenario `no/such.toml`") && missing.contains("`ls scenarios`"),
+        missing.contains("cannot read the scenario `no/such.toml`") && missing.contains("`launcher scenarios`"),
         "{missing}"
     );
 

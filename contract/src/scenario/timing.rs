@@ -1,14 +1,16 @@
 //! `[realtime]`, `[deadline]` and `[supervision]`: scheduling of the nodes, their deadlines, and their restarts.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Scheduling of all nodes, `[realtime]`; a node's own table, for instance `[realtime.mixer]`, overrides it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Realtime {
     /// Scheduling class to ask for; without the privilege the stack runs as `other` and says so.
     pub policy: Policy,
-    /// `SCHED_FIFO` priority of the plant; each node downstream has a priority one higher than the node before it.
+    /// `SCHED_FIFO` priority of the plant; each node downstream has a priority one higher than the node before it. 95
+    /// is the highest, because the kernel needs those above.
     pub priority: u32,
     /// CPUs that the nodes may run on. Empty = all of them in real time. In lockstep, where one node works at a time,
     /// empty = one CPU for all nodes, which the launcher chooses.
@@ -29,18 +31,23 @@ pub struct Realtime {
 }
 
 /// Scheduling of one node, `[realtime.<node>]`, in place of that of all nodes.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-#[expect(missing_docs, reason = "as in `Realtime`, but the priority is this node's own")]
 pub struct NodeRealtime {
+    /// Scheduling class of this node; absent = `realtime.policy`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policy: Option<Policy>,
+    /// `SCHED_FIFO` priority of this node; absent = that of its place in the ring, from `realtime.priority` on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub priority: Option<u32>,
+    /// CPUs that this node may run on; absent = `realtime.affinity`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub affinity: Option<Vec<usize>>,
+    /// `true` to lock the memory of this node's process; absent = `realtime.lock_memory`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lock_memory: Option<bool>,
+    /// CPU time after which the kernel kills this node's process if it never slept \[ms\]; absent =
+    /// `realtime.rttime_ms`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rttime_ms: Option<f64>,
 }
@@ -61,7 +68,7 @@ pub struct Scheduling {
 }
 
 /// Scheduling class, `realtime.policy`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Policy {
     /// `SCHED_FIFO`, priorities rising downstream.
@@ -71,7 +78,7 @@ pub enum Policy {
 }
 
 /// Deadlines of the nodes' messages, counted from the plant's sample, `[deadline]`. In force in real time only.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Deadline {
     /// Deadline of the whole chain \[ms\]; absent = the period.
@@ -106,7 +113,7 @@ pub struct Deadline {
 }
 
 /// Treatment of a message that missed its deadline, `deadline.policy`. Every policy counts the miss.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Late {
     /// Sends the message late.
@@ -123,12 +130,13 @@ pub enum Late {
 
 /// Rules for failure and restart of processes, `[supervision]`, the same in every mode. In lockstep and in process no
 /// clock runs, and `detect_ms` and `start_ms` stand for the times that it would show.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Supervision {
     /// Samples in a row without an answer after which an active process counts as hung, if `hang_ms` has passed too.
     pub hang_ticks: u64,
-    /// Time without an answer after which it counts as hung, if it missed `hang_ticks` samples too \[ms\].
+    /// Time without an answer after which an active process counts as hung, if it missed `hang_ticks` samples too
+    /// \[ms\].
     pub hang_ms: f64,
     /// Delays before the first, second, ... restart within the window \[ms\]; at one failure more the node is given up.
     pub restart_ms: Vec<f64>,

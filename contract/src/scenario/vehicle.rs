@@ -1,10 +1,13 @@
 //! `[plant]`: the true vehicle, and the disturbances that act on it.
 
 use airframe::Drag;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Sensors;
+
 /// Settings of the simulated vehicle, `[plant]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Plant {
     /// Longest RK4 step \[s\]; a sample is divided into equal steps.
@@ -17,23 +20,24 @@ pub struct Plant {
     pub rotor_rate_limit: f64,
     /// Largest rate of the tilt servo \[rad/s\].
     pub servo_rate_limit_radps: f64,
-    /// Idle speed \[rotor speed unit\].
+    /// Lowest speed of a rotor \[rotor speed unit\]; below the slowest rotor at trim.
     pub rotor_speed_min: f64,
     /// Ratio of highest rotor speed to trim speed.
     pub rotor_speed_max_ratio: f64,
-    /// Largest tilt of rotor 1 \[deg\].
+    /// Largest tilt of rotor 1, to either side \[deg\]; above the tilt at trim.
     pub tilt_max_deg: f64,
-    /// Linear drag on the air-relative body velocity \[N s/m\].
+    /// Linear drag along the body axes x, y, z, on the velocity relative to the air \[N s/m\].
     pub drag_linear_nspm: [f64; 3],
-    /// Quadratic drag \[N s2/m2\].
+    /// Quadratic drag, against the velocity relative to the air \[N s2/m2\].
     pub drag_quadratic_ns2pm2: f64,
     /// `true` if the torque of the tilted rotor has a pitching moment.
     pub tilt_reaction: bool,
-    /// Factor on thrust and torque of each rotor.
+    /// Factor on thrust and torque of the rotors 1, 2, 3; 1 = as modelled.
     pub rotor_effectiveness: [f64; 3],
-    /// Wind steps: start time \[s\], NED velocity of the air from then on \[m/s\].
+    /// Wind steps `[[t_s, [north, east, down]], ...]`: start time \[s\], NED velocity of the air from then on \[m/s\].
     pub wind_ned_mps: Vec<(f64, [f64; 3])>,
-    /// Disturbance steps: start time \[s\], force NED \[N\], moment body \[N m\].
+    /// Disturbance steps `[[t_s, [north, east, down], [x, y, z]], ...]`: start time \[s\], NED force \[N\] and body
+    /// moment \[N m\] from then on.
     pub disturbance: Vec<(f64, [f64; 3], [f64; 3])>,
     /// Standard deviations of the measurement noise.
     pub noise: Noise,
@@ -55,7 +59,7 @@ pub struct Plant {
 }
 
 /// Gusts, `[plant.turbulence]`: Dryden form, MIL-F-8785C, low altitude, at fixed or present wind, height and airspeed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Turbulence {
     /// `true` if the gusts follow from `plant.wind_ned_mps` and the present height and airspeed, in place of the four
@@ -103,119 +107,8 @@ impl Plant {
     }
 }
 
-/// Sensor errors besides `plant.noise`, `[plant.sensors]`. All zero is a sensor that gives the true value at once.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Sensors {
-    /// Preset that the other settings start from.
-    pub preset: SensorPreset,
-    /// Position sensor \[m\], NED.
-    pub position: Sensor,
-    /// Velocity sensor \[m/s\], body.
-    pub velocity: Sensor,
-    /// Sensor of Euler angles \[deg\].
-    pub attitude: Sensor,
-    /// Sensor of body rates \[deg/s\].
-    pub rates: Sensor,
-    /// Filter between the measurements and the controllers.
-    pub filter: Filter,
-    /// Bandwidth of the filter \[rad/s\]: gyros above it, attitude and position measurements below.
-    pub filter_radps: f64,
-}
-
-/// Preset of the sensors, `plant.sensors.preset`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SensorPreset {
-    /// No errors.
-    #[default]
-    Ideal,
-    /// Errors of MEMS gyros and a satellite receiver with carrier phase: see [`Sensors::from`].
-    Typical,
-}
-
-/// Filter of the measurements, `plant.sensors.filter`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Filter {
-    /// No filter: the controllers get the measurements.
-    #[default]
-    None,
-    /// Complementary filter: the controllers get its estimates.
-    Complementary,
-}
-
-/// One sensor, for instance `[plant.sensors.position]`: errors per axis, in the unit of the sensor.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Sensor {
-    /// One-sided density of white noise \[unit / sqrt(Hz)\].
-    pub noise_density: [f64; 3],
-    /// Standard deviation of the bias at the start.
-    pub bias: [f64; 3],
-    /// Random walk of the bias \[unit / sqrt(s)\].
-    pub bias_walk: [f64; 3],
-    /// Quantisation step of the values; 0 = none.
-    pub quantum: [f64; 3],
-    /// Measurements per second, at most the rate of the ring; 0 = that rate.
-    pub rate_hz: f64,
-    /// Age of a measurement when it arrives \[ms\].
-    pub latency_ms: f64,
-}
-
-impl From<SensorPreset> for Sensors {
-    /// Returns a preset. `typical` has data sheet values, rounded: TDK ICM-42688-P (gyro noise 0.0028 deg/s per root
-    /// Hz, bias after calibration 0.5 deg/s), the attitude of an estimator like PX4's EKF2 (0.3 deg of slow error, 0.02
-    /// deg per root Hz), u-blox ZED-F9P (position 10 mm and 15 mm up, velocity 0.05 m/s, 10 Hz, 60 ms old).
-    fn from(preset: SensorPreset) -> Self {
-        let ideal = Self {
-            preset,
-            position: Sensor::default(),
-            velocity: Sensor::default(),
-            attitude: Sensor::default(),
-            rates: Sensor::default(),
-            filter: Filter::None,
-            filter_radps: 1.0,
-        };
-        match preset {
-            SensorPreset::Ideal => ideal,
-            SensorPreset::Typical => Self {
-                position: Sensor {
-                    noise_density: [0.0045, 0.0045, 0.0067],
-                    quantum: [0.001; 3],
-                    rate_hz: 10.0,
-                    latency_ms: 60.0,
-                    ..Sensor::default()
-                },
-                velocity: Sensor { noise_density: [0.022; 3], rate_hz: 10.0, latency_ms: 60.0, ..Sensor::default() },
-                attitude: Sensor {
-                    noise_density: [0.02; 3],
-                    bias: [0.3, 0.3, 1.0],
-                    bias_walk: [0.02, 0.02, 0.05],
-                    ..Sensor::default()
-                },
-                rates: Sensor {
-                    noise_density: [0.0028; 3],
-                    bias: [0.5; 3],
-                    bias_walk: [0.005; 3],
-                    quantum: [1.0 / 16.4; 3],
-                    ..Sensor::default()
-                },
-                filter: Filter::Complementary,
-                ..ideal
-            },
-        }
-    }
-}
-
-impl Default for Sensors {
-    fn default() -> Self {
-        Self::from(SensorPreset::Ideal)
-    }
-}
-
 /// Vehicle that flies, `[plant.airframe]`. Absent values are those of `[airframe]`, which the controllers model.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlownAirframe {
     /// Mass \[kg\].
@@ -256,7 +149,7 @@ pub struct FlownAirframe {
 }
 
 /// Battery, `[plant.battery]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Battery {
     /// Energy at the shafts from full to empty \[W h\]; 0 = no effect of the battery on the rotors.
@@ -275,7 +168,7 @@ impl Default for Battery {
 }
 
 /// Ground as a level plane, `[plant.ground]`. With the defaults a vehicle at the origin stands on it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ground {
     /// `true` if there is a ground; without it the vehicle can fly at any altitude.
@@ -288,7 +181,7 @@ pub struct Ground {
     pub stiffness_npm: f64,
     /// Damping of one foot \[N s/m\].
     pub damping_nspm: f64,
-    /// Coefficient of friction.
+    /// Coefficient of friction between feet and ground.
     pub friction: f64,
     /// Largest vertical speed of a touchdown \[m/s\]; a faster one is a crash.
     pub max_sink_mps: f64,
@@ -319,7 +212,7 @@ impl Default for Ground {
 }
 
 /// Rotor effects that the paper neglects, `[plant.rotor]`; 0 = neglected here too.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rotor {
     /// Moment of inertia of one rotor about its axis \[kg m2\], with the rotor speed unit taken as rad/s.
@@ -331,15 +224,15 @@ pub struct Rotor {
 }
 
 /// Standard deviations of the measurement noise, `plant.noise`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Noise {
-    /// Noise of the position \[m\].
+    /// Noise of each NED position \[m\].
     pub position_m: f64,
-    /// Noise of the velocity \[m/s\].
+    /// Noise of each body velocity \[m/s\].
     pub velocity_mps: f64,
-    /// Noise of the Euler angles \[deg\].
+    /// Noise of each Euler angle \[deg\].
     pub attitude_deg: f64,
-    /// Noise of the body rates \[deg/s\].
+    /// Noise of each body rate \[deg/s\].
     pub rates_dps: f64,
 }

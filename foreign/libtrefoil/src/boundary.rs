@@ -2,14 +2,13 @@
 
 #![expect(unsafe_code, reason = "the caller gives pointers")]
 
-use std::any::Any;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use contract::exit;
 use contract::topic::Topic;
 use foreign::rounding::Rounding;
-use runtime::error::SessionError;
+use runtime::error::{SessionError, words_of_panic};
 
 /// Error on its way to C: the reason, and the exit code that a process shall end with.
 #[derive(Debug)]
@@ -41,17 +40,15 @@ pub fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failur
         Rounding::USUAL.set();
     }
     let done = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
-        Err(Failure { why: format!("a defect in libtrefoil: {}", words_of(&*panic)), exit_code: exit::PROCESS_LOST })
+        Err(Failure {
+            why: format!("a defect in libtrefoil: {}", words_of_panic(&*panic)),
+            exit_code: exit::PROCESS_LOST,
+        })
     });
     if is_changed {
         of_caller.set();
     }
     done
-}
-
-fn words_of(panic: &(dyn Any + Send)) -> &str {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic without words")
 }
 
 /// Makes text for C; a zero in it ends it.

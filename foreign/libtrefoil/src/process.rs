@@ -50,14 +50,13 @@ impl TrefoilSession {
         let sizes = foreign::sizes(topic).unwrap_or_default();
         Ok(Self { phase: Phase::Joined(Box::new(session)), node, sizes, setup, due: None, error: CString::default() })
     }
+
     /// Copies the memory of the process before this one to `memory`; returns its size, 0 if it left none.
     fn take_over(&mut self, memory: &mut [u8]) -> Result<usize, Failure> {
         let Phase::Joined(session) = &self.phase else {
             return Err(Failure::of_usage("ask for the memory before the first trefoil_next"));
         };
-        if let Some(left) = session.take_over_memory() {
-            self.node.restore(&left);
-        }
+        session.take_over_memory(|left| self.node.restore(left));
         let left = self.node.remembered().unwrap_or_default();
         let room = memory.len();
         let memory = memory.get_mut(..left.len()).ok_or_else(|| {
@@ -265,7 +264,9 @@ pub unsafe extern "C" fn trefoil_leave(session: *mut TrefoilSession) {
 
 /// Checks the size of `what` of the node.
 pub fn fits(what: &str, bytes: usize, own: usize) -> Result<(), Failure> {
-    let other =
-        format!("its {what} has {bytes} byte, and that of trefoil.h {own}: build it with the header of this library");
-    if bytes == own { Ok(()) } else { Err(Failure::of_usage(other)) }
+    if bytes == own {
+        return Ok(());
+    }
+    let other = format!("its {what} has {bytes} byte, and that of trefoil.h {own}");
+    Err(Failure::of_usage(other + ": build it with the header of this library"))
 }

@@ -56,7 +56,7 @@ impl TrefoilFlight {
         let mut open = [nodes::open as runtime::node::Open; TOPICS.len()];
         open[place(topic)] = open_asked;
         Ok(Self {
-            ring: Some(Stepped::new(&scenario, true, open)?),
+            ring: Some(Stepped::new(&scenario, nodes::vehicle(&scenario)?, true, open)?),
             summary: Summary::new(&scenario),
             started: Instant::now(),
             setup: Setup::new(&scenario, topic).map_err(Failure::of_usage)?,

@@ -38,8 +38,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
-use contract::scenario::{Given, Scenario, find_programs, suggest, to_toml};
+use contract::scenario::{Given, Scenario, any_table, find_programs, suggest, to_toml};
 use flight::programs;
+use flight::shipped::{self, Kind, Shipped};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use toml::{Table, Value};
@@ -78,43 +80,59 @@ pub struct Campaign {
 }
 
 /// Contents of `campaign.toml`.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct File {
+pub(crate) struct File {
+    /// Name of the campaign, and of the folder of its results; absent = the name of the file.
     name: Option<String>,
+    /// Path of the scenario, relative to this file; absent = the defaults.
     #[serde(skip_serializing_if = "Option::is_none")]
     scenario: Option<PathBuf>,
+    /// Seed of all draws.
     #[serde(default = "one")]
     seed: u32,
+    /// Seeds of each flight, `run.seed`: a number for 1 to that number, or a list.
     #[serde(skip_serializing_if = "Option::is_none")]
     seeds: Option<Seeds>,
+    /// Number of draws of the distributions, 1 to 1000000.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = MAX_SAMPLES))]
     samples: Option<u64>,
+    /// Placement of the draws; absent = random.
     #[serde(skip_serializing_if = "Option::is_none")]
     sampling: Option<Sampling>,
+    /// Settings of all flights, on top of the scenario.
     #[serde(default, skip_serializing_if = "Table::is_empty")]
+    #[schemars(schema_with = "any_table")]
     settings: Table,
+    /// Settings that vary, by their keys: a list of values, each of which is flown, or a distribution that is drawn.
     #[serde(default, skip_serializing_if = "Table::is_empty")]
+    #[schemars(schema_with = "any_table")]
     vary: Table,
     /// Campaign file whose controllers are flown too.
     #[serde(skip_serializing)]
     controllers: Option<PathBuf>,
+    /// Settings of each controller, by its name; each flight is flown under each controller.
     #[serde(default, skip_serializing_if = "Named::is_empty")]
+    #[schemars(schema_with = "any_table")]
     controller: Named,
+    /// Scenario and settings of each case, by its name; each flight is flown in each case.
     #[serde(default, skip_serializing_if = "Named::is_empty")]
+    #[schemars(schema_with = "any_table")]
     case: Named,
+    /// Faults drawn from the catalogue for each draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     random_faults: Option<RandomFaults>,
-    /// Tuning; left out of [`merged`](Campaign::merged) and so of the hash, because it changes no flight.
+    /// Search of gains by `launcher tune`. It is left out of the campaign's hash, because it changes no flight.
     #[serde(skip_serializing)]
     tune: Option<Tune>,
-    /// Promises, which change no flight either.
+    /// Statements that must hold of the flights. They change no flight either.
     #[serde(default, skip_serializing)]
     promise: Vec<Promise>,
 }
 
 /// Seeds of each flight: 1 to a count, or a list.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected how many seeds, or a list of them")]
 enum Seeds {
     Count(u32),
@@ -134,15 +152,15 @@ impl Campaign {
         Self::load_with(path, &[])
     }
 
-    /// Reads the campaign of a file, with controllers of the command line beside its own.
+    /// Reads the campaign of a file, or the shipped one of that name, with controllers of the command line beside its
+    /// own.
     ///
     /// # Errors
     /// As for [`load`](Self::load).
     pub fn load_with(path: &Path, own: &[OwnController]) -> anyhow::Result<Self> {
-        let origin = path.display().to_string();
-        let text = read_text(path, MAX_TEXT_BYTES)
-            .with_context(|| format!("cannot read the campaign {origin}; give the path of a campaign file"))?;
+        let (path, text) = text_of(path)?;
         let stem = path.file_stem().map_or("campaign".into(), |stem| stem.to_string_lossy().into_owned());
+        let origin = path.display().to_string();
         Self::read_with(&text, &origin, &stem, path.parent().unwrap_or(Path::new("")), own)
     }
 
@@ -173,7 +191,8 @@ impl Campaign {
             "{origin}: `name` = {name:?}: give letters, digits, - and _: the folder of the results has this name"
         );
         let scenario = file.scenario.take().map(|scenario| folder.join(scenario));
-        let scenario = Given::load(scenario.as_deref(), &[])?;
+        let scenario = scenario.as_deref().map(shipped::scenario).transpose()?;
+        let scenario = Given::load_from(scenario, &[])?;
         let tables = file.controller.0.iter_mut().chain(&mut file.case.0).map(|(_, own)| own);
         tables.chain([&mut file.settings]).for_each(|own| find_programs(own, folder));
         let with_settings = |scenario: &Given, settings: &Table| {
@@ -197,7 +216,10 @@ impl Campaign {
         for (name, own) in &mut file.case.0 {
             let above = match own.remove("scenario") {
                 None => scenario.clone(),
-                Some(Value::String(path)) => scenario.with(Given::load(Some(&folder.join(path)), &[])?.table(), "")?,
+                Some(Value::String(path)) => {
+                    let own = Given::load_from(Some(shipped::scenario(&folder.join(path))?), &[])?;
+                    scenario.with(own.table(), "")?
+                }
                 Some(other) => bail!("{origin}: `scenario` = {other} in [case.{name}]: give the path of a scenario"),
             };
             let case = with_settings(&above, &file.settings)?.with(own, &format!("[case.{name}] of {origin}"))?;
@@ -369,9 +391,8 @@ impl File {
 
     /// Adds the controllers of the campaign file at `path` before its own.
     fn add_controllers_of(&mut self, path: &Path) -> anyhow::Result<()> {
+        let (path, text) = text_of(path)?;
         let origin = path.display().to_string();
-        let text = read_text(path, MAX_TEXT_BYTES)
-            .with_context(|| format!("cannot read {origin}; give the path of a campaign file"))?;
         let mut other: Self = toml::from_str(&text).map_err(|error| not_a_campaign(&origin, &text, &error))?;
         ensure!(!other.controller.is_empty(), "{origin} has no [controller.NAME]");
         other.controller.put_in_order(&text, "controller");
@@ -382,6 +403,21 @@ impl File {
         self.controller.0.splice(0..0, other.controller.0);
         Ok(())
     }
+}
+
+/// Returns path and text of the campaign at `path`, or of the shipped one of that name.
+fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
+    if let Some(shipped) = Shipped::find(Kind::Campaign, path) {
+        return Ok((shipped.origin().into(), shipped.text().into()));
+    }
+    let text = read_text(path, MAX_TEXT_BYTES).with_context(|| {
+        let path = path.display();
+        format!(
+            "cannot read the campaign {path}; give the path of a campaign file, or the name of a shipped one: \
+                 `launcher scenarios` lists them"
+        )
+    })?;
+    Ok((path.to_owned(), text))
 }
 
 /// Returns the error for a text that is no campaign, with the place.

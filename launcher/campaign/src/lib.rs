@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`file`](mod@file) | `campaign.toml`: the scenario and the values that vary |
 //! | `named` | named tables of the file, in its order |
+//! | [`schema`] | the JSON Schema of the file |
 //! | [`own_controller`] | controllers that the command line adds |
 //! | [`variation`] | lists, ranges and distributions of one setting |
 //! | [`normal`] | the normal distribution |
@@ -51,6 +52,7 @@ pub mod rate;
 pub mod row;
 pub mod sampling;
 mod scheduler;
+pub mod schema;
 pub mod search;
 pub mod seeds;
 pub mod shard;

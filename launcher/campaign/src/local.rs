@@ -69,7 +69,7 @@ pub fn fly_all(plan: &Plan) -> Table {
 }
 
 /// Flies `shards`, and writes each when it is complete. Returns `false` if `interrupts` stopped it before all were.
-/// Calls `show` after each flight.
+/// Calls `show` after each flight with its row.
 ///
 /// # Errors
 /// A shard cannot be written; those already written stay.
@@ -78,7 +78,7 @@ pub fn fly(
     folder: &CampaignFolder,
     shards: &[u64],
     interrupts: &AtomicU32,
-    mut show: impl FnMut(&Progress),
+    mut show: impl FnMut(&Progress, &[Cell]),
 ) -> anyhow::Result<bool> {
     let range = |shard: u64| shard::range(folder.layout.flights, shard, folder.layout.shards);
     let all = shards.iter().map(|shard| range(*shard)).map(|range| range.end - range.start).sum();
@@ -103,6 +103,10 @@ pub fn fly(
         for (shard, number, standing, row) in rows {
             let numbers = range(shard);
             let length = (numbers.end - numbers.start) as usize;
+            progress.flown += 1;
+            progress.failed += u64::from(standing == Standing::Failed);
+            progress.invalid += u64::from(standing == Standing::Invalid);
+            show(&progress, &row);
             let open = gathering.entry(shard).or_insert_with(|| Gathering { rows: vec![None; length], absent: length });
             open.rows[(number - numbers.start) as usize] = Some(row);
             open.absent -= 1;
@@ -115,10 +119,6 @@ pub fn fly(
                     return Err(error);
                 }
             }
-            progress.flown += 1;
-            progress.failed += u64::from(standing == Standing::Failed);
-            progress.invalid += u64::from(standing == Standing::Invalid);
-            show(&progress);
         }
         Ok(progress.flown == progress.all)
     })

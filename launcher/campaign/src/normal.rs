@@ -2,12 +2,17 @@
 
 use std::f64::consts::SQRT_2;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// Normal distribution, as a campaign file gives it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Normal {
+    /// Mean, in the unit of the setting.
     pub mean: f64,
+    /// Standard deviation, above 0.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub deviation: f64,
     /// Ends of the truncated distribution; `None` = not truncated.
     #[serde(default, skip_serializing_if = "Option::is_none")]

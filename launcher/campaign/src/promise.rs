@@ -21,6 +21,8 @@
 //! missing, invalid, or not part of the campaign leave a promise undecided.
 
 use anyhow::{bail, ensure};
+use contract::scenario::any_table;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Table;
 
@@ -28,44 +30,63 @@ use crate::columns;
 use crate::table::Kind;
 
 /// One `[[promise]]` of a campaign file.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Promise {
+    /// Figure, for people; `{controller}` and `{case}` become their names.
     pub figure: String,
+    /// Controllers, with one verdict for each; absent = one verdict over all.
     #[serde(default)]
     pub controllers: Vec<String>,
+    /// Cases, with one verdict for each; absent = one verdict over all.
     #[serde(default)]
     pub cases: Vec<String>,
+    /// Listed values by their dotted keys: only flights with them count.
     #[serde(default)]
+    #[schemars(schema_with = "any_table")]
     pub at: Table,
+    /// Column of the table of flights.
     pub metric: Option<String>,
+    /// Rule by which the metric of several flights becomes one number; absent = max.
     pub of: Option<Gather>,
+    /// `true` to take the metric as a multiple of the best controller's.
     #[serde(default)]
     pub over_best: bool,
+    /// Part of the flights that must pass.
     pub passed: Option<Passed>,
+    /// Largest value that keeps the promise.
     pub at_most: Option<f64>,
+    /// Least value that keeps the promise.
     pub at_least: Option<f64>,
+    /// Unit of the metric, for people.
     pub unit: Option<String>,
+    /// Reason that the verdict shows.
     #[serde(default)]
     pub because: String,
 }
 
 /// Rule by which the metric of several flights becomes one number.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Gather {
+    /// Largest value.
     #[default]
     Max,
+    /// Least value.
     Min,
+    /// Mean.
     Mean,
+    /// Sum.
     Sum,
 }
 
 /// Part of the flights that must pass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Passed {
+    /// Every flight.
     All,
+    /// No flight.
     None,
     /// A share of at least `at_least`.
     Share,

@@ -8,6 +8,7 @@ use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, MAX_FAULT_S, check_fault};
 use flight::event::name;
 use rand::RngExt;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::sampling::{Purpose, stream};
@@ -17,7 +18,7 @@ use crate::table::{Cell, Kind};
 const MAX_COUNT: u32 = 20;
 
 /// Settings of `[random_faults]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RandomFaults {
     /// Least and largest number of faults of a flight; each number between has the same chance.

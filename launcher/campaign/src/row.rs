@@ -8,15 +8,19 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use anyhow::{anyhow, ensure};
+use anyhow::{Context, anyhow};
 use contract::Scenario;
 use contract::message::State;
+use flight::event::TimedEvent;
 use flight::guarded;
 use flight::log::Record;
 use flight::settings;
+use outcome::happenings::Happenings;
 use outcome::judge::Verdict;
 use outcome::metrics::Metrics;
+use outcome::run_record::phases;
 use outcome::summary::Summary;
+use runtime::error::words_of_panic;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
@@ -50,6 +54,8 @@ impl Standing {
 pub struct FlightRow {
     pub standing: Standing,
     pub cells: Vec<Cell>,
+    /// Faults, events and phases of the flight, for its picture.
+    pub happened: Happenings,
 }
 
 /// Flies flight `number` of a plan, and makes its row: the cells of the plan, then those of the outcome. `None` when
@@ -67,27 +73,32 @@ pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)
         Ok(Ok(outcome)) => outcome,
         Ok(Err(error)) => Some(FlightRow::invalid(&format!("{error:#}"))),
         Err(panic) => {
-            let said = panic.downcast_ref::<String>().map(String::as_str);
-            let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why");
+            let said = words_of_panic(&*panic);
             Some(FlightRow::invalid(&format!("the program has a bug and panicked: {said}")))
         }
     }
 }
 
-/// Flies a flight of a table again; `row` is its row there.
+/// Flies a flight of a table again, and returns what happened in it; `row` is its row there.
 ///
 /// # Errors
 /// The flight differs from that of the table: the program, the machine or the table has changed.
-pub fn fly_again(flight: &Flight, flights: &Table, row: usize, watch: impl FnMut(&Record)) -> anyhow::Result<()> {
+pub fn fly_again(
+    flight: &Flight,
+    flights: &Table,
+    row: usize,
+    watch: impl FnMut(&Record),
+) -> anyhow::Result<Happenings> {
     let again = fly(flight, || true, watch);
     let known = flights.column("hash").map_or("", |all| all.text(row));
-    ensure!(
-        again.as_ref().map(FlightRow::hash) == Some(known),
-        "flight {} differs from the one in the table when it is flown again; fly the campaign on machines of one kind, \
-         or report this difference",
-        flight.number
-    );
-    Ok(())
+    let same = again.filter(|again| again.hash() == known).with_context(|| {
+        format!(
+            "flight {} differs from the one in the table when it is flown again; fly the campaign on machines of one \
+             kind, or report this difference",
+            flight.number
+        )
+    })?;
+    Ok(same.happened)
 }
 
 fn try_to_fly(
@@ -126,7 +137,10 @@ fn try_to_fly(
         value => value.as_f64().map_or(Cell::None, Cell::Real),
     }));
     cells.push(Cell::Text(hash(summary.last(), &metrics)));
-    Ok(Some(FlightRow { standing, cells }))
+    let events = TimedEvent::all(&how.events, scenario.run.rate_hz);
+    let happened = Happenings::new(&summary.faults.records(&how.events), &events)
+        .with_phases(&phases(scenario, &summary).unwrap_or_default());
+    Ok(Some(FlightRow { standing, cells, happened }))
 }
 
 impl FlightRow {
@@ -136,7 +150,7 @@ impl FlightRow {
             Cell::Text("could not be flown".into()),
             Cell::Text(why.into()),
         ];
-        Self { standing: Standing::Invalid, cells }
+        Self { standing: Standing::Invalid, cells, happened: Happenings::default() }
     }
 
     /// Returns the hash of the flight; empty if it could not be flown.

@@ -14,15 +14,20 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, ensure};
 use contract::scenario::{Given, to_toml};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 /// Settings of `[tune]`.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tune {
+    /// Seed of the training draws; give another than the campaign's.
     pub seed: u32,
+    /// Draws that each try flies, 1 or more.
+    #[schemars(range(min = 1))]
     pub samples: u64,
+    /// Flights that the search of each controller may fly.
     pub flights: u64,
     /// Groups of keys, by controller.
     pub scale: BTreeMap<String, Vec<Vec<String>>>,

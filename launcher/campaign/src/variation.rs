@@ -6,6 +6,7 @@
 use std::collections::HashSet;
 
 use anyhow::{Context, bail, ensure};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
@@ -45,29 +46,39 @@ enum WantedValues {
 }
 
 /// `{ range = ... }` and the distributions, as in the file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-enum Variation {
+pub enum Variation {
+    /// Evenly spaced values, each of which is flown.
     Range(Range),
+    /// Uniform distribution from the first number to the second.
     Uniform([f64; 2]),
+    /// Distribution that is uniform in the logarithm.
     LogUniform([f64; 2]),
+    /// Whole numbers of equal probability, both ends included.
     Integer([i64; 2]),
+    /// Normal distribution.
     Normal(Normal),
-    Choice(Vec<Value>),
+    /// Values of equal probability.
+    Choice(#[schemars(with = "Vec<serde_json::Value>")] Vec<Value>),
 }
 
 /// Keywords of [`Variation`].
-const WORDS: [&str; 6] = ["range", "uniform", "log_uniform", "integer", "normal", "choice"];
+pub const WORDS: [&str; 6] = ["range", "uniform", "log_uniform", "integer", "normal", "choice"];
 
 /// Largest edit distance at which an unknown word is taken for a misspelt keyword.
 const MAX_SLIPS: usize = 2;
 
 /// Evenly spaced values, both ends included.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Range {
+pub struct Range {
+    /// First value.
     from: f64,
+    /// Last value.
     to: f64,
+    /// Number of values, 2 or more.
+    #[schemars(range(min = 2))]
     steps: u32,
 }
 

@@ -134,6 +134,13 @@ impl Dir {
         self.write(name, bytes, put).with_context(|| format!("cannot write {}", self.at(name).display()))
     }
 
+    /// Begins the file `name`, which replaces one of that name when it is complete.
+    pub fn begin(&self, name: &str) -> Result<NewFile<'_>> {
+        self.check_regular(Path::new(name))?;
+        let (part, file) = self.part()?;
+        Ok(NewFile { folder: self, name: name.into(), part, file: Some(file) })
+    }
+
     /// Writes the file `name` completely, unless a file has the name: then that one stays, without an error.
     pub fn write_new(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
         let put = |part: &str| {
@@ -158,12 +165,18 @@ impl Dir {
 
     /// Writes a temporary file, and calls `put` to rename it to `name`; removes it on an error.
     fn write(&self, name: &Path, bytes: &[u8], put: impl Fn(&str) -> Result<()>) -> Result<()> {
-        if self.kind(name).is_some_and(|kind| kind != FileType::RegularFile) {
-            return Err(self.refusal(name, FileType::RegularFile, Errno::EXIST));
-        }
+        self.check_regular(name)?;
         let (part, mut file) = self.part()?;
         let written = file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| put(&part));
         written.inspect_err(|_| _ = self.remove(&part)) // a temporary file that stays does no harm
+    }
+
+    /// Fails if anything but a regular file has the name.
+    fn check_regular(&self, name: &Path) -> Result<()> {
+        match self.kind(name) {
+            Some(kind) if kind != FileType::RegularFile => Err(self.refusal(name, FileType::RegularFile, Errno::EXIST)),
+            _ => Ok(()),
+        }
     }
 
     /// Creates a temporary file under an unused name.
@@ -210,6 +223,46 @@ impl Dir {
     }
 }
 
+/// A file that is being written. It gets its name from [`NewFile::finish`]; dropped before, it leaves nothing.
+#[derive(Debug)]
+pub struct NewFile<'a> {
+    folder: &'a Dir,
+    name: String,
+    part: String,
+    /// `None` once it is finished.
+    file: Option<File>,
+}
+
+impl NewFile<'_> {
+    /// Puts the complete file in its place.
+    pub fn finish(mut self) -> Result<()> {
+        if let Some(file) = &self.file {
+            file.sync_all()?;
+            renameat(&self.folder.fd, &self.part, &self.folder.fd, &self.name)?;
+        }
+        self.file = None;
+        Ok(())
+    }
+}
+
+impl Write for NewFile<'_> {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize> {
+        self.file.as_mut().map_or(Ok(0), |file| file.write(bytes))
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        Ok(()) // nothing is held back
+    }
+}
+
+impl Drop for NewFile<'_> {
+    fn drop(&mut self) {
+        if self.file.is_some() {
+            let _ = self.folder.remove(&self.part); // a temporary file that stays does no harm
+        }
+    }
+}
+
 /// Locks `fd`; returns false if another process holds the lock. On a file system without locks it returns true.
 fn is_locked(fd: impl AsFd, how: FlockOperation) -> bool {
     flock(fd, how) != Err(Errno::WOULDBLOCK)
@@ -241,6 +294,24 @@ mod tests {
     use std::os::unix::fs::symlink;
 
     use super::*;
+
+    #[test]
+    fn a_file_has_its_name_once_it_is_complete() {
+        let top = tempfile::tempdir().unwrap();
+        let dir = Dir::open(top.path()).unwrap();
+        dir.write_whole("table", b"old").unwrap();
+        let mut begun = dir.begin("table").unwrap();
+        begun.write_all(b"new").unwrap();
+        assert_eq!(dir.read("table", 9).unwrap(), b"old");
+        drop(begun);
+        assert_eq!(dir.names().unwrap(), ["table"], "what was not finished is gone");
+        let mut begun = dir.begin("table").unwrap();
+        begun.write_all(b"new").unwrap();
+        begun.finish().unwrap();
+        assert_eq!((dir.read("table", 9).unwrap(), dir.names().unwrap().len()), (b"new".to_vec(), 1));
+        symlink("table", dir.at("link")).unwrap();
+        assert!(dir.begin("link").is_err());
+    }
 
     /// Makes a folder with links, a FIFO and a folder in it, and a file `precious` outside it.
     fn full() -> (tempfile::TempDir, Dir) {

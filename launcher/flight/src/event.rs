@@ -1,4 +1,4 @@
-//! Events of the processes of a flight, and the pipe through which the launcher sends them to the recorder.
+//! The pipe through which the launcher sends the events of a flight to the recorder.
 //!
 //! ```text
 //! launcher -> one line of JSON each -> stdin of the recorder -> topic /events of flight.mcap
@@ -9,128 +9,11 @@
 
 use std::os::fd::AsFd;
 
-use contract::scenario::Fault;
+pub use ring::event::{Event, Sender, TimedEvent, What, name, size_in_words};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pipe::PIPE_BUF;
 use rustix::time::Timespec;
-use serde::{Deserialize, Serialize};
-use serde_json::json;
-
-use crate::limits::REASON_CHARS;
-
-/// One event of a process, of a fault, or of the files and intruders around the processes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Event {
-    /// Tick of the plant at that time; for the recorder, at the launcher's look.
-    #[serde(default)]
-    pub tick: u64,
-    pub node: String,
-    pub epoch: u32,
-    pub what: What,
-    /// Reason, if one is known.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub why: Option<String>,
-    /// Index of the swap that begins with this event, if any.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub swap: Option<usize>,
-    /// Index of the swap whose program and settings the started process uses, if any.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub origin: Option<usize>,
-    /// Sender of the command, if it was ordered in flight.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub by: Option<Sender>,
-    /// Fault given or ended in flight: its number, and its settings from then on.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fault: Option<Box<(usize, Fault)>>,
-}
-
-/// Event with the time of the flight, as in run.json and in the answers of the launcher.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TimedEvent {
-    pub at_s: f64,
-    /// The process that started had no memory of the process before it; known when the flight is over.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub cold: bool,
-    #[serde(flatten)]
-    pub event: Event,
-}
-
-impl TimedEvent {
-    /// Adds the time to `events` of a flight at `rate_hz`.
-    pub fn all<'a>(events: impl IntoIterator<Item = &'a Event>, rate_hz: u32) -> Vec<Self> {
-        let timed =
-            |event: &Event| Self { at_s: event.tick as f64 / f64::from(rate_hz), cold: false, event: event.clone() };
-        events.into_iter().map(timed).collect()
-    }
-
-    /// Returns what happened, in words.
-    pub fn what(&self) -> String {
-        name(self.event.what).replace('-', " ") + if self.cold { " cold" } else { "" }
-    }
-}
-
-/// Process that sent a command to a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Sender {
-    /// Process id; 0 if the process is not visible from here.
-    pub pid: i32,
-    /// User id.
-    pub user: u32,
-}
-
-/// Kinds of events.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum What {
-    Died,
-    /// The process made no progress or was cut off, and is killed; the launcher, which may be cut off too, is not.
-    Hung,
-    Started,
-    NotStarted,
-    /// The process became active.
-    TookOver,
-    /// The node is not started again.
-    GivenUp,
-    /// The candidate works on standby.
-    OnStandby,
-    /// The candidate was ended before it became active.
-    Rejected,
-    /// The candidate stays active: its trial is over.
-    Kept,
-    /// The candidate was ended after it had become active; the process before it is active again.
-    Returned,
-    /// A fault was given to a node, a topic or a part of the vehicle.
-    Injected,
-    /// A fault given in flight was ended.
-    Cleared,
-    /// A file of a living process was removed from shared memory.
-    ShmRemoved,
-    /// A file of a living process in shared memory was cut short.
-    ShmCutShort,
-    IntruderRefused,
-    IntruderLetIn,
-    IntruderSpoke,
-    /// An intruder could not make its attempt.
-    IntruderFailed,
-}
-
-impl Event {
-    pub fn new(tick: u64, node: &str, epoch: u32, what: What) -> Self {
-        Self { tick, node: node.into(), epoch, what, why: None, swap: None, origin: None, by: None, fault: None }
-    }
-
-    #[must_use]
-    pub fn because(self, why: impl AsRef<str>) -> Self {
-        Self { why: Some(why.as_ref().chars().take(REASON_CHARS).collect()), ..self }
-    }
-
-    /// Returns the event as the one that swap number `swap` begins with; `None`: no swap.
-    #[must_use]
-    pub fn begins(self, swap: Option<usize>) -> Self {
-        Self { swap, ..self }
-    }
-}
 
 /// Makes reads from and writes to `pipe` non-blocking.
 pub fn never_wait(pipe: impl AsFd) -> rustix::io::Result<()> {
@@ -185,11 +68,6 @@ impl<P: AsFd> EventReader<P> {
 fn readable(pipe: impl AsFd) -> bool {
     const AT_ONCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 0 };
     poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&AT_ONCE)).is_ok_and(|ready| ready > 0)
-}
-
-/// Returns the name of a fault's target or kind, or of an event, as the scenario file and run.json spell it.
-pub fn name(word: impl Serialize) -> String {
-    json!(word).as_str().unwrap_or_default().to_owned()
 }
 
 #[cfg(test)]
@@ -251,13 +129,5 @@ mod tests {
         let mut errors = 0;
         assert_eq!(reader.drain(|event| errors += u32::from(event.is_err())), 3);
         assert_eq!(errors, 3);
-    }
-
-    #[test]
-    fn an_event_without_a_reason_has_no_field_for_it() {
-        let plain = serde_json::to_string(&event(5)).unwrap();
-        assert_eq!(plain, r#"{"tick":5,"node":"mixer","epoch":2,"what":"took-over"}"#);
-        let reasoned = serde_json::to_value(event(5).because("too slow")).unwrap();
-        assert_eq!(reasoned["why"], "too slow");
     }
 }

@@ -22,7 +22,7 @@ pub fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
         let words = LAST_WORDS.lock().ok().and_then(|mut words| words.take());
         if let Some(words) = &words {
             console::eprint_line(words);
-            let _ = console::finish(exit::INTERRUPTED); // the process ends here, so `main` does not do it
+            console::finish(exit::INTERRUPTED); // the process ends here, so `main` does not do it
         }
         if words.is_some() || handler.fetch_add(1, Ordering::Relaxed) >= 2 {
             std::process::exit(i32::from(exit::INTERRUPTED));

@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`settings`] | the settings of a flight, checked before it |
+//! | [`shipped`] | scenarios and campaigns that are part of the program |
 //! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`inprocess`] | the ring in one thread |
@@ -11,8 +12,10 @@
 //! | [`intruder`] | a foreign process that tries to enter a run, as a fault |
 //! | [`event`] | events of processes, and the pipe that carries them to the recorder |
 //! | [`swap_story`] | course and end of each swap, read from the events |
+//! | [`observer`] | reads a flying stack from another process |
 //! | [`recorder`] | the fifth process: writes every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
+//! | [`foxglove`] | the flight in the schemas of a viewer, derived from its messages |
 //! | [`replay`] | flies a flight again from its log |
 //! | [`control`] | the socket for requests to a flying stack |
 //! | [`folder`] | the folder of a run |
@@ -34,6 +37,7 @@ pub mod duration;
 pub mod event;
 pub mod files;
 pub mod folder;
+pub mod foxglove;
 pub mod guarded;
 pub mod inprocess;
 pub mod interrupts;
@@ -41,12 +45,14 @@ pub mod intruder;
 mod limits;
 pub mod log;
 pub mod nodes;
+pub mod observer;
 pub mod programs;
 pub mod provenance;
 pub mod recorder;
 pub mod replay;
 pub mod roles;
 pub mod settings;
+pub mod shipped;
 pub mod stack;
 pub mod swap_story;
 

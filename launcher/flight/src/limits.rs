@@ -2,21 +2,12 @@
 
 use std::time::Duration;
 
-use runtime::limits::OBSERVER_S;
-
 // Start and end.
 
-/// Smallest limit on open files. The launcher and the recorder have about fifty files open, and four more for every
-/// replaced process whose files in shared memory are not removed yet.
-pub const FILES_NEEDED: u64 = 128;
-/// Smallest stack of the main thread \[bytes\]: a node touches a quarter of it before its loop.
-pub const STACK_NEEDED: u64 = 1 << 20;
-/// Smallest limit on the memory of a process \[bytes\]; a flight in one process needs half of it.
-pub const MEMORY_NEEDED: u64 = 64 << 20;
 /// Longest time until all child processes are ready before the flight.
 pub const JOIN_LIMIT: Duration = Duration::from_secs(10);
-/// Longest time that a node or an intruder may take to end after the run.
-pub const LEAVE_LIMIT: Duration = Duration::from_secs(1);
+/// Longest time that a node or an intruder may take to end after the run. An interpreter may need seconds.
+pub const LEAVE_LIMIT: Duration = Duration::from_secs(5);
 /// Longest wait for the end of a killed process. One that the kernel keeps (frozen, or in a device) is left behind.
 pub const KILL_LIMIT: Duration = Duration::from_secs(5);
 /// Longest wait until the recorder has taken in all messages: it looks every two milliseconds, unless it is stopped.
@@ -43,15 +34,6 @@ pub const FILES_LOOK: Duration = Duration::from_millis(100);
 /// Delay after which a sample that was due is expected: the plant needs a moment to take it \[ns\].
 pub const GRACE_NS: u64 = 500_000;
 
-// Processes that `[supervision]` does not name.
-
-/// Time without a sample after which the plant counts as hung \[ns\].
-pub const PLANT_HANG_NS: u64 = 500_000_000;
-/// Smallest start limit of a recorder: a disk may be slow \[ns\].
-pub const RECORDER_START_NS: u64 = 3_000_000_000;
-/// Time without progress after which a recorder counts as hung \[ns\]: its queues then begin to lose messages.
-pub const RECORDER_HANG_NS: u64 = OBSERVER_S as u64 * 1_000_000_000;
-
 // Recorder.
 
 /// Pause of the recorder after it found its queues empty.
@@ -68,8 +50,17 @@ pub const MAX_INDEX_BYTES: u64 = 64 << 20;
 pub const MAX_EVENTS: usize = 100_000;
 /// Longest outcome that a recorder writes at its end \[bytes\]: the capacity of a pipe.
 pub const OUTCOME_BYTES: u64 = 65_536;
-/// Longest reason of an event \[characters\]. Longer ones are cut, so that the line of the event fits into the pipe.
-pub const REASON_CHARS: usize = 500;
+
+// Observers.
+
+/// Largest number of observers of a flight at once: a third of the places that replaced processes may need.
+pub const OBSERVERS: usize = 4;
+/// Pause of an observer after a look that found nothing.
+pub const OBSERVER_POLL: Duration = Duration::from_millis(10);
+/// Time between two requests of an observer for the events of the flight.
+pub const EVENTS_PERIOD: Duration = Duration::from_millis(200);
+/// Time without a message on a topic, on which some were sent, after which an observer connects anew.
+pub const RECONNECT_PERIOD: Duration = Duration::from_secs(1);
 
 // Control socket.
 

@@ -6,7 +6,7 @@ use plant::tricopter::Tricopter;
 use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
 use runtime::member::Member;
-use runtime::node::{self, Node};
+use runtime::node::Node;
 use runtime::ports::Ports;
 
 /// Builds the vehicle of the plant for a run of `scenario`.
@@ -22,11 +22,5 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
     if scenario.node.of(member.topic).kind() == ProgramKind::Library {
         return foreign::open(ports, member, scenario);
     }
-    let open = match member.topic {
-        Topic::State => return Err(SessionError::UnknownNode("plant".into())), // it samples, and answers to nothing
-        Topic::Reference => node::open::<guidance::Guidance>,
-        Topic::Controls => node::open::<attitude_mpc::AttitudeMpc>,
-        Topic::Actuators => node::open::<mixer::Mixer>,
-    };
-    open(ports, member, scenario)
+    ring::nodes::open(ports, member, scenario)
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicU32;
@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use contract::Topic;
 use contract::exit;
-use contract::scenario::{self, NodeProgram, ProgramKind, Scenario, ScenarioError, to_toml};
+use contract::scenario::{self, NodeProgram, ProgramKind, Scenario, ScenarioError, Swap, candidate, to_toml};
 use runtime::console::eprint_line;
 use rustix::fs::{Access, access};
 use sha2::{Digest, Sha256};
@@ -60,6 +60,18 @@ pub fn pin(program: &mut NodeProgram, name: &str) -> Result<(), ScenarioError> {
         );
     }
     program.sha256 = sha256;
+    for file in program.args.iter().filter(|word| Path::new(word).is_file()) {
+        let found = sha256_of(Path::new(file));
+        let found = found
+            .map_err(|error| ScenarioError::of(format!("cannot read `{file}` of {name}: {error}"), String::new()))?;
+        let given = program.files.entry(file.clone()).or_insert_with(|| found.clone());
+        if *given != found {
+            return refused(
+                format!("the file `{file}` of {name} is another one than the settings name: its SHA-256 is {found}"),
+                "give the file with the hash of `files`, or remove it there to fly this one",
+            );
+        }
+    }
     Ok(())
 }
 
@@ -69,6 +81,28 @@ pub fn pin(program: &mut NodeProgram, name: &str) -> Result<(), ScenarioError> {
 /// As for [`pin`].
 pub fn pin_all(scenario: &mut Scenario) -> Result<(), ScenarioError> {
     Topic::ALL.into_iter().try_for_each(|topic| pin(scenario.node.of_mut(topic), topic.publisher()))
+}
+
+/// Adds the hashes of its files to the settings of a `swap` in a flight of `run`.
+///
+/// # Errors
+/// As for [`pin`].
+pub fn pin_swap(run: &Scenario, swap: &mut Swap) -> Result<(), ScenarioError> {
+    let name = swap.node.name();
+    let Some(topic) = swap.node.topic() else {
+        let exec = swap.exec.clone().unwrap_or_default();
+        return pin(&mut NodeProgram { exec, ..NodeProgram::default() }, name);
+    };
+    let own = candidate(run, swap)?;
+    let before = own.node.of(topic);
+    let mut pinned = before.clone();
+    pin(&mut pinned, name)?;
+    if pinned.sha256 != before.sha256 {
+        swap.set.push(format!("node.{name}.sha256={:?}", pinned.sha256));
+    }
+    let new_files = pinned.files.iter().filter(|(file, _)| !before.files.contains_key(*file));
+    swap.set.extend(new_files.map(|(file, sha256)| format!("node.{name}.files.{file:?}={sha256:?}")));
+    Ok(())
 }
 
 /// Checks that the program of each node of `scenario` is there, and tries each library in a process of its own.
@@ -162,7 +196,7 @@ fn find(name: &str, kind: ProgramKind) -> Option<PathBuf> {
 }
 
 /// Computes the SHA-256 of a file, in hexadecimal digits.
-fn sha256_of(path: &PathBuf) -> io::Result<String> {
+fn sha256_of(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
     let mut file = BufReader::new(File::open(path)?);
     loop {

@@ -9,7 +9,10 @@ use std::time::SystemTime;
 
 use contract::Scenario;
 use contract::scenario::to_toml;
+use contract::topic::NODES;
+use machine::Granted;
 use rustix::system::uname;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Version of run.json and of the results of `launcher measure`; grows with every change that affects readers. A file
@@ -17,7 +20,7 @@ use serde::{Deserialize, Serialize};
 pub const SCHEMA_VERSION: u32 = 3;
 
 /// Scheduling and memory limits of a process.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Scheduling {
     /// `fifo` or `other`.
     pub policy: String,
@@ -27,12 +30,12 @@ pub struct Scheduling {
     pub affinity: String,
     /// Locked memory \[kB\].
     pub locked_kb: u64,
-    /// Largest CPU time without sleeping (`RLIMIT_RTTIME`) \[us\]; `None` if unlimited.
+    /// Largest CPU time without sleeping (`RLIMIT_RTTIME`) \[us\]; null if unlimited.
     pub rttime_us: Option<u64>,
 }
 
 /// The `provenance` table of run.json.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Provenance {
     #[serde(flatten)]
     pub host: Host,
@@ -43,27 +46,36 @@ pub struct Provenance {
 }
 
 /// Date, program and host of a result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Host {
+    /// Version of this form of results.
     pub schema_version: u32,
     /// Date in UTC, RFC 3339.
     pub date: String,
+    /// Command line of the program.
     pub command: Vec<String>,
-    /// Commit of the program; `None` if its build did not know it.
+    /// Commit of the program; null if its build did not know it.
     pub git: Option<Git>,
     /// Name of the host.
     pub host: String,
+    /// Version of the program.
     pub version: String,
+    /// Release of the kernel.
     pub kernel: Option<String>,
+    /// Model of the processor.
     pub cpu: Option<String>,
+    /// Number of processors that the program may use.
     pub cores: Option<usize>,
+    /// Load of the host, as in `/proc/loadavg`.
     pub load: Option<String>,
 }
 
 /// Commit of a program, and whether its sources differed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Git {
+    /// Hash of the commit.
     pub commit: String,
+    /// `true` if the sources differed from the commit.
     pub changed: bool,
 }
 
@@ -131,6 +143,15 @@ pub fn scheduling_of(pid: u32) -> Scheduling {
         locked_kb: status_of(pid, "VmLck:").and_then(|kb| kb.parse().ok()).unwrap_or(0),
         rttime_us: rttime.and_then(|us| us.parse().ok()),
     }
+}
+
+/// Counts the nodes that got each privilege; `None` if the scheduling of no node was recorded.
+pub fn granted<'a>(scheduling: impl IntoIterator<Item = (&'a String, &'a Scheduling)>) -> Option<Granted> {
+    let is_node = |(name, _): &(&String, _)| NODES.contains(&name.as_str());
+    let nodes: Vec<&Scheduling> = scheduling.into_iter().filter(is_node).map(|(_, got)| got).collect();
+    let count = |has: fn(&Scheduling) -> bool| nodes.iter().filter(|got| has(got)).count();
+    let counted = || Granted { fifo: count(|got| got.policy == "fifo"), locked: count(|got| got.locked_kb > 0) };
+    (!nodes.is_empty()).then(counted)
 }
 
 /// Reads a field of `/proc/PID/status`, up to the first blank; `name` ends with its colon. `None` if it is not there.

@@ -5,26 +5,22 @@
 //! and goes on counting. At its end it prints its [`LogOutcome`], one line of JSON, for the launcher. If the launcher
 //! dies, the recorder closes the log and ends.
 
-use std::cell::Cell;
 use std::path::Path;
 use std::process::ExitCode;
-use std::rc::Rc;
-use std::sync::Arc;
 use std::time::{Instant, UNIX_EPOCH};
 
 use contract::exit;
-use contract::message::{Actuators, Controls, Reference, State};
 use contract::scenario::{self, FaultKind, Scenario};
 use contract::topic::Topic;
+pub use ring::observers::Observers;
 use runtime::console;
 use runtime::domain::Domain;
-use runtime::error::SessionError;
-use runtime::port::{ReceivePort, Wire, observer_depth};
 use runtime::ports::Ports;
 use runtime::process::die_with_launcher;
-use runtime::realtime::{ControlPage, phase};
+use runtime::realtime::phase;
 use rustix::io::Errno;
 use rustix::process::{getppid, set_parent_process_death_signal};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, EventReader};
@@ -32,7 +28,7 @@ use crate::limits::{FLUSH_PERIOD, RECORDER_POLL};
 use crate::log::{Count, LogWriter, Memory, Record};
 
 /// Result of a recorder, printed at its end.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LogOutcome {
     /// Messages and events written.
     pub records: u64,
@@ -42,93 +38,16 @@ pub struct LogOutcome {
     pub error: Option<String>,
 }
 
-/// Receiving ports of the four topics, read as one stream of records.
-pub struct Observers {
-    page: Arc<ControlPage>,
-    states: Rc<dyn ReceivePort<State>>,
-    references: Rc<dyn ReceivePort<Reference>>,
-    controls: Rc<dyn ReceivePort<Controls>>,
-    actuators: Rc<dyn ReceivePort<Actuators>>,
-    received: [Cell<u32>; Topic::COUNT],
-    drained: [Cell<u64>; Topic::COUNT],
-    failures: Cell<u32>,
-}
-
-impl Observers {
-    /// Opens all four topics, with queues deep enough to receive every message.
-    pub fn open(ports: &mut Ports, scenario: &Scenario) -> Result<Self, SessionError> {
-        let depth = observer_depth(scenario.run.rate_hz);
-        Ok(Self {
-            page: ports.page.clone(),
-            states: ports.receiver(depth)?,
-            references: ports.receiver(depth)?,
-            controls: ports.receiver(depth)?,
-            actuators: ports.receiver(depth)?,
-            received: Default::default(),
-            drained: Default::default(),
-            failures: Cell::default(),
-        })
-    }
-
-    /// Passes the messages in the queues to `each`, topic by topic, and returns their number. Probes and messages of
-    /// processes that do not belong to the run are left out.
-    pub fn drain(&self, mut each: impl FnMut(&Record)) -> usize {
-        self.one(&*self.states, &mut each)
-            + self.one(&*self.references, &mut each)
-            + self.one(&*self.controls, &mut each)
-            + self.one(&*self.actuators, &mut each)
-    }
-
-    /// Returns the number of messages on `topic` that were passed on so far.
-    pub fn drained(&self, topic: Topic) -> u64 {
-        self.drained[topic as usize].get()
-    }
-
-    /// Returns the number of messages received on `topic` so far that came from the process active at that time.
-    pub fn received(&self, topic: Topic) -> u32 {
-        self.received[topic as usize].get()
-    }
-
-    /// Returns how often a queue could not be read so far.
-    pub fn failures(&self) -> u32 {
-        self.failures.get()
-    }
-
-    fn one<M: Wire + Into<Record>>(&self, port: &dyn ReceivePort<M>, each: &mut impl FnMut(&Record)) -> usize {
-        let role = self.page.role(M::TOPIC);
-        let (received, drained) = (&self.received[M::TOPIC as usize], &self.drained[M::TOPIC as usize]);
-        let before = drained.get();
-        let mut take = |message: &M, from| {
-            received.set(received.get() + u32::from(from == role.port(role.active())));
-            // A fault that flips bits can make any message look like a probe, but not an intact one.
-            let is_probe = message.stamp().is_probe() && message.is_intact();
-            if role.knows(from) && !is_probe {
-                each(&(*message).into());
-                drained.set(drained.get() + 1);
-            }
-        };
-        let failed = loop {
-            match port.receive(&mut take) {
-                Ok(true) => {}
-                Ok(false) => break 0,
-                Err(_) => break 1,
-            }
-        };
-        self.failures.set(self.failures.get() + failed);
-        (drained.get() - before) as usize
-    }
-}
-
 /// Runs the recorder as this process.
 pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
     match record(namespace, epoch, path) {
         Ok(outcome) => {
             console::print(&(serde_json::to_string(&outcome).unwrap_or_default() + "\n"));
-            console::finish(exit::FLOWN)
+            console::finish(exit::FLOWN).into()
         }
         Err(error) => {
             console::eprint_line(&format!("recorder: {error:#}"));
-            console::finish(exit::PROCESS_LOST)
+            console::finish(exit::PROCESS_LOST).into()
         }
     }
 }
@@ -206,13 +125,13 @@ impl CountedLog {
     /// Creates the log of a flight that has one recorder.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?;
-        Ok(Self::begin(writer, scenario))
+        Ok(Self::begin(writer.for_viewers(scenario)?, scenario))
     }
 
     /// Creates the log of one of several recorders of `run`.
     fn create_part(path: &Path, scenario: &Scenario, run: &str) -> anyhow::Result<Self> {
         let writer = LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?;
-        Ok(Self::begin(writer, scenario))
+        Ok(Self::begin(writer.for_viewers(scenario)?, scenario))
     }
 
     fn begin(writer: LogWriter, scenario: &Scenario) -> Self {

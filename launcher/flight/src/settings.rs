@@ -7,12 +7,13 @@ use std::path::Path;
 
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
-use contract::scenario::{self, NodeProgram, ProgramKind, ScenarioError, Swap, candidate};
+use contract::scenario::{self, ProgramKind, ScenarioError, Swap, candidate};
 use contract::topic::Topic;
 
-use crate::programs;
+use crate::{programs, shipped};
 
-/// Loads the scenario of `file` with `overrides` on top; an error if it cannot be flown.
+/// Loads the scenario of `file`, a path or the name of a shipped scenario, with `overrides` on top; an error if it
+/// cannot be flown.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     let scenario = load_untried(file, overrides)?;
     check(&scenario)?;
@@ -22,8 +23,11 @@ pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, Scena
 /// Loads like [`load`], for a program other than the launcher: tries no library, and builds no controller of the run or
 /// of a candidate.
 pub fn load_untried(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-    let mut scenario = scenario::load(file, overrides)?;
+    let mut scenario = scenario::load_from(file.map(shipped::scenario).transpose()?, overrides)?;
     programs::pin_all(&mut scenario)?;
+    let mut swaps = std::mem::take(&mut scenario.swap);
+    swaps.iter_mut().try_for_each(|swap| programs::pin_swap(&scenario, swap).map_err(|error| of_swap(swap, &error)))?;
+    scenario.swap = swaps;
     Ok(scenario)
 }
 
@@ -34,18 +38,19 @@ pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
     scenario.swap.iter().try_for_each(|swap| check_swap(scenario, swap))
 }
 
-fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
-    let of_swap = |error: ScenarioError| {
-        let why = error.to_string();
-        ScenarioError::of(
-            format!("`[[swap]]` of {}: {}", swap.node.name(), why.trim_start_matches("error: ")),
-            String::new(),
-        )
-    };
-    let Some(topic) = swap.node.topic() else {
-        let exec = swap.exec.clone().unwrap_or_default();
-        return programs::pin(&mut NodeProgram { exec, ..NodeProgram::default() }, swap.node.name()).map_err(of_swap);
-    };
+fn of_swap(swap: &Swap, error: &ScenarioError) -> ScenarioError {
+    let why = error.to_string();
+    let why = why.trim_start_matches("error: ");
+    ScenarioError::of(format!("`[[swap]]` of {}: {why}", swap.node.name()), String::new())
+}
+
+/// Checks that everything exists that a swap in a flight of `scenario` needs, and tries its library.
+///
+/// # Errors
+/// The program cannot be flown, or there is no controller for its settings.
+pub fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
+    let of_swap = |error| of_swap(swap, &error);
+    let Some(topic) = swap.node.topic() else { return Ok(()) };
     let own = candidate(scenario, swap)?;
     programs::check_one(&own, topic).map_err(of_swap)?;
     match own.node.of(topic).kind() {

@@ -38,17 +38,17 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use contract::Scenario;
-use contract::guard::Refusal;
 use contract::scenario::{Fault, Mode};
 use contract::topic::Topic;
+pub use ring::ended::{Ended, Refused, refused_by_listener};
 use runtime::port::PortFailure;
 use runtime::ports::Ports;
-use runtime::realtime::{ControlPage, phase, tell_of_crashes};
+use runtime::realtime::{phase, tell_of_crashes};
 
 use archive::Archive;
 use children::{RECORDER, wait};
 use end::ChildExit;
-pub use end::{Ended, StartError, refused};
+pub use end::{StartError, refused};
 use host::Host;
 use own_domain::OwnDomain;
 use requests::Requests;
@@ -61,10 +61,8 @@ use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
 use crate::roles::connections::{Connections, Disconnected};
-use crate::roles::role::RoleInput;
-use crate::roles::supervised::given_up;
-
-pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
+use ring::roles::role::RoleInput;
+use ring::roles::supervised::given_up;
 
 /// Port failures of each node and of the launcher, by cause.
 pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;
@@ -96,6 +94,8 @@ pub struct Stack {
     not_received: [bool; Topic::COUNT],
     /// Newest process of each node that was found cut off.
     cut_off: [u32; Topic::COUNT],
+    /// Scheduling that each process obtained from the kernel.
+    pub scheduling: Vec<(String, Scheduling)>,
     _domain: OwnDomain,
 }
 
@@ -119,6 +119,7 @@ impl Stack {
             connections: Connections::default(),
             not_received: [false; Topic::COUNT],
             cut_off: [0; Topic::COUNT],
+            scheduling: vec![],
             _domain: own,
         };
         stack.run.children.outputs = log.and_then(Path::parent).map(Path::to_owned);
@@ -130,6 +131,9 @@ impl Stack {
             None => stack.run.page.recorded.raise(u32::MAX), // nothing is recorded, so there is nothing to wait for
         }
         stack.wait_until_ready(&mut ports, interrupts)?;
+        // Processes enter their scheduling class before they are ready; it takes longer to read than a tick may wait.
+        let processes = stack.run.children.all.iter();
+        stack.scheduling = processes.map(|p| (p.name().to_owned(), scheduling_of(p.child.id()))).collect();
         Ok(stack)
     }
 
@@ -140,9 +144,7 @@ impl Stack {
         mut watch: impl FnMut(&Record),
         mut tick: impl FnMut(&[Fault]),
     ) -> Flown {
-        // Processes enter their scheduling class before they are ready; it takes longer to read than a tick may wait.
-        let processes = self.run.children.all.iter();
-        let scheduling = processes.map(|p| (p.name().to_owned(), scheduling_of(p.child.id()))).collect();
+        let scheduling = self.scheduling.clone();
         let started = Instant::now();
         let page = self.run.page.clone();
         page.set_phase(phase::GO);
@@ -341,7 +343,10 @@ impl Stack {
                 _ if process.topic.is_none_or(|topic| page.role(topic).active() != process.epoch) => {}
                 Some(status) if process.killed || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
-                None => _ = lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)")),
+                None => {
+                    let limit_s = LEAVE_LIMIT.as_secs();
+                    lost.get_or_insert_with(|| format!("{name} (did not leave within {limit_s} s and was killed)"));
+                }
             }
         }
         self.drain(watch);
@@ -350,10 +355,4 @@ impl Stack {
         let log = self.archive.take().map(|archive| archive.close(&mut self.run, interrupts));
         (lost, log)
     }
-}
-
-/// Counts the messages that each node has refused by now, by cause.
-pub fn refused_by_listener(page: &ControlPage) -> Refused {
-    let count = |topic: Topic| (topic.publisher(), Refusal::ALL.map(|r| page.role(topic).refused[r as usize].get()));
-    Topic::ALL.map(count).into()
 }

@@ -1,6 +1,5 @@
-//! Shipped campaigns, compiled in so that their commands work in any folder.
+//! Flights of shipped campaigns.
 
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, bail};
@@ -8,26 +7,9 @@ use campaign::page::{Page, promises};
 use campaign::row::Standing;
 use campaign::table::Table;
 use campaign::{Campaign, OwnController, Plan, local};
+use flight::shipped::{Kind, ROOT, Shipped};
 use outcome::target::Target;
 use toml::Value;
-
-/// Paths in the repository, and contents.
-const FILES: [(&str, &str); 14] = [
-    ("campaigns/aggressive.toml", include_str!("../../../campaigns/aggressive.toml")),
-    ("campaigns/brought-down.toml", include_str!("../../../campaigns/brought-down.toml")),
-    ("campaigns/conditions.toml", include_str!("../../../campaigns/conditions.toml")),
-    ("campaigns/conditions-estimated.toml", include_str!("../../../campaigns/conditions-estimated.toml")),
-    ("campaigns/laws.toml", include_str!("../../../campaigns/laws.toml")),
-    ("campaigns/sensitivity-paper.toml", include_str!("../../../campaigns/sensitivity-paper.toml")),
-    ("campaigns/sensitivity-robust.toml", include_str!("../../../campaigns/sensitivity-robust.toml")),
-    ("scenarios/take-off-and-land.toml", include_str!("../../../scenarios/take-off-and-land.toml")),
-    ("scenarios/fast-legs.toml", include_str!("../../../scenarios/fast-legs.toml")),
-    ("scenarios/aggressive/step.toml", include_str!("../../../scenarios/aggressive/step.toml")),
-    ("scenarios/aggressive/upset.toml", include_str!("../../../scenarios/aggressive/upset.toml")),
-    ("scenarios/aggressive/yaw.toml", include_str!("../../../scenarios/aggressive/yaw.toml")),
-    ("scenarios/aggressive/weak-step.toml", include_str!("../../../scenarios/aggressive/weak-step.toml")),
-    ("scenarios/aggressive/weak-yaw.toml", include_str!("../../../scenarios/aggressive/weak-yaw.toml")),
-];
 
 /// Flights of a shipped campaign.
 pub struct Flown {
@@ -45,15 +27,11 @@ pub fn plan(
     own: &[OwnController],
     edit: impl FnOnce(String) -> anyhow::Result<String>,
 ) -> anyhow::Result<Plan> {
-    let folder = tempfile::tempdir()?;
-    for (path, text) in FILES {
-        let path = folder.path().join(path);
-        fs::create_dir_all(path.parent().unwrap_or(folder.path()))?;
-        fs::write(path, text)?;
-    }
-    let campaigns = folder.path().join("campaigns");
-    let text = edit(fs::read_to_string(campaigns.join(name).with_extension("toml"))?)?;
-    let plan = Plan::new(Campaign::read_with(&text, &format!("campaigns/{name}.toml"), name, &campaigns, own)?)?;
+    let file = format!("campaigns/{name}.toml");
+    let shipped = Shipped::find(Kind::Campaign, &Path::new(ROOT).join(&file)).context("there is no such campaign")?;
+    let text = edit(shipped.text().to_owned())?;
+    let folder = Path::new(ROOT).join("campaigns");
+    let plan = Plan::new(Campaign::read_with(&text, &file, name, &folder, own)?)?;
     if !own.is_empty() {
         plan.check()?;
     }
@@ -119,9 +97,8 @@ mod tests {
 
     #[test]
     fn every_shipped_campaign_can_be_flown() {
-        for (path, _) in FILES.iter().filter(|(path, _)| path.starts_with("campaigns/")) {
-            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path);
-            Plan::new(Campaign::load(&path).unwrap()).unwrap().check().unwrap();
+        for shipped in Shipped::all(Kind::Campaign) {
+            Plan::new(Campaign::load(Path::new(&shipped.origin())).unwrap()).unwrap().check().unwrap();
         }
     }
 

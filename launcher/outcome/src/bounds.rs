@@ -12,6 +12,7 @@ use std::borrow::Cow;
 use contract::Scenario;
 use contract::scenario::{Bounds, Initial, Profile, TrajectoryKind};
 use guidance::Trajectory;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::{Metrics, or_nan};
@@ -22,13 +23,17 @@ const UPSET_M: f64 = 3.0;
 const FALLBACK_S: f64 = 2.0;
 
 /// One bound compared with the flight.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BoundCheck {
     /// Name of the metric in run.json.
     pub metric: Cow<'static, str>,
+    /// Largest allowed value, in the unit of the metric.
     pub limit: f64,
+    /// Value of the flight; null if the flight has none.
     #[serde(deserialize_with = "or_nan")]
+    #[schemars(with = "Option<f64>")]
     pub measured: f64,
+    /// `true` if the bound is kept.
     pub ok: bool,
     /// Name of the metric for people, and its unit; not in run.json.
     #[serde(skip)]
@@ -36,7 +41,7 @@ pub struct BoundCheck {
 }
 
 /// Returns the bounds of `scenario`, with the defaults for those that it does not set.
-fn bounds(scenario: &Scenario) -> Bounds {
+pub fn bounds(scenario: &Scenario) -> Bounds {
     let own = &scenario.bounds;
     Bounds {
         max_position_error_m: own.max_position_error_m.or_else(|| Some(position_error_m(scenario))),

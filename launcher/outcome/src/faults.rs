@@ -30,9 +30,10 @@
 use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::topic::Topic;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use flight::event::{Event, What, name};
+use flight::event::{Event, What, name, size_in_words};
 use flight::log::Record;
 
 /// Unanswered samples after which a silent process counts as harmed.
@@ -41,19 +42,27 @@ const UNANSWERED: u64 = 3;
 const GRACE_S: f64 = 0.5;
 
 /// One fault in the `faults` section of run.json. Times are simulated \[s\].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FaultRecord {
+    /// Part of the stack that has the fault.
     pub target: FaultTarget,
+    /// Kind of the fault.
     pub kind: FaultKind,
+    /// Size in words, where one was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<String>,
+    /// Beginning, as asked for \[s\].
     pub at_s: f64,
+    /// Duration, as asked for \[s\]; null = until the end of the flight.
     pub for_s: Option<f64>,
-    /// First sample on which the fault acted; `None` if it never did.
+    /// First sample on which the fault acted \[s\]; null if it never did.
     pub injected_at_s: Option<f64>,
-    /// `None` if the flight ended first.
+    /// End of the fault \[s\]; null if the flight ended first.
     pub ended_at_s: Option<f64>,
-    /// Time from the injection to the detection.
+    /// Time from the injection to the detection \[s\]; null if it was not detected.
     pub detected_after_s: Option<f64>,
-    /// Time from the end of the fault, or for a process fault from the detection, to the recovery.
+    /// Time from the end of the fault, or for a process fault from the detection, to the recovery \[s\]; null if there
+    /// was none.
     pub recovered_after_s: Option<f64>,
 }
 
@@ -62,16 +71,30 @@ impl FaultRecord {
     pub fn of(fault: &Fault) -> Self {
         let Fault { target, kind, at_s, for_s, .. } = *fault;
         let (injected_at_s, ended_at_s, detected_after_s, recovered_after_s) = Default::default();
-        Self { target, kind, at_s, for_s, injected_at_s, ended_at_s, detected_after_s, recovered_after_s }
+        let size = size_in_words(fault);
+        Self { target, kind, size, at_s, for_s, injected_at_s, ended_at_s, detected_after_s, recovered_after_s }
+    }
+
+    /// Returns target, kind and size in words.
+    pub fn what(&self) -> String {
+        let size = self.size.as_ref().map_or(String::new(), |size| format!(" {size}"));
+        format!("{} {}{size}", self.target.name(), name(self.kind))
+    }
+
+    /// Returns the end of the fault \[s\], for a moment its beginning; `None` if the flight ended first.
+    pub fn until_s(&self) -> Option<f64> {
+        let is_moment = self.for_s.is_none() && Fault::new(self.target, self.kind, self.at_s, None).is_momentary();
+        self.ended_at_s.or(self.injected_at_s.filter(|_| is_moment))
     }
 
     /// Describes the fault and what came of it in one line for people.
     pub fn describe(&self) -> String {
         let Self { target, kind, at_s, for_s, .. } = *self;
         let Some(injected_at_s) = self.injected_at_s else {
-            return format!("{} {} at {at_s} s: never struck", target.name(), name(kind));
+            return format!("{} at {at_s} s: never struck", self.what());
         };
-        let course = course(&Fault::new(target, kind, at_s, for_s), injected_at_s);
+        let when = when(&Fault::new(target, kind, at_s, for_s), injected_at_s);
+        let course = format!("{} {when}", self.what());
         match [self.detected_after_s, self.recovered_after_s] {
             // Wind, or a fault that the flight tolerates: there is nothing to recover from.
             [None, _] => format!("{course}: not detected"),
@@ -273,19 +296,17 @@ impl Watched {
     }
 }
 
-/// Describes a fault for people: target, kind, begin \[s\] and duration.
+/// Describes a fault for people: target, kind, size, begin \[s\] and duration.
 pub fn course(fault: &Fault, from_s: f64) -> String {
-    let what = what(fault);
-    match fault.for_s {
-        Some(for_s) => format!("{what} from {from_s:.2} s for {for_s} s"),
-        None if fault.is_momentary() => format!("{what} at {from_s:.2} s"),
-        None => format!("{what} from {from_s:.2} s to the end"),
-    }
+    format!("{} {}", FaultRecord::of(fault).what(), when(fault, from_s))
 }
 
-/// Target and kind as the scenario file spells them.
-fn what(fault: &Fault) -> String {
-    format!("{} {}", fault.target.name(), name(fault.kind))
+fn when(fault: &Fault, from_s: f64) -> String {
+    match fault.for_s {
+        Some(for_s) => format!("from {from_s:.2} s for {for_s} s"),
+        None if fault.is_momentary() => format!("at {from_s:.2} s"),
+        None => format!("from {from_s:.2} s to the end"),
+    }
 }
 
 /// Flags of ACTUATORS that tell of something wrong, other than a limit.

@@ -1,32 +1,35 @@
-//! Happenings of a flight: its faults, its events, and times when a node was without a process.
+//! Happenings of a flight: its faults, its events, times when a node was without a process, and its phases.
 
 use contract::Topic;
 use contract::scenario::{FaultKind, FaultTarget};
 use contract::topic::NODES;
-use flight::event::{TimedEvent, What, name};
-use serde::Serialize;
+use flight::event::{TimedEvent, What};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::faults::FaultRecord;
 
-/// Faults, events and absences of one flight. Times are simulated \[s\].
-#[derive(Debug, Clone, Default, Serialize)]
+/// Faults, events, absences and phases of one flight. Times are simulated \[s\].
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Happenings {
     pub faults: Vec<Span>,
     pub events: Vec<Mark>,
     /// Spans from the death of an active process until the next one took over.
     pub absences: Vec<Span>,
+    /// Take-off, flight and landing; empty without a ground.
+    pub phases: Vec<Span>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Span {
-    /// Number of a fault in run.json, counted from 1; 0 for an absence.
+    /// Number of a fault in run.json, counted from 1; 0 for an absence or a phase.
     pub number: usize,
     /// Target of a fault, or node of an absence.
     #[serde(skip)]
     pub target: String,
     pub what: String,
     pub from_s: f64,
-    /// End of the span; `None` if the flight ended first.
+    /// End of the span, equal to `from_s` for a moment; `None` if the flight ended first.
     pub to_s: Option<f64>,
     /// `true` for each node whose cycles it can delay, by topic.
     #[serde(skip)]
@@ -39,6 +42,18 @@ pub struct Mark {
     pub node: String,
     pub what: String,
     pub why: Option<String>,
+    /// `true` for an order given in flight, which is among the faults too.
+    #[serde(skip)]
+    is_order: bool,
+}
+
+/// Phase of take-off or landing, and the time of its first sample.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Phase {
+    /// Time of its first sample \[s\].
+    pub at_s: f64,
+    /// Name of the phase.
+    pub phase: String,
 }
 
 impl Happenings {
@@ -49,27 +64,93 @@ impl Happenings {
             faults: faults.iter().zip(1..).filter_map(|(fault, number)| Span::of_fault(fault, number)).collect(),
             events: marks,
             absences: Topic::ALL.into_iter().flat_map(|topic| absences(topic, events)).collect(),
+            phases: vec![],
         }
+    }
+
+    /// Adds the phases of take-off and landing.
+    #[must_use]
+    pub fn with_phases(self, phases: &[Phase]) -> Self {
+        let span = |(i, phase): (usize, &Phase)| Span {
+            what: phase.phase.clone(),
+            to_s: phases.get(i + 1).map(|next| next.at_s),
+            ..Span::at(phase.at_s)
+        };
+        Self { phases: phases.iter().enumerate().map(span).collect(), ..self }
+    }
+
+    /// Returns what had happened by `time_s`: a span that ended later has no end.
+    #[must_use]
+    pub fn until(&self, time_s: f64) -> Self {
+        let begun = |spans: &[Span]| {
+            let spans = spans.iter().filter(|span| span.from_s <= time_s).cloned();
+            spans.map(|span| Span { to_s: span.to_s.filter(|end_s| *end_s <= time_s), ..span }).collect()
+        };
+        let events = self.events.iter().filter(|mark| mark.at_s <= time_s).cloned().collect();
+        Self { faults: begun(&self.faults), events, absences: begun(&self.absences), phases: begun(&self.phases) }
+    }
+
+    /// Returns the times at which something began or ended, in order \[s\].
+    pub fn times_s(&self) -> Vec<f64> {
+        let spans = self.faults.iter().chain(&self.absences).chain(&self.phases);
+        let spans = spans.flat_map(|span| [Some(span.from_s), span.to_s]).flatten();
+        let mut all: Vec<f64> = self.events.iter().map(|mark| mark.at_s).chain(spans).collect();
+        all.sort_by(f64::total_cmp);
+        all
+    }
+
+    /// Returns all of it at times that are `by_s` later \[s\].
+    #[must_use]
+    pub fn moved(&self, by_s: f64) -> Self {
+        let mut moved = self.clone();
+        let Self { faults, events, absences, phases } = &mut moved;
+        for span in faults.iter_mut().chain(absences).chain(phases) {
+            span.from_s += by_s;
+            span.to_s = span.to_s.map(|to_s| to_s + by_s);
+        }
+        for mark in events {
+            mark.at_s += by_s;
+        }
+        moved
+    }
+
+    /// Returns the time until which a span can delay cycles: a moment as long as the node that it took down is down;
+    /// `None` if that has no end.
+    fn acts_until_s(&self, span: &Span) -> Option<f64> {
+        let is_consequence =
+            |absence: &&Span| absence.target == span.target && absence.from_s >= span.from_s && span.is_moment();
+        self.absences.iter().find(is_consequence).map_or(span.to_s.filter(|_| !span.is_moment()), |down| down.to_s)
     }
 
     /// Finds what can have delayed `topic` between two instants: faults, absences and events of that time.
     pub fn causes(&self, topic: Topic, from_s: f64, to_s: f64) -> [Vec<String>; 3] {
         let spans = |all: &[Span]| -> Vec<String> {
-            let during = |span: &&Span| span.from_s <= to_s && span.to_s.is_none_or(|end_s| end_s > from_s);
+            let during =
+                |span: &&Span| span.from_s <= to_s && self.acts_until_s(span).is_none_or(|end_s| end_s > from_s);
             all.iter().filter(|span| span.delays[topic as usize]).filter(during).map(Span::describe).collect()
         };
         // Deaths, starts and take-overs of a node's processes count; orders given by hand are among the faults.
-        let concerns_a_node = |mark: &&Mark| {
-            NODES.contains(&mark.node.as_str()) && !["injected", "cleared"].contains(&mark.what.as_str())
-        };
+        let concerns_a_node = |mark: &&Mark| NODES.contains(&mark.node.as_str()) && !mark.is_order;
         let then = self.events.iter().filter(|mark| mark.at_s >= from_s && mark.at_s <= to_s);
         [spans(&self.faults), spans(&self.absences), then.filter(concerns_a_node).map(Mark::describe).collect()]
     }
 }
 
 impl Span {
+    /// Makes a nameless span that begins at `from_s` and has no end.
+    pub fn at(from_s: f64) -> Self {
+        let (number, target, what, to_s, delays) = Default::default();
+        Self { number, target, what, from_s, to_s, delays }
+    }
+
+    /// Returns whether this is a moment, as the kill of a process is.
+    pub fn is_moment(&self) -> bool {
+        self.to_s == Some(self.from_s)
+    }
+
     pub fn describe(&self) -> String {
         match self.to_s {
+            Some(_) if self.is_moment() => format!("{} at {:.2} s", self.what, self.from_s),
             Some(to_s) => format!("{}, {:.2} to {to_s:.2} s", self.what, self.from_s),
             None => format!("{}, from {:.2} s", self.what, self.from_s),
         }
@@ -77,13 +158,13 @@ impl Span {
 
     /// Returns the span in which a fault acted; `None` if it never did.
     fn of_fault(fault: &FaultRecord, number: usize) -> Option<Self> {
-        let FaultRecord { target, kind, injected_at_s, ended_at_s, .. } = *fault;
+        let FaultRecord { target, kind, injected_at_s, .. } = *fault;
         Some(Self {
             number,
             target: target.name().into(),
-            what: format!("{} {}", target.name(), name(kind)),
+            what: fault.what(),
             from_s: injected_at_s?,
-            to_s: ended_at_s,
+            to_s: fault.until_s(),
             delays: delays(target, kind),
         })
     }
@@ -92,7 +173,8 @@ impl Span {
 impl Mark {
     fn of(timed: &TimedEvent) -> Self {
         let TimedEvent { at_s, event, .. } = timed;
-        Self { at_s: *at_s, node: event.node.clone(), what: timed.what(), why: event.why.clone() }
+        let is_order = matches!(event.what, What::Injected | What::Cleared);
+        Self { at_s: *at_s, node: event.node.clone(), what: timed.what(), why: event.why.clone(), is_order }
     }
 
     pub fn describe(&self) -> String {
@@ -138,7 +220,7 @@ fn absences(topic: Topic, events: &[TimedEvent]) -> Vec<Span> {
             What::Died | What::Hung if open.is_none() && active_epochs.last() == Some(&event.epoch) => {
                 let what = format!("{node} was down");
                 let target = node.to_owned();
-                spans.push(Span { number: 0, target, what, from_s: *at_s, to_s: None, delays: [true; Topic::COUNT] });
+                spans.push(Span { target, what, delays: [true; Topic::COUNT], ..Span::at(*at_s) });
             }
             _ => {}
         }
@@ -178,7 +260,7 @@ mod tests {
     #[test]
     fn faults_come_first_then_absences_then_events() {
         let [faults, absences, events] = flown().causes(Topic::Actuators, 1.99, 2.04);
-        assert_eq!(faults, ["controls drop, 1.50 to 2.50 s", "mixer kill, from 2.00 s"]);
+        assert_eq!(faults, ["controls drop, 1.50 to 2.50 s", "mixer kill at 2.00 s"]);
         assert_eq!(absences, ["mixer was down, 2.00 to 2.03 s"]);
         assert_eq!([&events[0], &events[2]], ["mixer died at 2.00 s", "mixer took over at 2.03 s (it was next)"]);
     }
@@ -186,6 +268,49 @@ mod tests {
     #[test]
     fn a_fault_of_the_vehicle_or_of_another_node_delays_no_cycle() {
         assert_eq!(flown().causes(Topic::Reference, 1.6, 1.9).concat(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_kill_is_a_moment_that_delays_cycles_until_the_next_process_is_active() {
+        assert!(flown().faults[2].is_moment());
+        assert_eq!(flown().causes(Topic::Actuators, 2.01, 2.02)[0].len(), 2);
+        assert_eq!(flown().causes(Topic::Actuators, 2.6, 2.9).concat(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn by_a_time_a_span_that_goes_on_has_no_end() {
+        let all = flown();
+        let told = |time_s: f64| {
+            let by = all.until(time_s);
+            let spans = by.faults.iter().chain(&by.absences).map(Span::describe).collect::<Vec<_>>();
+            (spans, by.events.len())
+        };
+        assert_eq!(told(0.5), (vec![], 0));
+        assert_eq!(
+            told(2.0),
+            (
+                vec![
+                    "wind gust, from 1.00 s".into(),
+                    "controls drop, from 1.50 s".into(),
+                    "mixer kill at 2.00 s".into(),
+                    "mixer was down, from 2.00 s".into(),
+                ],
+                2
+            )
+        );
+        assert_eq!(all.until(f64::INFINITY), all);
+        let times_s = all.times_s();
+        assert!(times_s.is_sorted() && times_s.first() == Some(&1.0) && times_s.last() == Some(&9.0), "{times_s:?}");
+    }
+
+    #[test]
+    fn a_phase_lasts_until_the_next_one() {
+        let phase = |at_s, phase: &str| Phase { at_s, phase: phase.into() };
+        let phases = Happenings::default().with_phases(&[phase(0.0, "standing"), phase(1.5, "in flight")]).phases;
+        assert_eq!(
+            [&phases[0], &phases[1]].map(Span::describe),
+            ["standing, 0.00 to 1.50 s", "in flight, from 1.50 s"]
+        );
     }
 
     #[test]

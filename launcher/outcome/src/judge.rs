@@ -1,8 +1,9 @@
 //! The judge: whether a flight is a pass, why not, and what else a reader must know. Every command asks here.
 
 use contract::exit;
+use contract::guard::Refusal;
 use contract::message::PlantStatus;
-use contract::scenario::Scenario;
+use contract::scenario::{Nodes, Scenario};
 use flight::event::{Event, What};
 use flight::recorder::LogOutcome;
 use flight::stack::{Ended, PortFailures, Refused};
@@ -63,7 +64,7 @@ impl Verdict {
         let bounds = bounds::check(scenario, &summary.metrics());
         let swaps = FailedSwap::all(scenario, &how.events);
         let (exit_code, cause) = pass_or_cause(summary, how, &bounds, &swaps);
-        let reservations = reservations(summary, how, &bounds, &swaps);
+        let reservations = reservations(summary, scenario, how, &bounds, &swaps);
         let joint = match how.ended {
             Ended::Flown if reservations.is_empty() => ", inside its bounds",
             Ended::Flown if !summary.status().diverged() => ", but ",
@@ -129,7 +130,13 @@ fn end(summary: &Summary, ended: &Ended) -> String {
     }
 }
 
-fn reservations(summary: &Summary, how: &Circumstances, bounds: &[BoundCheck], swaps: &[FailedSwap]) -> Vec<String> {
+fn reservations(
+    summary: &Summary,
+    scenario: &Scenario,
+    how: &Circumstances,
+    bounds: &[BoundCheck],
+    swaps: &[FailedSwap],
+) -> Vec<String> {
     let fallback_s = summary.metrics().fallback_s;
     let outside = || bounds.iter().filter(|bound| !bound.ok);
     let describe = |BoundCheck { words: [what, unit], measured, limit, .. }: &BoundCheck| {
@@ -155,6 +162,13 @@ fn reservations(summary: &Summary, how: &Circumstances, bounds: &[BoundCheck], s
         told.push(format!("{} failed in flight", nodes.join(" and ")));
     }
     told.extend(summary.cold_starts.describe(&how.events));
+    if scenario.node != Nodes::default() || scenario.swap.iter().any(|swap| swap.exec.is_some()) {
+        let refused = how.refused.iter().map(|(node, counts)| (node, counts[Refusal::Range as usize]));
+        let refused = refused.filter(|(_, count)| *count > 0);
+        told.extend(refused.map(|(node, count)| {
+            format!("{node} refused {count} messages with numbers that are not finite or out of range")
+        }));
+    }
     if let Some(log) = &how.log {
         told.extend((log.dropped > 0).then(|| format!("{} records are missing in the log", log.dropped)));
         told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));

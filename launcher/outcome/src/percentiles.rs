@@ -1,15 +1,23 @@
 //! Percentiles and medians. Times are counted in an `HdrHistogram` of nanoseconds with three significant digits.
 
 use hdrhistogram::Histogram;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+/// Percentiles of a time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Percentiles {
+    /// Number of values; with 0 values all percentiles are 0.
     pub n: u64,
+    /// Median \[us\].
     pub p50_us: f64,
+    /// Percentile 90 \[us\].
     pub p90_us: f64,
+    /// Percentile 99 \[us\].
     pub p99_us: f64,
+    /// Percentile 99.9 \[us\].
     pub p999_us: f64,
+    /// Largest value \[us\].
     pub max_us: f64,
 }
 

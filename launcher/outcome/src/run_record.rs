@@ -9,85 +9,101 @@ use anyhow::{Context, ensure};
 use contract::guard::Refusal;
 use contract::message::PlantStatus;
 use contract::scenario::file::MAX_RESULTS_BYTES;
-use contract::scenario::{self, Mode, Profile, Scenario};
+use contract::scenario::{self, Mode, Profile, Scenario, schema_of};
 use flight::event::TimedEvent;
 use flight::files;
 use flight::provenance::{Git, Provenance, SCHEMA_VERSION};
 use flight::recorder::LogOutcome;
 use runtime::port::PortFailure;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::bounds::BoundCheck;
 use crate::faults::FaultRecord;
-use crate::happenings::Happenings;
+use crate::happenings::{Happenings, Phase};
 use crate::judge::{Circumstances, Verdict};
 use crate::metrics::{Metrics, or_nan};
 use crate::solves::SolverRecord;
 use crate::summary::Summary;
 use crate::timing::TimingRecord;
 
-/// Content of run.json.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+/// Record of a flight: its end, metrics, timing, faults, events and provenance. Times are in seconds of the flight
+/// unless the name says another unit; null stands for a figure that the flight does not have.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 pub struct RunRecord {
     /// Name of the scenario.
     pub name: String,
+    /// Mode of the flight.
     pub mode: Mode,
+    /// Profile of defaults.
     pub profile: Profile,
-    /// Duration that the scenario asks for.
+    /// Duration that the scenario asks for \[s\].
     pub duration_s: f64,
+    /// Time of the last sample \[s\].
     pub flown_s: f64,
+    /// `true` if the vehicle left the limits of a flight: 500 m from the origin, 100 rad/s, or a number that is not
+    /// finite.
     pub diverged: bool,
-    /// Contact with the ground at the end, or "in the air"; `None` if there is no ground.
+    /// Contact with the ground at the end, or "in the air"; null if there is no ground.
     pub ground: Option<String>,
-    /// Phases of take-off and landing; `None` if there is no ground.
+    /// Phases of take-off and landing; null if there is no ground.
     pub phases: Option<Vec<Phase>>,
     /// End of the flight, for people.
     pub ended: String,
-    /// See [`Verdict::reservations`].
+    /// Reservations: what was not as the settings ask, though the exit code may be 0.
     #[serde(rename = "but")]
     pub reservations: Vec<String>,
+    /// Exit code of the flight.
     pub exit_code: u8,
+    /// Metrics of the flight.
     pub metrics: Metrics,
+    /// Work of the solver of attitude-mpc.
     pub solver: SolverRecord,
-    /// See [`Summary::state_hash`].
+    /// SHA-256 over the payload of every STATE message in order, hexadecimal; null if one is missing.
     pub state_hash: Option<String>,
     /// `true` if a replay gives the same state hash.
     pub replays: bool,
+    /// Bounds, each compared with the flight.
     pub bounds: Vec<BoundCheck>,
+    /// Speed of the flight against the clock.
     pub speed: Speed,
-    /// `None` for a flight in process, which has no times.
+    /// Timing of the nodes; null for a flight in process, which has no times.
     pub timing: Option<TimingRecord>,
-    /// `None` for a flight without a log.
+    /// Result of the recorder; null for a flight without a log.
     pub log: Option<LogOutcome>,
     /// Messages that the observer missed.
     pub unobserved: u64,
+    /// Faults, of the scenario and given in flight.
     pub faults: Vec<FaultRecord>,
+    /// Events, in order.
     pub events: Vec<TimedEvent>,
     /// Messages refused, by node and cause.
     pub refused: Counts,
     /// Failures of ports, by node and cause.
     pub port_failures: Counts,
-    /// `None` for a record made from a log alone.
+    /// Origin of the run; null for a record made from a log alone.
     pub provenance: Option<Provenance>,
+}
+
+/// Returns the JSON Schema of run.json.
+pub fn schema() -> Value {
+    schema_of::<RunRecord>("run.json of Trefoil", schemars::generate::Contract::Serialize)
 }
 
 /// Counts of each node, by cause.
 pub type Counts = BTreeMap<String, BTreeMap<String, u32>>;
 
-/// Phase of take-off or landing, and the time of its first sample.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Phase {
-    pub at_s: f64,
-    pub phase: String,
-}
-
 /// Speed of the flight against the clock; NaN, which is null in JSON, if it is not known.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Speed {
+    /// Wall time of the flight, without start and report \[s\].
     #[serde(deserialize_with = "or_nan")]
+    #[schemars(with = "Option<f64>")]
     pub wall_s: f64,
+    /// Time of the flight as a multiple of its wall time.
     #[serde(deserialize_with = "or_nan")]
+    #[schemars(with = "Option<f64>")]
     pub times_realtime: f64,
 }
 
@@ -168,7 +184,7 @@ impl RunRecord {
 
     /// Returns faults, events and absences on the time axis.
     pub fn happenings(&self) -> Happenings {
-        Happenings::new(&self.faults, &self.events)
+        Happenings::new(&self.faults, &self.events).with_phases(self.phases.as_deref().unwrap_or_default())
     }
 
     /// Returns the settings of the run, with the orders given in flight; `None` if it does not tell them.
@@ -205,7 +221,8 @@ pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static st
     })
 }
 
-fn phases(scenario: &Scenario, summary: &Summary) -> Option<Vec<Phase>> {
+/// Returns the phases of take-off, flight and landing; `None` without a ground.
+pub fn phases(scenario: &Scenario, summary: &Summary) -> Option<Vec<Phase>> {
     let in_flight = summary.phases().iter().filter(|(_, phase)| !phase.is_last());
     let all = in_flight.map(|(at_s, phase)| Phase { at_s: *at_s, phase: phase.describe().into() });
     scenario.plant.ground.present.then(|| all.collect())

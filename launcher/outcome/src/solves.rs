@@ -5,32 +5,42 @@
 
 use contract::message::{Controls, SolveStatus};
 use hdrhistogram::Histogram;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::percentiles::{Percentiles, histogram, percentiles};
 
 /// The `solver` section of run.json: ticks by the status of their solve, and what the solves took.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SolverRecord {
+    /// Ticks whose unconstrained optimum satisfies every constraint.
     pub explicit: u64,
+    /// Ticks with the constrained optimum, to the solver's tolerance.
     pub solved: u64,
+    /// Ticks on which the solver ran out of iterations or time.
     pub limit_reached: u64,
+    /// Ticks on which the solver found nothing, and the unconstrained plan was projected.
     pub fallback: u64,
+    /// Ticks with an input that was not finite: the previous demand was repeated.
     pub bad_input: u64,
+    /// Ticks without a fresh state: the previous demand was repeated.
     pub stale: u64,
+    /// Ticks without a reference of the tick.
     pub no_reference: u64,
+    /// Iterations of the solves.
     pub iterations: Iterations,
     /// Ticks whose published plan touches a constraint.
     pub ticks_with_active_constraints: u64,
-    /// Wall time of a solve; `None` without a solve.
+    /// Wall time of a solve; null without a solve.
     pub solve_us: Option<Percentiles>,
 }
 
 /// Iterations over the solved ticks.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Iterations {
+    /// Most iterations of a solve.
     pub max: u64,
-    /// `None` without a solved tick.
+    /// Mean iterations of a solve; null without a solved tick.
     pub mean: Option<f64>,
 }
 

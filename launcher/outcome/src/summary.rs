@@ -7,7 +7,7 @@ use contract::Scenario;
 use contract::message::{PlantStatus, State, mixer_flags};
 use contract::scenario::Mode;
 use guidance::Trajectory;
-use sha2::{Digest, Sha256};
+use ring::states::StateHash;
 
 use crate::bounds::Outside;
 use crate::cold_starts::ColdStarts;
@@ -36,7 +36,7 @@ pub struct Summary {
     effort: (f64, u64),
     outside: Outside,
     /// Hash over all states; `None` if it is not kept.
-    hash: Option<Sha256>,
+    hash: Option<StateHash>,
     count: Count,
     missed: u64,
     last: State,
@@ -69,7 +69,7 @@ impl Summary {
             r: scenario.mpc.r,
             effort: (0.0, 0),
             outside: Outside::new(scenario),
-            hash: Some(Sha256::new()),
+            hash: Some(StateHash::default()),
             count: Count::default(),
             missed: 0,
             last: State::default(),
@@ -122,7 +122,7 @@ impl Summary {
 
     fn state(&mut self, state: &State) {
         if let Some(hash) = &mut self.hash {
-            state.payload(|bytes| hash.update(bytes));
+            hash.observe(state);
         }
         let t = state.stamp.tick as f64 * self.sample_s;
         let wanted = self.trajectory.at(t).position_m;
@@ -195,14 +195,7 @@ impl Summary {
     /// SHA-256 over every state's payload bits in order; `None` when a message was missed, none came, or it is not
     /// kept.
     pub fn state_hash(&self) -> Option<String> {
-        use std::fmt::Write;
-        let hash = self.hash.as_ref().filter(|_| self.missed == 0 && self.samples > 0);
-        hash.map(|hash| {
-            hash.clone().finalize().iter().fold(String::new(), |mut text, byte| {
-                let _ = write!(text, "{byte:02x}"); // writing to a String cannot fail
-                text
-            })
-        })
+        self.hash.as_ref().filter(|_| self.missed == 0 && self.samples > 0).map(StateHash::text)
     }
 
     pub fn time_s(&self) -> f64 {

@@ -1,10 +1,9 @@
 //! Account of a flight for people: the text that `fly` prints at its end.
 
 use contract::Scenario;
-use contract::scenario::{Mode, Policy, Scheduling, TrajectoryKind};
-use contract::topic::NODES;
+use contract::scenario::{Mode, TrajectoryKind};
 use flight::event::{Event, TimedEvent, name};
-use flight::provenance::Provenance;
+use flight::provenance::{self, Provenance};
 use flight::swap_story::of_candidates;
 
 use crate::faults::FaultRecord;
@@ -79,35 +78,15 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
 /// Describes in lines the scheduling class and memory lock that the kernel gave the processes and, where the processes
 /// asked for more, the command that grants it; empty outside real time, or if no scheduling was recorded.
 fn granted(scenario: &Scenario, provenance: &Provenance) -> Vec<String> {
-    let nodes: Vec<_> = NODES.iter().filter_map(|node| provenance.scheduling.get(*node)).collect();
-    if scenario.run.mode != Mode::Realtime || nodes.is_empty() {
-        return vec![];
-    }
-    let asked: Vec<Scheduling> = (0..NODES.len()).map(|rank| scenario.realtime.of(rank)).collect();
-    let asked_fifo = asked.iter().filter(|asked| asked.policy == Policy::Fifo).count();
-    let asked_lock = asked.iter().filter(|asked| asked.lock_memory).count();
-    let fifo = nodes.iter().filter(|node| node.policy == "fifo").count();
-    let locked = nodes.iter().filter(|node| node.locked_kb > 0).count();
-    let [lacks_fifo, lacks_lock] = [fifo < asked_fifo, locked < asked_lock];
-    let class = match fifo {
-        0 if lacks_fifo => "SCHED_OTHER for want of privilege".to_owned(),
-        0 => "SCHED_OTHER, as the scenario has it".to_owned(),
-        4 => "SCHED_FIFO".to_owned(),
-        some => format!("SCHED_FIFO for {some} of 4 nodes{}", if lacks_fifo { " for want of privilege" } else { "" }),
-    };
-    let memory = match () {
-        () if locked == nodes.len() => "locked",
-        () if lacks_lock => "not locked for want of privilege",
-        () => "not locked, as the scenario has it",
-    };
-    let capabilities = match (lacks_fifo, lacks_lock) {
-        (false, false) => return vec![format!("{class}; memory {memory}")],
-        (true, true) => "cap_sys_nice,cap_ipc_lock",
-        (true, false) => "cap_sys_nice",
-        (false, true) => "cap_ipc_lock",
-    };
+    let granted = provenance::granted(&provenance.scheduling).filter(|_| scenario.run.mode == Mode::Realtime);
+    let Some(granted) = granted else { return vec![] };
     let program = provenance.host.command.first().map_or("target/release/launcher", String::as_str);
-    vec![format!("{class}; memory {memory}:"), format!("`sudo setcap {capabilities}+ep {program}` gives it")]
+    let [class, memory] = machine::privileges::judge(scenario, granted, program);
+    let got = format!("{}; memory {}", class.found, memory.found);
+    match class.remedy.or(memory.remedy) {
+        Some(remedy) => vec![got + ":", format!("`{remedy}` gives it")],
+        None => vec![got],
+    }
 }
 
 /// Largest number of faults that the terminal lists one by one.
@@ -169,8 +148,10 @@ fn metres(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use contract::scenario::Policy;
+    use contract::topic::NODES;
     use flight::event::What;
-    use flight::provenance::{self, host};
+    use flight::provenance::host;
 
     #[test]
     fn long_lines_are_broken_at_blanks_and_lose_nothing() {

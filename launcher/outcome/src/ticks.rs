@@ -11,6 +11,7 @@ use contract::scenario::Mode;
 use contract::{Scenario, Topic};
 use flight::log::{Count, Log, Record, last_tick};
 use guidance::Trajectory;
+pub use ring::states::{length_m, position_error_m};
 
 /// Largest number of ticks from a command's own tick to the tick at which the command takes effect. The limit keeps a
 /// damaged STATE from causing a search of the whole flight.
@@ -172,13 +173,20 @@ pub type LoggedTick = Tick<Messages>;
 pub struct Joined {
     ticks: Ticks<Messages>,
     count: Count,
+    /// Newest ticks that stay open.
+    open: u64,
 }
 
 impl Joined {
     /// Joins the ticks of a flight of `scenario`, from tick `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
         let ticks = Ticks { told: first, ..Ticks::new(scenario) };
-        Self { ticks, count: Count::default() }
+        Self { ticks, count: Count::default(), open: OPEN_TICKS }
+    }
+
+    /// Joins the ticks of a flight under way, and hands each out as soon as `open` later ones have begun.
+    pub fn live(scenario: &Scenario, first: u64, open: u64) -> Self {
+        Self { open, ..Self::new(scenario, first) }
     }
 
     /// Takes one message in, in the order of [`flight::log::stream`]; `each` gets the ticks to which nothing comes any
@@ -186,7 +194,7 @@ impl Joined {
     pub fn observe(&mut self, record: &Record, each: impl FnMut(&LoggedTick)) {
         if self.count.before(record).is_some() {
             self.ticks.observe(record, |of| of.put(record));
-            self.ticks.tell(OPEN_TICKS, each);
+            self.ticks.tell(self.open, each);
         }
     }
 
@@ -236,15 +244,6 @@ pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
         all.push(InForce { tick: tick.number, sequence: stamp.sequence, from_ns, until_ns, age_ns });
     }
     all
-}
-
-/// Position that the mission asks for less the true position, NED \[m\].
-pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
-    std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
-}
-
-pub fn length_m(vector_m: [f64; 3]) -> f64 {
-    vector_m.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

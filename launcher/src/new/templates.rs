@@ -5,6 +5,7 @@
 use clap::ValueEnum;
 
 use super::model::Model;
+use crate::manual::Described;
 
 /// Language, or tool that generates C.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -75,7 +76,11 @@ const TREFOIL_H: Text = Text::Fixed(include_str!("../../../foreign/include/trefo
 const LQR_H: Text = text!("common/lqr.h");
 const TEST_C: Text = text!("common/test_attitude.c");
 /// Files of every template.
-const COMMON: [(&str, Text); 2] = [("README.md", text!("common/README.md")), (".gitignore", text!("common/gitignore"))];
+const COMMON: [(&str, Text); 3] = [
+    ("README.md", text!("common/README.md")),
+    (".gitignore", text!("common/gitignore")),
+    ("scenario.schema.json", Text::Made(schema)),
+];
 
 const TEMPLATES: [Template; 9] = [
     Template {
@@ -229,6 +234,11 @@ impl Template {
         };
         self.files.iter().chain(&COMMON).map(|(path, text)| (*path, filled(*text))).collect()
     }
+}
+
+/// JSON Schema of the scenario, which its first line names, so that editors complete it.
+fn schema(_: &Model) -> String {
+    Described::Scenario.schema()
 }
 
 /// Types of `trefoil.h` in Rust, without the derived traits that need another crate.

@@ -1,5 +1,12 @@
 //! `compare`: several flights side by side. What differs between their settings, what they came to, and when their
-//! nodes worked, as tables for terminal and page; on the page their courses too, laid over each other.
+//! nodes worked, as tables for terminal and page; on the page their paths and courses too, laid over each other, with
+//! what happened to each.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `align` | the instants that lie on each other |
+
+mod align;
 
 use std::path::{Path, PathBuf};
 
@@ -12,16 +19,20 @@ use flight::event::name;
 use flight::log::Record;
 use hdrhistogram::Histogram;
 
-use crate::draw::{self, Line, STYLE, escape};
+use crate::draw::{self, FlightColumns, Plot, STYLE, Series, TimePlots, escape};
 use crate::report::sections::{METRICS, Shown};
 use crate::settings;
 use crate::table::Table;
 use crate::thinning::Thinned;
+use outcome::bounds::bounds;
 use outcome::metrics::Metrics;
 use outcome::percentiles::percentiles;
 use outcome::recorded::{Part, Recorded};
 use outcome::ticks::{Joined, LoggedTick};
 use outcome::timing::Timing;
+use serde_json::{Map, Value, json};
+
+pub use align::Align;
 
 /// Table with a row for each metric and a column for each flight, named by `titles`.
 pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {
@@ -32,32 +43,33 @@ pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {
         let cells = std::iter::once(format!("{}{unit}", metric.name)).chain(values.iter().map(cell));
         values.iter().any(|value| !value.is_nan()).then(|| cells.collect())
     };
-    Table::new("Metrics", &headings("", titles), METRICS.iter().filter_map(row).collect())
+    Table::new("Metrics", &headings("metric", titles), METRICS.iter().filter_map(row).collect())
 }
 
 fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
     std::iter::once(first).chain(titles.iter().copied()).collect()
 }
 
-/// Pictures of every flight: a title with the unit, the quantity at a tick, and the axis of the mission's position
-/// beside it.
-type Picture = (&'static str, Quantity, Option<usize>);
+/// Plot of every flight: label, unit, least range, column, the quantity at a tick, and the mission's column beside it.
+type Picture = (&'static str, &'static str, f64, &'static str, Quantity, Option<&'static str>);
 type Quantity = fn(&LoggedTick) -> Option<f64>;
 
 /// NED and body axes; angles in degrees, rotor speeds in the paper's unit.
 const PICTURES: [Picture; 11] = [
-    ("position error [m]", |tick| tick.distance_m(), None),
-    ("x, north [m]", |tick| Some(state(tick)?.actual.position_m[0]), Some(0)),
-    ("y, east [m]", |tick| Some(state(tick)?.actual.position_m[1]), Some(1)),
-    ("z, down [m]", |tick| Some(state(tick)?.actual.position_m[2]), Some(2)),
-    ("roll φ [deg]", |tick| Some(state(tick)?.actual.attitude_rad[0].to_degrees()), None),
-    ("pitch θ [deg]", |tick| Some(state(tick)?.actual.attitude_rad[1].to_degrees()), None),
-    ("yaw ψ [deg]", |tick| Some(state(tick)?.actual.attitude_rad[2].to_degrees()), None),
-    ("rotor speed Ω1", |tick| Some(state(tick)?.actuators.rotor_speed[0]), None),
-    ("rotor speed Ω2", |tick| Some(state(tick)?.actuators.rotor_speed[1]), None),
-    ("rotor speed Ω3", |tick| Some(state(tick)?.actuators.rotor_speed[2]), None),
-    ("tilt μ [deg]", |tick| Some(state(tick)?.actuators.tilt_rad.to_degrees()), None),
+    ("position error", "m", 0.02, "error", |tick| tick.distance_m(), None),
+    ("north", "m", 0.5, "x", |tick| Some(state(tick)?.actual.position_m[0]), Some("x_wanted")),
+    ("east", "m", 0.5, "y", |tick| Some(state(tick)?.actual.position_m[1]), Some("y_wanted")),
+    ("down", "m", 0.5, "z", |tick| Some(state(tick)?.actual.position_m[2]), Some("z_wanted")),
+    ("roll φ", "deg", 1.0, "phi", |tick| Some(state(tick)?.actual.attitude_rad[0].to_degrees()), None),
+    ("pitch θ", "deg", 1.0, "theta", |tick| Some(state(tick)?.actual.attitude_rad[1].to_degrees()), None),
+    ("yaw ψ", "deg", 1.0, "psi", |tick| Some(state(tick)?.actual.attitude_rad[2].to_degrees()), None),
+    ("Ω₁", "speed unit", 50.0, "omega1", |tick| Some(state(tick)?.actuators.rotor_speed[0]), None),
+    ("Ω₂", "speed unit", 50.0, "omega2", |tick| Some(state(tick)?.actuators.rotor_speed[1]), None),
+    ("Ω₃", "speed unit", 50.0, "omega3", |tick| Some(state(tick)?.actuators.rotor_speed[2]), None),
+    ("tilt μ", "deg", 2.0, "tilt", |tick| Some(state(tick)?.actuators.tilt_rad.to_degrees()), None),
 ];
+/// Columns of the position that the mission asks for.
+const WANTED: [&str; 3] = ["x_wanted", "y_wanted", "z_wanted"];
 
 fn state(tick: &LoggedTick) -> Option<&State> {
     tick.of.state.as_ref()
@@ -90,22 +102,31 @@ impl Course {
 }
 
 fn push(tick: &LoggedTick, quantities: &mut [Thinned], wanted: &mut [Thinned], end_s: &mut f64) {
-    for (series, (_, quantity, _)) in quantities.iter_mut().zip(PICTURES) {
+    for (series, (.., quantity, _)) in quantities.iter_mut().zip(PICTURES) {
         series.push(quantity(tick).map_or(f32::NAN, |value| value as f32));
     }
     wanted.iter_mut().zip(tick.wanted_m).for_each(|(series, wanted_m)| series.push(wanted_m as f32));
     *end_s = tick.time_s();
 }
 
-/// Points of a series: time \[s\] and value.
-fn points(series: &Thinned, scenario: &Scenario) -> Vec<(f64, f64)> {
-    let step_s = series.step() * scenario.sample_s();
-    (0..).zip(series.values()).map(|(i, value)| (f64::from(i) * step_s, f64::from(value))).collect()
+impl Course {
+    /// Encodes the columns; those of the mission only if it is to be drawn. The time is moved by `shift_s`.
+    fn columns(&self, scenario: &Scenario, with_mission: bool, shift_s: f64) -> FlightColumns {
+        let of = |series: &Thinned| draw::column(series.values());
+        let quantities = PICTURES.iter().zip(&self.quantities).map(|((_, _, _, name, ..), series)| (*name, series));
+        let wanted = WANTED.into_iter().zip(&self.wanted).filter(|_| with_mission);
+        let columns: Map<String, Value> =
+            quantities.chain(wanted).map(|(name, series)| (name.to_owned(), of(series))).collect();
+        let dt_s = self.quantities[0].step() * scenario.sample_s();
+        FlightColumns { rows: self.quantities[0].values().len(), begin_s: shift_s, dt_s, columns }
+    }
 }
 
 /// Flights side by side.
 pub struct Comparison {
     flights: Vec<Flight>,
+    /// Event whose times lie on each other, for people; `None` if the flights are not aligned.
+    aligned: Option<String>,
 }
 
 /// One flight of a comparison.
@@ -116,6 +137,8 @@ struct Flight {
     course: Course,
     /// Settings, with what was ordered while it flew.
     scenario: Scenario,
+    /// Time that is drawn as zero \[s\].
+    zero_s: f64,
 }
 
 impl Flight {
@@ -143,11 +166,11 @@ impl Flight {
 }
 
 impl Comparison {
-    /// Reads the flights in these folders.
+    /// Reads the flights in these folders, for an axis of time on which the instants of `align` lie on each other.
     ///
     /// # Errors
-    /// A flight cannot be read, or is named twice.
-    pub fn read(runs: &[PathBuf]) -> anyhow::Result<Self> {
+    /// A flight cannot be read, is named twice, or has no such instant.
+    pub fn read(runs: &[PathBuf], align: Option<&Align>) -> anyhow::Result<Self> {
         let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Course)> {
             let mut course = None;
             let recorded = Recorded::read_each(run, Part::ALL, |scenario, record| {
@@ -169,11 +192,15 @@ impl Comparison {
                 bail!("{} is named twice; name different runs", runs[i].display());
             }
         }
-        let flight = |((recorded, course), title): ((Recorded, Course), String)| {
+        let records: Vec<_> = read.iter().map(|(recorded, _)| &recorded.run).collect();
+        let titles = titles(&places);
+        let zeros_s = align.map_or(Ok(vec![0.0; read.len()]), |align| align.zeros_s(&titles, &records))?;
+        let flight = |(((recorded, course), title), zero_s): (((Recorded, Course), String), f64)| {
             let scenario = recorded.flown();
-            Flight { title, recorded, course, scenario }
+            Flight { title, recorded, course, scenario, zero_s }
         };
-        Ok(Self { flights: read.into_iter().zip(titles(&places)).map(flight).collect() })
+        let flights = read.into_iter().zip(titles).zip(zeros_s).map(flight).collect();
+        Ok(Self { flights, aligned: align.map(Align::describe) })
     }
 
     /// Describes what the logs lack, one text for each log that is not whole.
@@ -226,7 +253,7 @@ impl Comparison {
         let known = self.flights.iter().any(|flight| flight.timing().is_some());
         let rows = NODES.iter().enumerate().flat_map(of_node).chain(ages).filter(|_| known).collect();
         let told = if known { "Timing: p50 / p99 / max" } else { "Timing: only flights in real time have one" };
-        Table::new(told, &headings("", &self.titles()), rows)
+        Table::new(told, &headings("figure", &self.titles()), rows)
     }
 
     /// Text for people: what the logs lack, then the tables.
@@ -248,43 +275,72 @@ impl Comparison {
             .into_iter()
             .chain(missing)
             .chain(self.tables().into_iter().map(section))
-            .chain([format!(
-                "<section><h2>The flights over each other</h2><p class=\"hint\">True motion. World axes are north, east, down; \
-                 body axes forward, right, down.</p>{}</section>",
-                self.pictures().concat()
-            )])
+            .chain([self.pictures()])
             .collect();
-        draw::page(&title, STYLE, &body)
+        draw::page(&title, &[STYLE, "main { max-width: 80rem; }"].concat(), &body)
     }
 
-    fn pictures(&self) -> Vec<String> {
-        // Equal missions are drawn once, from the longest flight.
-        let mut missions: Vec<&Flight> = vec![];
-        for flight in &self.flights {
-            match missions.iter_mut().find(|known| known.scenario.mission == flight.scenario.mission) {
-                Some(known) if known.course.end_s < flight.course.end_s => *known = flight,
-                Some(_) => {}
-                None => missions.push(flight),
+    /// The paths, and every quantity over time.
+    fn pictures(&self) -> String {
+        let draws_mission = |i: usize| self.mission_drawn_from(i) == i;
+        let several_missions = (0..self.flights.len()).filter(|i| draws_mission(*i)).count() > 1;
+        let flights = self.flights.iter().enumerate();
+        let columns =
+            |(i, flight): (usize, &Flight)| flight.course.columns(&flight.scenario, draws_mission(i), -flight.zero_s);
+        let plot = |&(label, unit, span, column, _, wanted): &Picture| {
+            let of_flights = flights.clone().map(|(i, flight)| Series::new(&flight.title, column, i, i));
+            let of_missions = flights.clone().filter(|(i, _)| draws_mission(*i)).filter_map(|(i, flight)| {
+                let name = if several_missions { format!("mission of {}", flight.title) } else { "mission".to_owned() };
+                Some(Series::wanted(&name, wanted?, i))
+            });
+            Plot {
+                title: Some(label),
+                unit,
+                span,
+                floor: column == "error",
+                lines: (column == "error").then_some("error"),
+                series: of_flights.chain(of_missions).collect(),
             }
-        }
-        let names: Vec<String> = match missions.as_slice() {
-            [_] => vec!["mission".into()],
-            several => several.iter().map(|flight| format!("mission of {}", flight.title)).collect(),
         };
-        let picture = |(i, (title, _, axis)): (usize, Picture)| {
-            let of_flight =
-                |flight: &Flight| (flight.title.clone(), points(&flight.course.quantities[i], &flight.scenario));
-            let wanted = |axis: usize| {
-                let missions = missions.iter().zip(&names);
-                missions
-                    .map(move |(flight, name)| (name.clone(), points(&flight.course.wanted[axis], &flight.scenario)))
-            };
-            let lines: Vec<(String, Vec<(f64, f64)>)> =
-                self.flights.iter().map(of_flight).chain(axis.into_iter().flat_map(wanted)).collect();
-            let lines: Vec<Line> = lines.iter().map(|(name, points)| Line { name, points: points.clone() }).collect();
-            draw::lines(&lines, "time [s]", title)
+        let bound = |flight: &Flight| {
+            let y = bounds(&flight.scenario).max_position_error_m.filter(|bound| bound.is_finite())?;
+            Some(json!({ "y": y, "label": format!("bound of {}", flight.title) }))
         };
-        PICTURES.into_iter().enumerate().map(picture).collect()
+        let happened: Vec<_> = self.flights.iter().map(|flight| flight.recorded.run.happenings()).collect();
+        let happened: Vec<_> = self
+            .flights
+            .iter()
+            .zip(&happened)
+            .map(|(flight, happened)| (flight.title.as_str(), happened, -flight.zero_s))
+            .collect();
+        let plots = TimePlots {
+            flights: flights.clone().map(columns).collect(),
+            happened: draw::happened(&happened),
+            lines: json!({ "error": self.flights.iter().filter_map(bound).collect::<Value>() }),
+            plots: PICTURES.iter().map(plot).collect(),
+            paths: true,
+        };
+        let aligned = self.aligned.as_ref().map_or(String::new(), |what| {
+            format!(" Time counts from {}: the flights are moved so that it lies on itself.", escape(what))
+        });
+        format!(
+            "<section><h2>The flights over each other</h2><p class=\"hint\">True motion. World axes are north, east, down; \
+             body axes forward, right, down. Each flight has a colour and a kind of line.{aligned} Drag across a plot to \
+             zoom all of them, double-click to see all again. {}</p>{}</section>",
+            draw::HAPPENED_HINT,
+            plots.html()
+        )
+    }
+
+    /// Returns the flight from which the mission of flight `i` is drawn: the longest of those that have it, because
+    /// equal missions are drawn once.
+    fn mission_drawn_from(&self, i: usize) -> usize {
+        let same = |j: &usize| {
+            let [one, other] = [i, *j].map(|i| &self.flights[i]);
+            one.scenario.mission == other.scenario.mission && one.zero_s == other.zero_s
+        };
+        let longest = (0..self.flights.len()).filter(same).rev();
+        longest.max_by(|a, b| self.flights[*a].course.end_s.total_cmp(&self.flights[*b].course.end_s)).unwrap_or(i)
     }
 }
 

@@ -1,9 +1,10 @@
 //! Costs of disturbed ticks, for people and programs: tables, page and JSON.
 
 use outcome::explain::{Cost, Explained, FlightCost};
+use outcome::happenings::Happenings;
 use serde_json::{Value, json};
 
-use crate::draw::{self, Line, STYLE, escape};
+use crate::draw::{self, FlightColumns, Plot, STYLE, Series, TimePlots, escape};
 use crate::table::Table;
 
 const COLUMNS: [&str; 7] =
@@ -16,11 +17,16 @@ const ANOTHER: [&str; 2] = [
 ];
 /// Rows of a table in the terminal.
 const ROWS: usize = 20;
-/// Plots of a page.
+/// Largest number of plots of a page.
 const PLOTS: usize = 5;
+/// Smallest distance of the courses that is worth a plot \[m\]: a closer pair is one line to the eye.
+const PLOTTED_M: f64 = 1e-3;
 
-/// The costs of a flight as they are shown.
-pub struct Shown<'a>(pub &'a Explained);
+/// The costs of a flight as they are shown, and what happened in it.
+pub struct Shown<'a> {
+    pub explained: &'a Explained,
+    pub happened: &'a Happenings,
+}
 
 /// The ticks of a cost: one, or from the first to the last.
 fn ticks_in_words(cost: &Cost) -> String {
@@ -48,9 +54,11 @@ fn table(title: &str, costs: &[Cost]) -> Table {
 impl Shown<'_> {
     /// For people: the costliest ticks and bursts, and the flights side by side.
     pub fn text(&self) -> String {
-        let (ticks, bursts) = (self.0.disturbed, self.0.bursts_found);
-        let mut text = format!("{}: {ticks} disturbed ticks, {bursts} bursts of more than one\n", self.0.name);
-        for (title, costs) in [("What single ticks cost", &self.0.ticks), ("What bursts cost", &self.0.bursts)] {
+        let (ticks, bursts) = (self.explained.disturbed, self.explained.bursts_found);
+        let mut text = format!("{}: {ticks} disturbed ticks, {bursts} bursts of more than one\n", self.explained.name);
+        for (title, costs) in
+            [("What single ticks cost", &self.explained.ticks), ("What bursts cost", &self.explained.bursts)]
+        {
             if !costs.is_empty() {
                 let left_out = costs.len().saturating_sub(ROWS);
                 let more = if left_out > 0 {
@@ -68,37 +76,37 @@ impl Shown<'_> {
 
     /// For programs: the flights, what all ticks together cost, and what each of them did.
     pub fn to_json(&self) -> Value {
-        let (flight, without) = (&self.0.flight, &self.0.without_any);
+        let (flight, without) = (&self.explained.flight, &self.explained.without_any);
         json!({
-            "disturbed_ticks": self.0.disturbed,
+            "disturbed_ticks": self.explained.disturbed,
             "flight": figures(flight),
             "without_any": figures(without),
-            "another_flight": self.0.undisturbed.as_ref().map(figures),
+            "another_flight": self.explained.undisturbed.as_ref().map(figures),
             "all_together": {
                 "max_error_m": flight.metrics.max_position_error_m - without.metrics.max_position_error_m,
                 "max_distance_m": flight.max_distance_m(without),
                 "error_integral_ms": flight.metrics.position_error_integral_ms - without.metrics.position_error_integral_ms,
                 "worst_tilt_deg": flight.worst_tilt_deg - without.worst_tilt_deg,
             },
-            "ticks": self.0.ticks,
-            "bursts": self.0.bursts,
+            "ticks": self.explained.ticks,
+            "bursts": self.explained.bursts,
         })
     }
 
     /// Largest error, integral and worst tilt of the flights, and what all and each tick cost.
     fn side_by_side(&self) -> Table {
         let row = |name: &str, scale: f64, of: &dyn Fn(&FlightCost) -> f64, cost: fn(&Cost) -> f64| {
-            let [flight, without] = [&self.0.flight, &self.0.without_any].map(of);
-            let another = self.0.undisturbed.as_ref().map_or(f64::NAN, of);
+            let [flight, without] = [&self.explained.flight, &self.explained.without_any].map(of);
+            let another = self.explained.undisturbed.as_ref().map_or(f64::NAN, of);
             let shown = |value: f64| if value.is_nan() { "-".into() } else { format!("{:.3}", value * scale) };
             let cells = [flight, without, another, flight - without].map(shown);
-            let sum: f64 = self.0.ticks.iter().map(cost).sum();
-            let sum = if self.0.ticks.is_empty() { "-".into() } else { format!("{:.3}", sum * scale) };
+            let sum: f64 = self.explained.ticks.iter().map(cost).sum();
+            let sum = if self.explained.ticks.is_empty() { "-".into() } else { format!("{:.3}", sum * scale) };
             std::iter::once(name.to_owned()).chain(cells).chain([sum]).collect()
         };
-        let apart_mm = format!("{:.3}", self.0.flight.max_distance_m(&self.0.without_any) * 1e3);
+        let apart_mm = format!("{:.3}", self.explained.flight.max_distance_m(&self.explained.without_any) * 1e3);
         let apart = ["courses apart [mm]", "-", "-", "-", &apart_mm, "-"].map(str::to_owned);
-        let headings = ["", "flight", "without any", ANOTHER[0], "all together cost", "sum of single ticks"];
+        let headings = ["figure", "flight", "without any", ANOTHER[0], "all together cost", "sum of single ticks"];
         Table::new(
             "The flights",
             &headings,
@@ -119,43 +127,75 @@ impl Shown<'_> {
             "<p>A tick is disturbed when a node answered late, not at all, or to old messages, when a fault lost or changed a \
              message, or when the command came after the next sample. Each is undone in a flight of its own; all else stays as it \
              was. {} ticks are disturbed. The cost is the flight less the flight without, and how far apart their courses are.</p>",
-            self.0.disturbed
+            self.explained.disturbed
         );
         html += &self.side_by_side().html();
         html.extend(["<p class=\"hint\">", ANOTHER[1], "</p>"]);
-        for (title, costs) in
-            [("Bursts, the costliest first", &self.0.bursts), ("Single ticks, the costliest first", &self.0.ticks)]
-        {
+        for (title, costs) in [
+            ("Bursts, the costliest first", &self.explained.bursts),
+            ("Single ticks, the costliest first", &self.explained.ticks),
+        ] {
             if !costs.is_empty() {
                 html.extend(["<h3>", title, "</h3>", &table("", costs).html()]);
             }
         }
-        let mut costliest: Vec<&Cost> = self.0.bursts.iter().chain(&self.0.ticks).collect();
+        html + &self.plots()
+    }
+
+    /// The costliest, each with and without it; only those that move the course by a visible distance.
+    fn plots(&self) -> String {
+        let all = self.explained.bursts.iter().chain(&self.explained.ticks);
+        let mut costliest: Vec<&Cost> = all.filter(|cost| cost.max_distance_m >= PLOTTED_M).collect();
         costliest.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
-        for cost in costliest.iter().take(PLOTS) {
-            let caption = format!("Tick {}, {} {}", ticks_in_words(cost), cost.node, cost.what);
-            html.extend(["<h3>", &escape(&caption), "</h3>", &self.plot(cost)]);
+        if costliest.is_empty() {
+            return "<p>None of them moved the course by a millimetre: there is nothing to plot.</p>".into();
         }
-        html
+        let plot = |cost: &&Cost| {
+            let caption = format!("Tick {}, {} {}", ticks_in_words(cost), cost.node, cost.what);
+            format!("<h3>{}</h3>{}", escape(&caption), self.plot(cost))
+        };
+        let hint = format!("<p class=\"hint\">{}</p>", draw::HAPPENED_HINT);
+        hint + &costliest.iter().take(PLOTS).map(plot).collect::<String>()
     }
 
     /// The position error with and without, around the ticks.
     fn plot(&self, cost: &Cost) -> String {
-        draw::lines(
-            &[
-                Line { name: "the flight", points: self.0.flight.error_around(cost.at_s, self.0.sample_s) },
-                Line { name: "without it", points: cost.without_m.clone() },
-            ],
-            "time [s]",
-            "position error [m]",
-        )
+        let (flight, sample_s) =
+            (self.explained.flight.error_around(cost.at_s, self.explained.sample_s), self.explained.sample_s);
+        let columns = |points: &[(f64, f64)]| FlightColumns {
+            rows: points.len(),
+            begin_s: points.first().map_or(0.0, |(time_s, _)| *time_s),
+            dt_s: sample_s,
+            columns: [("error".to_owned(), draw::column(points.iter().map(|(_, error_m)| *error_m as f32)))]
+                .into_iter()
+                .collect(),
+        };
+        let plot = Plot {
+            title: Some("position error"),
+            unit: "m",
+            floor: true,
+            series: vec![Series::new("the flight", "error", 0, 0), Series::new("without it", "error", 1, 1)],
+            ..Plot::default()
+        };
+        TimePlots {
+            flights: vec![columns(&flight), columns(&cost.without_m)],
+            happened: draw::happened(&[("", self.happened, 0.0)]),
+            lines: serde_json::Value::Null,
+            plots: vec![plot],
+            paths: false,
+        }
+        .html()
     }
 
     /// A page of its own, which says first what the log lacks.
     pub fn page(&self, missing: Option<&str>) -> String {
-        let title = format!("What disturbed ticks cost: {}", self.0.name);
+        let title = format!("What disturbed ticks cost: {}", self.explained.name);
         let missing = missing.map_or(String::new(), |why| format!("<p><strong>{}</strong></p>", escape(why)));
-        draw::page(&title, STYLE, &format!("<h1>{}</h1>{missing}{}", escape(&title), self.section()))
+        draw::page(
+            &title,
+            STYLE,
+            &format!("<h1>{}</h1>{missing}<h2>With and without them</h2>{}", escape(&title), self.section()),
+        )
     }
 }
 

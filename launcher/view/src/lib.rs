@@ -7,16 +7,20 @@
 //! | [`explain`] | the costs of late, lost and missing messages |
 //! | [`table`] | tables as aligned text and as HTML |
 //! | [`targets`] | verdicts on targets as a table |
+//! | [`cycle`] | times of one cycle of a node |
 //! | [`thinning`] | long series reduced to what a picture can show |
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`report`] | `report.html` |
+//! | [`export`] | a run in the formats of other tools |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
 
 #![allow(missing_docs)]
 
 pub mod comparison;
+pub mod cycle;
 pub mod draw;
 pub mod explain;
+pub mod export;
 pub mod report;
 pub mod settings;
 pub mod table;

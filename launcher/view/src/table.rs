@@ -1,6 +1,6 @@
 //! Tables as aligned text and as HTML.
 
-use crate::draw::{self, escape};
+use crate::draw;
 
 /// A title, a heading for each column, and rows of as many cells. The first column names the row.
 pub struct Table {
@@ -38,7 +38,7 @@ impl Table {
     /// Formats the table for a page, without the title.
     pub fn html(&self) -> String {
         let headings: Vec<&str> = self.headings.iter().map(String::as_str).collect();
-        draw::table(&headings, self.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect()))
+        draw::table(&headings, self.rows.iter().map(|row| row.iter().map(|cell| draw::breakable(cell)).collect()))
     }
 }
 

@@ -109,6 +109,11 @@ impl SensorFaults {
         self.faults.apply_fault(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
     }
 
+    /// Returns whether a fault may need measurements of the recent past.
+    pub fn needs_past(&self) -> bool {
+        self.past.ticks() > 0
+    }
+
     /// Writes or reads the memory at sample `tick` except the recent past, which [`recall`](Self::recall) restores from
     /// the published samples. Refuses if a fault may have changed these.
     pub fn remember(&mut self, tape: &mut Tape, tick: u64) {

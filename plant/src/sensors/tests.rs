@@ -1,4 +1,4 @@
-use contract::scenario::Noise;
+use contract::scenario::{Noise, Sensor as Settings};
 
 use super::*;
 

@@ -131,6 +131,29 @@ fn by_the_timer_a_node_answers_without_its_input_when_that_is_late() {
 }
 
 #[test]
+fn by_the_timer_a_node_wakes_for_the_first_sample_even_if_its_input_never_comes() {
+    let mut ring = Ring::flying(Mode::Realtime);
+    ring.run.deadline.plant_ms = Some(5_000.0);
+    let (mut cycles, mut input) = {
+        let mut session = ring.session(Topic::Controls, 1);
+        let input = session.input::<Reference>().unwrap();
+        (session.ready().unwrap(), input)
+    };
+    cycles.release = Release::Timer { period_ns: TEN_S_NS };
+    let mut is_woken_by_the_sample = || {
+        ring.page.set_origin_ns(0);
+        let began_ns = now_ns();
+        let first_sample = || {
+            ring.page.set_origin_ns(now_ns());
+            sample(&ring.page, 0);
+        };
+        assert_eq!(only_after(first_sample, || cycles.sleep(TEN_S_NS, &mut input)), Wake::LookAround);
+        now_ns() - began_ns < LOOK_AROUND_NS
+    };
+    assert!((0..5).any(|_| is_woken_by_the_sample()), "every time the clock has woken it");
+}
+
+#[test]
 fn by_the_timer_a_process_begins_with_the_tick_of_its_assignment() {
     let ring = slow_ring(2 * TEN_S_NS + 1_000_000_000);
     let role = ring.page.role(Topic::Reference);

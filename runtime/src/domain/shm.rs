@@ -16,10 +16,10 @@ use crate::limits::{FILES_NEEDED, HOME_NAMES};
 pub const SHM: &str = "/dev/shm";
 const MEGABYTE: u64 = 1 << 20;
 
-/// Checks that shared memory has room for a flight of `bytes`.
-pub fn check_room(bytes: u64) -> Result<(), DomainError> {
+/// Checks that shared memory, at `folder`, has room for a flight of `bytes`.
+pub fn check_room(folder: &Path, bytes: u64) -> Result<(), DomainError> {
     let StatVfs { f_blocks, f_bavail, f_frsize, f_files, f_favail, .. } =
-        statvfs(SHM).map_err(|error| DomainError::Io { path: SHM.into(), source: error.into() })?;
+        statvfs(folder).map_err(|error| DomainError::Io { path: folder.into(), source: error.into() })?;
     let free = f_bavail * f_frsize;
     // A file system without a limit reports a size of 0.
     if f_blocks > 0 && free < bytes {

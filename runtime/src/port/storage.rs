@@ -25,9 +25,10 @@ use iceoryx2_cal::{
 
 use rustix::io::Errno;
 
+use super::observer_depth;
 use crate::domain::{Domain, allocate};
 use crate::error::PortError;
-use crate::limits::{MAX_OBSERVER_DEPTH, MAX_SUBSCRIBERS, MIN_OBSERVER_DEPTH, OBSERVER_S};
+use crate::limits::MAX_SUBSCRIBERS;
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
@@ -39,11 +40,6 @@ const PER_SAMPLE: usize = 16;
 const PER_PLACE: usize = 16;
 /// Size of services, control page, settings, and of rounding up to pages \[bytes\].
 const REST: usize = 1 << 20;
-
-/// Depth of the queues of recorder and launcher, which must receive every message, at `rate_hz`.
-pub fn observer_depth(rate_hz: u32) -> usize {
-    (rate_hz as usize * OBSERVER_S).clamp(MIN_OBSERVER_DEPTH, MAX_OBSERVER_DEPTH)
-}
 
 /// Shared memory that a flight at `rate_hz` needs \[bytes\], with a second process for every node.
 pub fn bytes_needed(rate_hz: u32) -> u64 {

@@ -7,33 +7,20 @@
 //! A doorbell holds no state that matters: if a process dies between sending and ringing, the others wait for one
 //! time-out.
 
-use std::fs::OpenOptions;
-use std::io;
-use std::num::NonZeroU32;
-use std::ops::Deref;
-use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
-use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-use rustix::io::Errno;
-use rustix::mm::{MapFlags, ProtFlags, mmap, mmap_anonymous, munmap};
-use rustix::thread::futex;
-
-use super::clock::to_timespec;
-use crate::domain::allocate;
+use super::{sleep_while, wake};
 use crate::fault_table::FaultTable;
 use crate::shared_role::{SharedRole, SnapshotCell, Word};
 use contract::Topic;
 use contract::snapshot::PLANT_WORDS;
 
-const PAGE_BYTES: usize = 4096 * 12;
-const MAGIC: u32 = 0x7EF0_1109;
-
 /// Content of the control page.
 #[repr(C)]
+#[derive(Default)]
 pub struct Page {
-    magic: AtomicU32,
+    /// Version of the page's layout, by which a process recognises it.
+    pub(super) magic: AtomicU32,
     /// Phase of the run: see [`phase`]. Rung at every change.
     pub phase: Doorbell,
     /// Newest tick that the launcher has seen; limits how far lockstep may run ahead.
@@ -57,7 +44,6 @@ pub struct Page {
     origin_ns: AtomicU64,
     samples: AtomicU64,
 }
-const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
 
 /// Phases of a run: the values of [`Page::phase`].
 pub mod phase {
@@ -73,6 +59,7 @@ pub mod phase {
 
 /// Counter that wakes waiting processes, on a cache line of its own.
 #[repr(C, align(64))]
+#[derive(Default)]
 pub struct Doorbell(AtomicU32);
 
 impl Doorbell {
@@ -84,7 +71,7 @@ impl Doorbell {
     /// Raises the counter and wakes every process that waits.
     pub fn ring(&self) {
         self.0.fetch_add(1, Ordering::Release);
-        self.wake();
+        wake(&self.0);
     }
 
     /// Raises the counter and wakes no process.
@@ -95,84 +82,13 @@ impl Doorbell {
     /// Raises the counter to `count` and wakes every process that waits; no effect if the counter is that high already.
     pub fn raise(&self, count: u32) {
         if self.0.fetch_max(count, Ordering::Release) < count {
-            self.wake();
+            wake(&self.0);
         }
     }
 
     /// Sleeps until the counter differs from `seen` or `deadline_ns` (`CLOCK_MONOTONIC`) has passed.
     pub fn wait(&self, seen: u32, deadline_ns: u64) {
-        let deadline = to_timespec(deadline_ns);
-        while self.count() == seen {
-            match futex::wait_bitset(&self.0, futex::Flags::empty(), seen, Some(&deadline), NonZeroU32::MAX) {
-                Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
-                Err(_) => return, // the deadline
-            }
-        }
-    }
-
-    fn wake(&self) {
-        // Fails only for a bad address, which a mapped page does not have.
-        let _ = futex::wake(&self.0, futex::Flags::empty(), i32::MAX as u32);
-    }
-}
-
-/// Mapping of the control page, unmapped when it is dropped.
-pub struct ControlPage {
-    page: NonNull<Page>,
-}
-
-impl ControlPage {
-    /// Creates the page as a new file; called by the launcher, once per run.
-    pub fn create(path: &Path) -> io::Result<Self> {
-        let file = OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path)?;
-        allocate(&file, PAGE_BYTES as u64)?;
-        let page = Self::map(&file)?;
-        page.magic.store(MAGIC, Ordering::Release);
-        Ok(page)
-    }
-
-    /// Makes a page in private memory, for a run in process.
-    pub fn private() -> io::Result<Self> {
-        let protection = ProtFlags::READ | ProtFlags::WRITE;
-        // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the memory is all zero.
-        let address = unsafe { mmap_anonymous(std::ptr::null_mut(), PAGE_BYTES, protection, MapFlags::PRIVATE)? };
-        Self::at(address)
-    }
-
-    /// Opens the page of a run; an error if its length or version does not fit.
-    pub fn open(path: &Path) -> io::Result<Self> {
-        let file = OpenOptions::new().read(true).write(true).open(path)?;
-        if file.metadata()?.len() != PAGE_BYTES as u64 {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "not a page: wrong length"));
-        }
-        let page = Self::map(&file)?;
-        if page.magic.load(Ordering::Acquire) != MAGIC {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "a page of another version"));
-        }
-        Ok(page)
-    }
-
-    fn map(file: &std::fs::File) -> io::Result<Self> {
-        let protection = ProtFlags::READ | ProtFlags::WRITE;
-        // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the length is that of the
-        // file, checked or set by the caller. Nothing but atomics is ever read or written through it.
-        let address = unsafe { mmap(std::ptr::null_mut(), PAGE_BYTES, protection, MapFlags::SHARED, file, 0)? };
-        Self::at(address)
-    }
-
-    fn at(address: *mut std::ffi::c_void) -> io::Result<Self> {
-        let page = NonNull::new(address.cast::<Page>()).ok_or_else(|| io::Error::other("mapped at address zero"))?;
-        Ok(Self { page })
-    }
-}
-
-impl Deref for ControlPage {
-    type Target = Page;
-
-    fn deref(&self) -> &Page {
-        // SAFETY: `page` comes from `at`: page-aligned, PAGE_BYTES long, which covers `Page`, and mapped until drop.
-        // `Page` is made of atomics only, for which every bit pattern is valid and shared writes are defined.
-        unsafe { self.page.as_ref() }
+        sleep_while(&self.0, seen, deadline_ns);
     }
 }
 
@@ -225,15 +141,3 @@ impl Page {
         }
     }
 }
-
-impl Drop for ControlPage {
-    fn drop(&mut self) {
-        // SAFETY: mapped with this length, and no reference outlives `self`. Failure would leak the mapping.
-        let _ = unsafe { munmap(self.page.as_ptr().cast(), PAGE_BYTES) };
-    }
-}
-
-// SAFETY: all access goes through atomics behind shared references; the mapping itself never changes.
-unsafe impl Send for ControlPage {}
-// SAFETY: as above.
-unsafe impl Sync for ControlPage {}

@@ -29,7 +29,7 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 13] = [
+const SWITCHES: [Switch; 16] = [
     Switch {
         settings: &["mission.waypoints_m", "mission.times_s"],
         key: "mission.trajectory",
@@ -55,6 +55,12 @@ const SWITCHES: [Switch; 13] = [
         on: "\"circle\"",
     },
     Switch { settings: &["mpc.r_rate"], key: "mpc.law", is_on: |scenario| scenario.mpc.law == Law::Mpc, on: "\"mpc\"" },
+    Switch {
+        settings: &["mpc.disturbance_gain"],
+        key: "mpc.law",
+        is_on: |scenario| scenario.mpc.law != Law::Indi,
+        on: "a law other than \"indi\"",
+    },
     Switch {
         settings: &["mpc.solver", "mpc.max_iterations", "mpc.time_limit_ms"],
         key: "mpc.constraints",
@@ -116,6 +122,29 @@ const SWITCHES: [Switch; 13] = [
         key: "plant.sensors.filter",
         is_on: |scenario| scenario.plant.sensors.filter == Filter::Complementary,
         on: "\"complementary\"",
+    },
+    Switch {
+        settings: &[
+            "plant.sensors.imu",
+            "plant.sensors.barometer",
+            "plant.sensors.magnetometer",
+            "plant.sensors.flow",
+            "plant.sensors.alignment",
+        ],
+        key: "plant.sensors.filter",
+        is_on: |scenario| scenario.plant.sensors.filter == Filter::Ekf,
+        on: "\"ekf\"",
+    },
+    Switch {
+        settings: &[
+            "plant.noise.attitude_deg",
+            "plant.sensors.attitude",
+            "plant.sensors.rates.rate_hz",
+            "plant.sensors.rates.latency_ms",
+        ],
+        key: "plant.sensors.filter",
+        is_on: |scenario| scenario.plant.sensors.filter != Filter::Ekf,
+        on: "\"none\" or \"complementary\"",
     },
 ];
 

@@ -7,7 +7,8 @@ use toml::Value;
 
 use super::found::Found;
 
-type Range = (Bound<f64>, Bound<f64>);
+/// Lowest and highest value.
+pub type Range = (Bound<f64>, Bound<f64>);
 /// Largest magnitude of any setting: a larger number means nothing to a vehicle, and computations with it may overflow.
 const MAX: f64 = 1e9;
 const ANY: Range = (Included(-MAX), Included(MAX));
@@ -87,6 +88,12 @@ const RANGES: &[(&str, Range)] = &[
     ("plant.sensors.velocity.latency_ms", LATENCY_MS),
     ("plant.sensors.attitude.latency_ms", LATENCY_MS),
     ("plant.sensors.rates.latency_ms", LATENCY_MS),
+    ("plant.sensors.imu.rate_hz", (Included(200.0), Included(1000.0))),
+    ("plant.sensors.imu.scale", (Included(0.0), Included(0.1))),
+    ("plant.sensors.imu.misalignment_deg", (Included(0.0), Included(10.0))),
+    ("plant.sensors.magnetometer.inclination_deg", (Included(-90.0), Included(90.0))),
+    ("plant.sensors.alignment.tilt_deg", (Included(0.0), Included(30.0))),
+    ("plant.sensors.alignment.heading_deg", (Included(0.0), Included(30.0))),
     ("plant.wind_roughness_m", (Included(0.0), Included(3.0))),
     ("plant.turbulence.wind_at_6m_mps", (Included(0.0), Included(100.0))),
     ("plant.turbulence.height_m", (Included(3.0), Included(304.8))),
@@ -119,6 +126,9 @@ const RANGES: &[(&str, Range)] = &[
     ("mpc.rates_limit_dps", POSITIVE),
     ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
     ("mpc.pid", (Included(0.0), Included(1e6))),
+    ("mpc.geometric", (Included(0.0), Included(1e6))),
+    ("mpc.indi", (Included(0.0), Included(1e6))),
+    ("mpc.indi.filter_radps", POSITIVE),
     ("mixer.projection_weights", (Included(1e-3), Included(1e6))),
     ("bounds", LIFTED),
     ("realtime.priority", PRIORITY),
@@ -128,6 +138,14 @@ const RANGES: &[(&str, Range)] = &[
     ("realtime.mixer.priority", PRIORITY),
     ("realtime.affinity", CPU),
     ("realtime.rttime_ms", NOT_NEGATIVE),
+    ("realtime.plant.affinity", CPU),
+    ("realtime.guidance.affinity", CPU),
+    ("realtime.attitude-mpc.affinity", CPU),
+    ("realtime.mixer.affinity", CPU),
+    ("realtime.plant.rttime_ms", NOT_NEGATIVE),
+    ("realtime.guidance.rttime_ms", NOT_NEGATIVE),
+    ("realtime.attitude-mpc.rttime_ms", NOT_NEGATIVE),
+    ("realtime.mixer.rttime_ms", NOT_NEGATIVE),
     ("deadline.end_to_end_ms", POSITIVE),
     ("deadline.plant_ms", POSITIVE),
     ("deadline.guidance_ms", POSITIVE),
@@ -146,14 +164,32 @@ const RANGES: &[(&str, Range)] = &[
 /// Checks every number against the ranges of its key.
 pub fn check(settings: &[(String, Vec<f64>)], found: &mut Found) {
     for (key, numbers) in settings {
-        let under =
-            |prefix: &str| key.strip_prefix(prefix).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-        for (_, range) in RANGES.iter().filter(|(prefix, _)| under(prefix)) {
+        for range in ranges_of(key) {
             if let Some(x) = numbers.iter().find(|x| !range.contains(*x)) {
-                found.require(false, &[key], format!("`{key}` = {x:?} is out of range"), &describe(*range));
+                found.require(false, &[key], format!("`{key}` = {x:?} is out of range"), &describe(range));
             }
         }
     }
+}
+
+/// Returns the ranges that the table has for `key`: its own, and those of the tables that it is in.
+fn ranges_of(key: &str) -> impl Iterator<Item = Range> {
+    let is_under =
+        move |prefix: &str| key.strip_prefix(prefix).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+    RANGES.iter().filter(move |(prefix, _)| is_under(prefix)).map(|(_, range)| *range)
+}
+
+/// Returns the range of the numbers under `key`: the part that is common to all its ranges.
+pub fn range_of(key: &str) -> Range {
+    let value = |bound| match bound {
+        Included(x) | Excluded(x) => Some(x),
+        Unbounded => None,
+    };
+    ranges_of(key).fold((Unbounded, Unbounded), |(low, high), (other_low, other_high)| {
+        let is_higher = value(low).is_none_or(|low| value(other_low).is_some_and(|other| other >= low));
+        let is_lower = value(high).is_none_or(|high| value(other_high).is_some_and(|other| other <= high));
+        (if is_higher { other_low } else { low }, if is_lower { other_high } else { high })
+    })
 }
 
 fn describe((low, high): Range) -> String {

@@ -252,7 +252,7 @@ fn a_candidate_has_its_own_settings_on_top_of_the_run_s() {
 
 #[test]
 fn a_model_where_it_would_have_no_effect_is_refused() {
-    for others in ["mpc.law=pid", "mpc.law=lqr", "mpc.state_constraints=soft"] {
+    for others in ["mpc.law=pid", "mpc.law=lqr", "mpc.law=geometric", "mpc.law=indi", "mpc.state_constraints=soft"] {
         for model in ["scheduled", "ltv"] {
             let refused = from_set(&[others, &format!("mpc.model={model}")]).expect_err(others).to_string();
             assert!(refused.contains("`mpc.model`"), "{refused}");
@@ -280,11 +280,18 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
         ("mission.step_m=[1, 2, 3]", "`mission.trajectory` = \"step\" with it"),
         ("mission={trajectory=\"hover\", ramp_s=60}", "`mission.ramp_s` has no effect here"),
         ("mpc={law=\"lqr\", r_rate=[1, 1, 1, 1]}", "`mpc.law` = \"mpc\" with it"),
+        ("mpc={law=\"indi\", disturbance_gain=0.1}", "`mpc.law` = a law other than \"indi\" with it"),
         ("mpc.rates_limit_dps=[90, 90, 90]", "`mpc.state_constraints` = \"soft\" with it"),
         ("plant.ground.friction=0.1", "`plant.ground.friction` has no effect here"),
         ("plant.turbulence.height_m=20", "`plant.turbulence.wind_at_6m_mps` = a wind above 0 with it"),
         ("plant.battery.sag=0.2", "`plant.battery.energy_wh` = an energy above 0 with it"),
         ("plant.wind_roughness_m=0.1", "`plant.wind_ned_mps` = a wind with it"),
+        ("plant.sensors.imu.rate_hz=500", "`plant.sensors.filter` = \"ekf\" with it"),
+        ("plant.sensors.alignment.tilt_deg=1", "`plant.sensors.filter` = \"ekf\" with it"),
+        (
+            "plant.sensors={filter=\"ekf\", attitude={bias=[1, 1, 1]}}",
+            "`plant.sensors.filter` = \"none\" or \"complementary\" with it",
+        ),
         ("plant.sensors.filter_radps=2", "`plant.sensors.filter` = \"complementary\" with it"),
         ("fault=[{at_s=60.1, target=\"mixer\", kind=\"kill\"}]", "a fault at 60.1 s in a flight that ends at 60.0 s"),
         ("swap=[{at_s=61, node=\"mixer\"}]", "a swap at 61.0 s in a flight that ends at 60.0 s"),
@@ -309,5 +316,24 @@ fn a_switch_that_is_turned_off_by_name_leaves_the_others_as_they_are() {
     ] {
         let scenario = from_set(&settings).unwrap_or_else(|error| panic!("{settings:?}: {error}"));
         from_merged(&to_toml(&scenario), "scenario.toml").unwrap();
+    }
+}
+
+#[test]
+fn a_measured_delay_needs_the_model_at_hover() {
+    let measured = "mpc.delay_compensation=measured";
+    for model in ["scheduled", "ltv"] {
+        let refused = from_set(&[measured, &format!("mpc.model={model}")]).expect_err(model).to_string();
+        assert!(refused.contains("`mpc.delay_compensation` = \"measured\" with a model at speed"), "{refused}");
+        from_set(&["mpc.delay_compensation=true", &format!("mpc.model={model}")]).unwrap();
+    }
+    for law in ["mpc", "lqr", "pid"] {
+        let kept = from_set(&[measured, &format!("mpc.law={law}"), "mpc.constraints=none"]).unwrap();
+        assert!(kept.mpc.delay_compensation.is_measured());
+        assert_eq!(from_merged(&to_toml(&kept), "written").unwrap(), kept);
+    }
+    for refused in ["2", "guessed"] {
+        let refused = from_set(&[&format!("mpc.delay_compensation={refused}")]).expect_err(refused).to_string();
+        assert!(refused.contains("expected true, false or \"measured\""), "{refused}");
     }
 }

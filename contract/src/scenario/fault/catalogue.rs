@@ -12,13 +12,14 @@
 //! | clock, host | clock, host | offset, disk-full shm-removed |
 //! | intruder | a topic | second-publisher wrong-layout wrong-user |
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Topic;
 use crate::scenario::words::named;
 
 /// Part of the stack that has a fault, `fault.target`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultTarget {
     /// The process of the vehicle.
@@ -66,7 +67,7 @@ pub enum FaultTarget {
 }
 
 /// Kind of a fault, `fault.kind`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultKind {
     /// SIGKILL.
@@ -140,7 +141,7 @@ pub enum FaultKind {
 }
 
 /// Error of a sensor or topic that is wrong, `fault.how`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Wrong {
     /// `value` is added to the number.

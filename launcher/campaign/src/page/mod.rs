@@ -12,6 +12,7 @@
 //! | `factors` | each factor by itself |
 //! | `maps` | each pair of factors, with the border of sure differences |
 //! | `worst` | the worst flights, flown again for the page |
+//! | [`under_way`] | the page of a campaign that flies |
 
 mod bins;
 mod bounds;
@@ -22,6 +23,7 @@ mod overview;
 mod pairs;
 pub mod promises;
 mod setup;
+pub mod under_way;
 mod worst;
 
 use view::draw::{self, STYLE};

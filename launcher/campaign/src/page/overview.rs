@@ -14,13 +14,39 @@ const REASONS: usize = 12;
 impl Page<'_> {
     pub fn head(&self) -> String {
         let (there, planned) = (self.rows() as u64, self.plan.flights());
-        let all = self.rate(|_| true);
-        let invalid = self.rows() - all.flights;
         let partial = if there < planned {
             format!("<p class=\"warn\">{there} of {planned} flights are there: the same command flies the others.</p>")
         } else {
             String::new()
         };
+        let grounds: Vec<String> = self.grounds().iter().map(|words| format!("<p>{}</p>", escape(words))).collect();
+        [
+            self.title(),
+            partial,
+            self.tiles(),
+            format!("<p>{}</p>", escape(&bounds::passed(&self.bounds))),
+            grounds.concat(),
+        ]
+        .concat()
+    }
+
+    /// Renders name and origin.
+    pub fn title(&self) -> String {
+        format!(
+            "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{}</b> flights</span>\
+             <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>",
+            escape(self.plan.campaign.name()),
+            self.rows(),
+            self.plan.campaign.seed(),
+            &self.plan.campaign.hash()[..12],
+        )
+    }
+
+    /// Renders the numbers of all flights that are there.
+    pub fn tiles(&self) -> String {
+        let planned = self.plan.flights();
+        let all = self.rate(|_| true);
+        let invalid = self.rows() - all.flights;
         let mut tiles = vec![];
         // A rate pooled over several controllers is the rate of none of them.
         if self.names.len() == 1 {
@@ -35,17 +61,22 @@ impl Page<'_> {
         tiles.push(("different flights".to_owned(), format!("{} of {}", self.evidence.distinct, self.evidence.flown)));
         tiles.push(("failed".to_owned(), (all.flights - all.survived).to_string()));
         tiles.push(("invalid: could not be flown, neither passed nor failed".to_owned(), invalid.to_string()));
-        let grounds: Vec<String> = self.grounds().iter().map(|words| format!("<p>{}</p>", escape(words))).collect();
-        let grounds = grounds.concat();
-        format!(
-            "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{there}</b> flights</span>\
-             <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>{partial}<div class=\"tiles\">{}</div><p>{}</p>{grounds}",
-            escape(self.plan.campaign.name()),
-            self.plan.campaign.seed(),
-            &self.plan.campaign.hash()[..12],
-            list(tiles),
-            escape(&bounds::passed(&self.bounds))
-        )
+        format!("<div class=\"tiles\">{}</div>", list(tiles))
+    }
+
+    /// Renders how many flights of each controller are there, and how they ended.
+    pub fn counts(&self) -> String {
+        let row = |(i, name): (usize, &&str)| {
+            let of = |passed: Option<bool>| {
+                let is = |row: &usize| self.controllers[*row] == i && self.passed[*row] == passed;
+                (0..self.rows()).filter(is).count().to_string()
+            };
+            let there = self.controllers.iter().filter(|controller| **controller == i).count().to_string();
+            vec![escape(name), there, of(Some(true)), of(Some(false)), of(None)]
+        };
+        let headings = ["controller", "there", "passed", "failed", "could not be flown"];
+        let table = draw::table(&headings, self.names.iter().enumerate().map(row));
+        format!("<section id=\"counts\"><h2>Flights so far</h2>{table}</section>")
     }
 
     pub fn controllers_section(&self) -> String {

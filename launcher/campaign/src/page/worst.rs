@@ -5,11 +5,13 @@
 
 use std::collections::HashSet;
 
-use contract::scenario::Fault;
+use contract::Scenario;
 use flight::log::Record;
 use guidance::Trajectory;
+use outcome::bounds::bounds;
 use outcome::ticks::{length_m, position_error_m};
-use view::draw::{Course, any, courses, escape, short};
+use serde_json::{Value, json};
+use view::draw::{self, FlightColumns, HAPPENED_HINT, Plot, Series, TimePlots, any, escape, short};
 
 use super::data::Page;
 use crate::row;
@@ -30,10 +32,28 @@ pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
     let of_cases = if page.names.len() > 1 { " Of each case one is shown." } else { "" };
     Ok(format!(
         "<section id=\"worst\"><h2>The worst flights</h2><p>First the flights that ended early, the earliest first; \
-         then the others, the largest error first.{of_cases} Where the background is shaded, a fault is active.</p>\
-         {}</section>",
+         then the others, the largest error first.{of_cases} {HAPPENED_HINT}</p>{}</section>",
         shown.concat()
     ))
+}
+
+/// Returns the section of the worst flights as a table, for which none is flown again; empty if all passed.
+pub fn listed(page: &Page, again: &str) -> String {
+    let worst = worst(page);
+    if worst.is_empty() {
+        return String::new();
+    }
+    let of = |row: usize| {
+        let told = page.flights.column("outcome").map_or("", |all| all.text(row));
+        let error = page.error.of(row).map_or(draw::DASH.to_owned(), short);
+        let number = page.numbers[row];
+        let controller = escape(page.names[page.controllers[row]]);
+        vec![number.to_string(), controller, escape(told), error, format!("<code>{} {number}</code>", escape(again))]
+    };
+    let error = format!("{} [m]", page.error.words);
+    let headings = ["flight", "controller", "outcome", &error, "to fly it again"];
+    let table = draw::table(&headings, worst.into_iter().map(of));
+    format!("<section id=\"worst\"><h2>The worst flights so far</h2>{table}</section>")
 }
 
 /// Rows of the flights that failed worst, the worst first; one controller of each case.
@@ -66,28 +86,32 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     let Ok(scenario) = &flight.scenario else { return Ok(String::new()) };
     let trajectory = Trajectory::new(&scenario.mission);
     let every = (scenario.ticks() / POINTS).max(1);
-    let (mut error, mut roll, mut pitch, mut tilt) = (vec![], vec![], vec![], vec![]);
-    row::fly_again(&flight, flights, row, |record| {
+    let mut values = ["error", "roll", "pitch", "tilt"].map(|name| (name, vec![]));
+    let happened = row::fly_again(&flight, flights, row, |record| {
         let Record::State(state) = record else { return };
         if state.stamp.tick.is_multiple_of(every) {
             let t = state.stamp.tick as f64 * scenario.sample_s();
-            error.push((t, length_m(position_error_m(trajectory.at(t).position_m, state))));
-            roll.push((t, state.actual.attitude_rad[0].to_degrees()));
-            pitch.push((t, state.actual.attitude_rad[1].to_degrees()));
-            tilt.push((t, state.actuators.tilt_rad.to_degrees()));
+            let error_m = length_m(position_error_m(trajectory.at(t).position_m, state));
+            let [roll_rad, pitch_rad, _] = state.actual.attitude_rad;
+            let angles_deg = [roll_rad, pitch_rad, state.actuators.tilt_rad].map(f64::to_degrees);
+            let all = std::iter::once(error_m).chain(angles_deg);
+            values.iter_mut().zip(all).for_each(|((_, values), value)| values.push(value as f32));
         }
     })?;
-    let end_s = error.last().map_or(0.0, |(t, _)| *t);
-    let lasts_s = |fault: &Fault| fault.for_s.unwrap_or(if fault.is_momentary() { 0.0 } else { f64::INFINITY });
-    let active: Vec<[f64; 2]> = scenario.fault.iter().map(|fault| [fault.at_s, fault.at_s + lasts_s(fault)]).collect();
-    let course = |name, points| Course { name, points };
-    let pictures = [
-        courses("m", end_s, &[course("position error", error)], &active),
-        courses("deg", end_s, &[course("roll", roll), course("pitch", pitch)], &active),
-        courses("deg", end_s, &[course("tilt", tilt)], &active),
-    ];
+    let plots = TimePlots {
+        flights: vec![FlightColumns {
+            rows: values[0].1.len(),
+            begin_s: 0.0,
+            dt_s: every as f64 * scenario.sample_s(),
+            columns: values.iter().map(|(name, values)| ((*name).to_owned(), draw::column(values.clone()))).collect(),
+        }],
+        happened: draw::happened(&[("", &happened, 0.0)]),
+        lines: bound(scenario),
+        plots: PLOTS.iter().map(plot).collect(),
+        paths: false,
+    };
     let columns = page.plan.columns();
-    let values = columns.iter().skip(1).filter_map(|(name, _)| {
+    let settings = columns.iter().skip(1).filter_map(|(name, _)| {
         let cell = flights.column(name).map_or(Cell::None, |column| column.cell(row));
         let value = match cell {
             Cell::None => return None,
@@ -101,12 +125,40 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     let others = page.others(row);
     let told = flights.column("outcome").map_or("", |all| all.text(row));
     Ok(format!(
-        "<div class=\"worst\"><h3>Flight {number}</h3><p>{}</p>{others}<p class=\"facts\">{}</p><div class=\"plots\">{}</div><p><code>{} {number}</code></p></div>",
+        "<div class=\"worst\"><h3>Flight {number}</h3><p>{}</p>{others}<p class=\"facts\">{}</p>{}<p><code>{} {number}</code></p></div>",
         escape(told),
-        values.collect::<String>(),
-        pictures.concat(),
+        settings.collect::<String>(),
+        plots.html(),
         escape(again)
     ))
+}
+
+/// Plot of a flight: title, unit, least range, and columns with their names.
+type PlotOf = (&'static str, &'static str, f64, &'static [(&'static str, &'static str)]);
+
+const PLOTS: [PlotOf; 3] = [
+    ("position error", "m", 0.02, &[("position error", "error")]),
+    ("attitude", "deg", 1.0, &[("roll", "roll"), ("pitch", "pitch")]),
+    ("tilt", "deg", 2.0, &[("tilt", "tilt")]),
+];
+
+fn plot((title, unit, span, columns): &PlotOf) -> Plot {
+    let series = columns.iter().enumerate().map(|(i, (label, column))| Series::new(label, column, 0, i));
+    let of_error = *title == "position error";
+    Plot {
+        title: Some(title),
+        unit,
+        span: *span,
+        floor: of_error,
+        lines: of_error.then_some("error"),
+        series: series.collect(),
+    }
+}
+
+/// Bound of the position error.
+fn bound(scenario: &Scenario) -> Value {
+    let bound = bounds(scenario).max_position_error_m.filter(|bound| bound.is_finite());
+    json!({ "error": bound.map(|y| json!({ "y": y, "label": "bound" })).into_iter().collect::<Value>() })
 }
 
 impl Page<'_> {

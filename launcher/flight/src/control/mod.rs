@@ -9,6 +9,7 @@
 //! one request at a look, and never waits for a client: one that sends nothing is disconnected after a second.
 
 pub mod server;
+pub mod view;
 
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;

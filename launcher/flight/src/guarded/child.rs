@@ -1,13 +1,12 @@
 //! The process that flies with libraries: takes a request, flies it, and takes the next, until its parent ends it.
 
-use std::any::Any;
 use std::cell::RefCell;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
 use contract::exit;
-use runtime::error::SessionError;
+use runtime::error::{SessionError, words_of_panic};
 use runtime::realtime::{SharedPipes, WordPipe, die_of_crashes, now_ns};
 use rustix::process::{Signal, set_parent_process_death_signal};
 
@@ -52,7 +51,7 @@ pub fn serve() -> io::Result<u8> {
             Ok(request) => match catch_unwind(AssertUnwindSafe(|| fly(&request, &sender))) {
                 Ok(Ok(flown)) => End::of(flown),
                 Ok(Err(error)) => End::Refused(error.to_string()),
-                Err(panic) => End::Panicked(words_of(&*panic).to_owned()),
+                Err(panic) => End::Panicked(words_of_panic(&*panic).to_owned()),
             },
             Err(why) => End::Refused(why),
         };
@@ -106,10 +105,4 @@ impl Sender<'_> {
         }
         self.words.clear();
     }
-}
-
-/// Returns what a panic has said.
-fn words_of(panic: &(dyn Any + Send)) -> &str {
-    let said = panic.downcast_ref::<String>().map(String::as_str);
-    said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why")
 }

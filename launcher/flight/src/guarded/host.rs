@@ -160,8 +160,8 @@ impl Drop for Host {
     }
 }
 
-/// Describes the end of a child, with what follows "its library".
-fn in_words(status: ExitStatus) -> String {
+/// Describes the end of a child, with what follows "library".
+pub(super) fn in_words(status: ExitStatus) -> String {
     let name = |signal: i32| match signal {
         4 => "SIGILL".to_owned(),
         6 => "SIGABRT".to_owned(),

@@ -16,9 +16,11 @@
 //! |---|---|
 //! | `frames` | requests and answers as words |
 //! | `child` | the process that flies |
+//! | `command` | a whole command in a child: a replay that loads libraries |
 //! | `host` | the parent's end of a child |
 
 mod child;
+mod command;
 mod frames;
 mod host;
 
@@ -28,6 +30,7 @@ use contract::scenario::{Scenario, candidate};
 use runtime::error::SessionError;
 
 pub use child::serve;
+pub use command::{command, exit_code};
 
 use crate::inprocess::{self, Flown};
 use crate::log::{Memory, Record};

@@ -3,7 +3,9 @@
 use anyhow::Context;
 use contract::{
     Topic,
-    message::{ActuationMsg, Actuators, Arrival, Controls, Kinematics, MAX_ARRIVALS, Reference, Stamp, State},
+    message::{
+        ActuationMsg, Actuators, Arrival, Controls, Kinematics, MAX_ARRIVALS, Navigation, Reference, Stamp, State,
+    },
 };
 use prost::{DecodeError, Message as _};
 use runtime::shared_role::Origin;
@@ -115,9 +117,80 @@ pub fn decode_memory(bytes: &[u8]) -> anyhow::Result<Memory> {
     Ok(Memory { tick, topic, origin: Origin { epoch, done }, words })
 }
 
+/// One word of a message in memory, by its name in the schema: `actual.position_m.x`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Column {
+    pub name: String,
+    /// `true` for a `u64`, `false` for an `f64`.
+    pub is_count: bool,
+}
+
+/// Returns the columns of a topic, in the order of [`Record::words`].
+pub fn columns(topic: Topic) -> Vec<Column> {
+    let mut columns = vec![];
+    match topic {
+        Topic::State => wire::State::columns("", &mut columns),
+        Topic::Reference => wire::Reference::columns("", &mut columns),
+        Topic::Controls => wire::Controls::columns("", &mut columns),
+        Topic::Actuators => wire::Actuators::columns("", &mut columns),
+    }
+    columns
+}
+
+/// Returns the name of the status of a message; `None` for a topic or a number without one.
+pub fn status_name(record: &Record) -> Option<&'static str> {
+    let number = |status: u64| i32::try_from(status).ok();
+    match record {
+        Record::State(state) => {
+            wire::PlantStatus::try_from(number(state.status)?).ok().map(|status| status.as_str_name())
+        }
+        Record::Controls(controls) => {
+            wire::SolveStatus::try_from(number(controls.status)?).ok().map(|status| status.as_str_name())
+        }
+        Record::Reference(_) | Record::Actuators(_) => None,
+    }
+}
+
+/// Type of the schema whose value in memory is a row of words.
+trait Columns {
+    /// Appends the columns of a value called `name`.
+    fn columns(name: &str, columns: &mut Vec<Column>);
+}
+
+impl Columns for f64 {
+    fn columns(name: &str, columns: &mut Vec<Column>) {
+        columns.push(Column { name: name.into(), is_count: false });
+    }
+}
+
+impl Columns for u64 {
+    fn columns(name: &str, columns: &mut Vec<Column>) {
+        columns.push(Column { name: name.into(), is_count: true });
+    }
+}
+
+/// Appends the columns of a `field` of the value called `of`; the type of the field is that of `_get`.
+fn field<M, T: Columns>(_get: fn(&M) -> &T, of: &str, field: &str, columns: &mut Vec<Column>) {
+    let name = if of.is_empty() { field.to_owned() } else { format!("{of}.{field}") };
+    T::columns(&name, columns);
+}
+
+/// Makes a type of the schema a row of its fields, in this order.
+macro_rules! columns {
+    ($name:ident { $($field:ident),* }) => {
+        impl Columns for wire::$name {
+            fn columns(name: &str, columns: &mut Vec<Column>) {
+                $(field(|value: &Self| &value.$field, name, stringify!($field), columns);)*
+            }
+        }
+    };
+}
+columns!(Arrivals { first, second, third, fourth });
+
 /// Converts between an array and a message with named fields, both ways.
 macro_rules! named_array {
     ($([$scalar:ty; $count:literal] as $name:ident { $($field:ident),* })*) => {$(
+        columns!($name { $($field),* });
         impl From<[$scalar; $count]> for wire::$name {
             fn from([$($field),*]: [$scalar; $count]) -> Self {
                 Self { $($field),* }
@@ -139,6 +212,9 @@ named_array! {
     [f64; 2] as Heading { x, y }
     [f64; 3] as RotorSpeed { rotor_1, rotor_2, rotor_3 }
     [f64; 4] as Inputs { col, lon, lat, ped }
+    [f64; 3] as BodyAxes { x, y, z }
+    [f64; 5] as PerSource { position, velocity, height, heading, flow }
+    [u64; 5] as CountPerSource { position, velocity, height, heading, flow }
 }
 
 impl From<[Arrival; MAX_ARRIVALS]> for wire::Arrivals {
@@ -154,8 +230,8 @@ impl From<wire::Arrivals> for [Arrival; MAX_ARRIVALS] {
     }
 }
 
-/// Converts between the types of the table and those of the schema, both ways. A field that only one of them has does
-/// not compile. The name of a status is for human readers, and not read back.
+/// Converts between the types of the table and those of the schema, both ways, and lists their columns. A field that
+/// only one of them has does not compile. The name of a status is for human readers, and not read back.
 macro_rules! convert {
     (parts { $($(#[$about:meta])* $part:ident { $($fields:tt)* })* }
      messages { $($(#[$of:meta])* $message:ident $layout:literal $bytes:literal bytes { $($its:tt)* })* }) => {
@@ -165,6 +241,7 @@ macro_rules! convert {
     ($name:ident {
         $($(#[$doc:meta])* $field:ident: $type:ty $(= $names:ident)? $(as $mark:ident)?,)*
     }) => {
+        columns!($name { $($field),* });
         impl From<$name> for wire::$name {
             fn from($name { $($field),* }: $name) -> Self {
                 Self { $($(status_name: named($field, wire::$names::is_valid),)?)* $($field: $field.into()),* }
@@ -188,7 +265,7 @@ fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {
 mod tests {
     use contract::message::{Controls, PlantStatus, SolveStatus, State};
 
-    use super::wire;
+    use super::{Topic, columns, status_name, wire};
 
     #[test]
     fn statuses_have_the_same_names_as_in_the_contract() {
@@ -211,6 +288,26 @@ mod tests {
             assert_eq!(format!("{theirs:?}"), format!("{ours:?}"));
         }
     }
+
+    #[test]
+    fn columns_are_the_words_of_a_message_by_their_names_in_the_schema() {
+        let mut state = State::default();
+        state.stamp.input_epochs[1] = 7;
+        state.actual.position_m[2] = -0.0;
+        state.arrivals[3].after_ns = u64::MAX;
+        let record = crate::log::Record::from(state);
+        let columns = columns(Topic::State);
+        assert_eq!(columns.len(), record.words().len());
+        let value = |name: &str| {
+            let found = columns.iter().position(|column| column.name == name).unwrap();
+            (columns[found].is_count, record.words()[found])
+        };
+        assert_eq!(value("stamp.input_epochs.reference"), (true, 7));
+        assert_eq!(value("actual.position_m.z"), (false, (-0.0_f64).to_bits()));
+        assert_eq!(value("arrivals.fourth.after_ns"), (true, u64::MAX));
+        assert_eq!(status_name(&record), Some("FLYING"));
+    }
+
     #[test]
     fn a_status_is_written_with_its_name_if_it_has_one() {
         let name = |status| wire::State::from(State { status, ..State::default() }).status_name;

@@ -34,7 +34,7 @@ fn place() -> (TempDir, PathBuf) {
 
 /// Returns all words of a message as bits, so that NaNs can be compared.
 fn bits(record: &Record) -> Vec<u64> {
-    with_message!(record, message => bytemuck::cast_slice(bytemuck::bytes_of(message)).to_vec())
+    record.words().to_vec()
 }
 
 /// Generates a message of any topic and any bits, with many values that a lossy format would change.

@@ -9,17 +9,18 @@ use std::{
 };
 
 use anyhow::Context;
-use contract::Topic;
 use contract::message::LAYOUT;
+use contract::{Scenario, Topic};
 use mcap::{
     McapError, McapResult, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
     write::NoSeek,
 };
 
-use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, schema};
+use super::{Memory, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
 use crate::files;
+use crate::foxglove::{Channel, Derived, Scene};
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
 use crate::provenance::Program;
 
@@ -39,6 +40,8 @@ pub struct LogWriter {
     channels: [u16; Topic::COUNT],
     events: u16,
     memory: u16,
+    /// Messages for viewers, and their channel numbers; `None` in a log without them.
+    view: Option<(Scene, [u16; Channel::ALL.len()])>,
     /// Sample time \[ns\].
     sample_ns: u64,
     /// Bytes of one message.
@@ -85,6 +88,7 @@ impl LogWriter {
             channels,
             events,
             memory,
+            view: None,
             sample_ns,
             buffer: Vec::new(),
             open_bytes: 0,
@@ -97,6 +101,20 @@ impl LogWriter {
         Ok(writer)
     }
 
+    /// Adds the messages of [`crate::foxglove`] to the log, from now on.
+    pub fn for_viewers(mut self, scenario: &Scenario) -> anyhow::Result<Self> {
+        let scene = Scene::new(scenario);
+        let fixed = scene.fixed();
+        if let Some(mcap) = &mut self.mcap {
+            let add = |channel| add_channel(mcap, &channel);
+            let channels: Vec<u16> =
+                super::view_channels().into_iter().map(add).collect::<McapResult<_>>().map_err(plain)?;
+            self.view = channels.try_into().ok().map(|channels| (scene, channels));
+        }
+        self.write_derived(fixed)?;
+        Ok(self)
+    }
+
     pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
         let (topic, stamp) = (record.topic() as usize, record.stamp());
         schema::encode(record, &mut self.buffer);
@@ -105,7 +123,19 @@ impl LogWriter {
             sequence: stamp.sequence as u32,
             log_time: stamp.tick.saturating_mul(self.sample_ns),
             publish_time: stamp.publish_ns[topic],
-        })
+        })?;
+        let derived = self.view.as_mut().map_or(vec![], |(scene, _)| scene.on_record(record));
+        self.write_derived(derived)
+    }
+
+    fn write_derived(&mut self, derived: Vec<Derived>) -> anyhow::Result<()> {
+        for Derived { channel, time_ns, bytes } in derived {
+            let Some((_, channels)) = &self.view else { break };
+            let channel_id = channels[channel as usize];
+            self.buffer = bytes;
+            self.append(&MessageHeader { channel_id, sequence: 0, log_time: time_ns, publish_time: 0 })?;
+        }
+        Ok(())
     }
 
     pub fn write_event(&mut self, event: &Event) -> anyhow::Result<()> {
@@ -115,7 +145,9 @@ impl LogWriter {
             sequence: 0,
             log_time: event.tick.saturating_mul(self.sample_ns),
             publish_time: 0,
-        })
+        })?;
+        let derived = self.view.as_mut().map(|(scene, _)| scene.on_event(event));
+        self.write_derived(derived.into_iter().collect())
     }
 
     /// Writes the snapshot of a node.
@@ -213,19 +245,17 @@ fn open(
         ],
     ))?;
     mcap.flush()?;
-    let mut channels = [0; Topic::COUNT];
-    for topic in Topic::ALL {
-        let schema = mcap.add_schema(schema::message_name(topic), "protobuf", schema::DESCRIPTORS)?;
-        let publisher = BTreeMap::from([("publisher".into(), topic.publisher().into())]);
-        channels[topic as usize] = mcap.add_channel(schema, &format!("/{}", topic.name()), "protobuf", &publisher)?;
-    }
-    let mut others = [0; 2];
-    for (channel, (name, topic)) in others.iter_mut().zip([(schema::EVENT, EVENTS), (schema::MEMORY, MEMORY)]) {
-        let schema = mcap.add_schema(name, "protobuf", schema::DESCRIPTORS)?;
-        let publisher = BTreeMap::from([("publisher".into(), "launcher".into())]);
-        *channel = mcap.add_channel(schema, topic, "protobuf", &publisher)?;
+    let (mut channels, mut others) = ([0; Topic::COUNT], [0; 2]);
+    for (number, channel) in channels.iter_mut().chain(&mut others).zip(super::channels()) {
+        *number = add_channel(&mut mcap, &channel)?;
     }
     Ok((mcap, channels, others))
+}
+
+fn add_channel(mcap: &mut Mcap, channel: &super::Channel) -> McapResult<u16> {
+    let schema = mcap.add_schema(channel.schema, "protobuf", channel.descriptors)?;
+    let publisher = BTreeMap::from([("publisher".into(), channel.publisher.into())]);
+    mcap.add_channel(schema, &channel.topic, "protobuf", &publisher)
 }
 
 pub(super) fn metadata(name: &str, entries: &[(&str, &str)]) -> Metadata {

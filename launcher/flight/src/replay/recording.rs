@@ -37,8 +37,8 @@ pub struct Recording {
     processes: Vec<(Topic, u64)>,
     /// Settings of candidates.
     pub(super) settings: HashMap<(Topic, u64), Scenario>,
-    /// Topics whose programs the user has named, so that a replay may load them.
-    trusted: Vec<Topic>,
+    /// Libraries that the user has named, by topic and SHA-256, so that a replay may load them.
+    trusted: Vec<(Topic, String)>,
 }
 
 impl Recording {
@@ -86,8 +86,9 @@ impl Recording {
     /// Returns whether a process ran a program that the user has not named to this replay: its messages are known from
     /// the log only, because a folder from elsewhere may name any program.
     pub fn is_foreign(&self, topic: Topic, epoch: u64) -> bool {
-        let kind = self.settings_of(topic, epoch).node.of(topic).kind();
-        kind == ProgramKind::Executable || kind == ProgramKind::Library && !self.trusted.contains(&topic)
+        let program = self.settings_of(topic, epoch).node.of(topic);
+        let is_trusted = || self.trusted.iter().any(|(of, sha256)| *of == topic && *sha256 == program.sha256);
+        program.kind() == ProgramKind::Executable || program.kind() == ProgramKind::Library && !is_trusted()
     }
 
     /// Returns the processes that ran such a program, by topic and epoch.
@@ -106,23 +107,21 @@ impl Recording {
         let mut flown =
             self.settings.iter_mut().filter(|((of, _), _)| *of == topic).map(|(_, own)| own).collect::<Vec<_>>();
         flown.push(&mut self.scenario);
-        let mut is_known = false;
-        for settings in flown {
-            let program = settings.node.of_mut(topic);
-            if program.kind() == ProgramKind::Library {
-                ensure!(
-                    program.sha256 == found.sha256,
-                    "{name} flew {} (SHA-256 {}), and {file} is another file ({})",
-                    program.exec,
-                    program.sha256,
-                    found.sha256
-                );
+        let mut libraries: Vec<&mut NodeProgram> =
+            flown.into_iter().map(|settings| settings.node.of_mut(topic)).collect();
+        libraries.retain(|program| program.kind() == ProgramKind::Library);
+        ensure!(!libraries.is_empty(), "{name} flew no library: leave out --program {name}={file}");
+        let mut others = vec![];
+        for program in &mut libraries {
+            if program.sha256 == found.sha256 {
                 program.exec.clone_from(&found.exec);
-                is_known = true;
+            } else {
+                others.push(format!("{} (SHA-256 {})", program.exec, program.sha256));
             }
         }
-        ensure!(is_known, "{name} flew no library: leave out --program {name}={file}");
-        self.trusted.push(topic);
+        let flew = others.join(" and ");
+        ensure!(others.len() < libraries.len(), "{name} flew {flew}, and {file} is another file ({})", found.sha256);
+        self.trusted.push((topic, found.sha256));
         Ok(())
     }
 

@@ -18,10 +18,10 @@ use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
 use super::script::Cycle;
-use crate::inprocess::workers::Ring;
 use crate::log::{Memory, Record};
 use crate::nodes;
 use crate::recorder::Observers;
+use ring::workers::Ring;
 
 pub struct Worker {
     ring: Ring,
@@ -77,7 +77,7 @@ impl Worker {
         scenario: &Scenario,
         memory: Option<&(Origin, Snapshot)>,
     ) -> Result<Self, SessionError> {
-        let ring = Ring::new(true).map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
+        let ring = Ring::new(true)?;
         ring.page.role(topic).offer(epoch);
         let member = Member::of_recording(ring.page.clone(), topic, epoch, scenario);
         let mut ports: Ports = ring.ports();
@@ -91,8 +91,9 @@ impl Worker {
             }
             _ => Core::Node(nodes::open(&mut ports, &member, &scenario)?),
         };
-        if let (Core::Node(node), Some((origin, memory))) = (&mut core, memory) {
-            node.restore(memory);
+        if let (Core::Node(node), Some((origin, memory))) = (&mut core, memory)
+            && node.restore(memory)
+        {
             member.continues.set(*origin);
         }
         let observers = Observers::open(&mut ring.ports(), &scenario)?;
@@ -182,10 +183,7 @@ impl Worker {
             Core::Plant(sampler) => {
                 memory.padded().is_some_and(|words| sampler.plant.restore(memory.origin.done - 1, &words))
             }
-            Core::Node(node) => memory.padded().is_some_and(|words| {
-                node.restore(&words);
-                node.memory() == words
-            }),
+            Core::Node(node) => memory.padded().is_some_and(|words| node.restore(&words) && node.memory() == words),
         }
     }
 

@@ -6,12 +6,10 @@ use contract::Scenario;
 use contract::scenario::Fault;
 use contract::topic::Topic;
 
-use super::role::{Action, RoleInput};
-use super::supervised::Supervised;
 use crate::log::Record;
-
-/// Action to carry out for the node that publishes on a topic.
-pub type Order = (Topic, Action);
+use ring::roles::Order;
+use ring::roles::role::RoleInput;
+use ring::roles::supervised::Supervised;
 
 /// Roles of the four nodes, and the source of their inputs. A driver changes the control page itself; its caller starts
 /// and signals processes, and records events.

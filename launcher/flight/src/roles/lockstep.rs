@@ -16,13 +16,14 @@ use contract::topic::Topic;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
 
-use super::driver::{Driver, Order};
-use super::role::{Action, RoleInput, Signal};
-use super::simulated::Simulated;
-use super::supervised::Supervised;
+use super::driver::Driver;
 use crate::event::{Event, What};
 use crate::limits::{LOOK, QUICK_LOOK};
 use crate::log::Record;
+use ring::roles::Order;
+use ring::roles::role::{Action, RoleInput, Signal};
+use ring::roles::simulated::Simulated;
+use ring::roles::supervised::Supervised;
 
 /// Roles of a lockstep run, and the decision that the plant waits for.
 pub struct Lockstep {

@@ -12,12 +12,13 @@ use contract::topic::Topic;
 use runtime::realtime::{ControlPage, now_ns};
 use runtime::shared_role::Assignment;
 
-use super::driver::{Driver, Order};
-use super::process_faults::FaultInputs;
-use super::role::{Action, Now, RoleInput};
-use super::supervised::Supervised;
+use super::driver::Driver;
 use crate::limits::{GRACE_NS, LOOK, LOOK_AGAIN};
 use crate::log::Record;
+use ring::roles::Order;
+use ring::roles::process_faults::FaultInputs;
+use ring::roles::role::{Action, Now, RoleInput};
+use ring::roles::supervised::Supervised;
 
 pub struct Realtime {
     page: Arc<ControlPage>,

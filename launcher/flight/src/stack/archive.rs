@@ -31,7 +31,7 @@ use crate::event::{self, Event};
 use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
 use crate::log::{self, Count, Record};
 use crate::recorder::{LogOutcome, run_of};
-use crate::roles::role::{Action, Now, Policy, Role, RoleInput};
+use ring::roles::role::{Action, Now, Policy, Role, RoleInput};
 
 /// Log of a flight, with the role of its recorder, which runs by the wall clock in every mode.
 pub struct Archive {
@@ -256,8 +256,8 @@ mod tests {
     use super::*;
     use crate::event::What;
     use crate::log::LogWriter;
-    use crate::roles::role::{Now, RoleInput};
     use contract::message::{Message, Stamp, State};
+    use ring::roles::role::{Now, RoleInput};
     use rustix::pipe::{PipeFlags, pipe_with};
     use std::fs::File;
 

@@ -6,20 +6,6 @@ use contract::exit;
 use contract::guard::Refusal;
 use serde_json::{Value, json};
 
-/// End of a flight through processes.
-#[derive(Debug)]
-pub enum Ended {
-    /// The plant flew to the end.
-    Flown,
-    /// Ctrl-C, or `stop`.
-    Interrupted,
-    Lost(String),
-    /// A node missed a deadline whose policy is `stop`.
-    Late(String),
-    /// The plant flew to the end, but the launcher missed messages, as the text says.
-    Unseen(String),
-}
-
 /// Reason why a stack did not come up, or could not be measured.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {

@@ -1,9 +1,11 @@
 //! The domain of a run as its launcher makes it: the run's settings, the control page and the services of all topics.
 
+use std::path::Path;
+
 use anyhow::Context;
 use contract::scenario::{Scenario, to_toml};
 use contract::topic::Topic;
-use runtime::domain::{Domain, Hold, check_room};
+use runtime::domain::{Domain, Hold, SHM, check_room};
 use runtime::port::{Bus, Services, bytes_needed, observer_depth};
 use runtime::ports::Ports;
 use runtime::realtime::ControlPage;
@@ -28,7 +30,7 @@ impl OwnDomain {
     pub fn open(namespace: &str, scenario: &Scenario) -> anyhow::Result<(Self, Ports)> {
         surroundings::check(scenario.run.rate_hz)?;
         let hold = Hold::take(namespace)?;
-        check_room(bytes_needed(scenario.run.rate_hz))?; // what a killed launcher has left is wiped by now
+        check_room(Path::new(SHM), bytes_needed(scenario.run.rate_hz))?; // what a killed launcher has left is wiped by now
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
         domain.write("scenario.toml", &to_toml(scenario)).with_context(shm("settings"))?;

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use contract::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
 use contract::guard::Refusal;
-use contract::message::mixer_flags;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, SwapNode, check_fault, check_swaps};
 use contract::topic::Topic;
 use guidance::Trajectory;
@@ -17,6 +16,7 @@ use super::end::refused;
 use super::run::Run;
 use super::swaps::settle;
 use crate::control::server::Server;
+use crate::control::view::rung;
 use crate::control::{Request, Response};
 use crate::event::{Event, Sender, TimedEvent, What};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
@@ -101,21 +101,6 @@ fn position_error_m(run: &Run) -> Option<f64> {
     let wanted = Trajectory::new(&run.scenario.mission).at(run.time_s(state.stamp.tick)).position_m;
     let squares = wanted.iter().zip(state.actual.position_m).map(|(wanted, is)| (wanted - is) * (wanted - is));
     Some(squares.sum::<f64>().sqrt())
-}
-
-/// Names the rung of the mixer's fallback ladder that gave the command of `record`; `on demand` if nothing is missing.
-fn rung(record: &Record) -> &'static str {
-    let Record::Actuators(actuators) = record else { return "?" };
-    let rungs = [
-        (mixer_flags::TERMINATED, "terminated"),
-        (mixer_flags::DISARMED, "disarmed"),
-        (mixer_flags::CUT, "thrust cut"),
-        (mixer_flags::TRIM_ONLY, "trim only"),
-        (mixer_flags::DESCENDING, "descending"),
-        (mixer_flags::LEVELLED, "levelled"),
-        (mixer_flags::HELD, "last demand held"),
-    ];
-    rungs.iter().find(|(flag, _)| actuators.flags & flag != 0).map_or("on demand", |(_, name)| name)
 }
 
 /// Reports the state of one node. Its `tick` counts the ticks done since the first of the run.

@@ -14,10 +14,11 @@ use super::children::{Children, SpawnRequest};
 use super::one_cpu::OneCpu;
 use crate::event::Event;
 use crate::log::Record;
-use crate::roles::driver::{Driver, Order};
+use crate::roles::driver::Driver;
 use crate::roles::lockstep::Lockstep;
 use crate::roles::realtime::Realtime;
-use crate::roles::role::{Action, RoleInput, Signal};
+use ring::roles::Order;
+use ring::roles::role::{Action, RoleInput, Signal};
 
 pub struct Run {
     pub domain: Domain,

@@ -150,7 +150,11 @@ fn promises_of(controller: &str, rows: &[FaultFlight]) -> String {
         0 => String::new(),
         _ => format!("; not the same by one thread: {}", names(differ.iter().copied())),
     };
-    format!("{controller}: {} of {promised} promises kept{which}{differ}\n\n", promised - broken.len())
+    let alone = match rows.iter().filter(|row| row.same.is_none()).count() {
+        0 => String::new(),
+        count => format!("; {count} not flown by one thread, where there are no programs"),
+    };
+    format!("{controller}: {} of {promised} promises kept{which}{differ}{alone}\n\n", promised - broken.len())
 }
 
 fn matrix(title: &str, rows: &[FaultFlight]) -> Table {
@@ -284,7 +288,7 @@ fn of_a_relay(relay: &Relay) -> Vec<Target> {
         let removed = rejected.iter().chain(returned).map(String::as_str).collect::<Vec<_>>().join("; ");
         let more = if *explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
         vec![
-            Target::none(figure("not kept"), swaps - kept).noting(removed),
+            judged(Target::none(figure("not kept"), swaps - kept).noting(removed), relay.doubt.as_ref()),
             Target::none(figure("ticks lost"), lost_ticks - explained).noting(more),
             Target::at_most(figure("error"), Some(*position_error_m), SWAP_M, "m"),
         ]
@@ -292,7 +296,7 @@ fn of_a_relay(relay: &Relay) -> Vec<Target> {
         let tilt_deg = if relay.diverged { f64::INFINITY } else { *tilt_deg };
         let note = format!("{} rejected on standby, {} removed when active", rejected.len(), returned.len());
         vec![
-            Target::none(figure("kept"), *kept).noting(note),
+            judged(Target::none(figure("kept"), *kept).noting(note), relay.doubt.as_ref()),
             Target::at_most(figure("worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
         ]
     };
@@ -302,15 +306,19 @@ fn of_a_relay(relay: &Relay) -> Vec<Target> {
     targets
 }
 
+/// Returns `target`, which is inconclusive if there is a `doubt` about the host.
+fn judged(target: Target, doubt: Option<&String>) -> Target {
+    match doubt {
+        Some(why) => target.in_doubt(why.as_str()),
+        None => target,
+    }
+}
+
 fn in_real_time(results: &FaultResults) -> Vec<Target> {
     let Strikes { kills, hangs, canary } = &results.strikes;
     let target = |figure: &str, strikes: &[Strike], of: fn(&Strike) -> Option<f64>, limit_ms: f64| {
         let median_ms = median(strikes.iter().filter_map(of));
-        let target = Target::at_most(format!("{figure}, median"), median_ms, limit_ms, "ms");
-        match &canary.doubt {
-            Some(why) => target.in_doubt(why.as_str()),
-            None => target,
-        }
+        judged(Target::at_most(format!("{figure}, median"), median_ms, limit_ms, "ms"), canary.doubt.as_ref())
     };
     let missing = kills.iter().chain(hangs).filter(|strike| strike.restarted_ms.is_none()).count();
     vec![
@@ -320,4 +328,35 @@ fn in_real_time(results: &FaultResults) -> Vec<Target> {
         target("crash, until the restarted node's first message", kills, |strike| strike.restarted_ms, 150.0),
         Target::none("strikes without a successor", missing),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use outcome::target::Verdict;
+
+    use super::*;
+
+    #[test]
+    fn candidates_that_are_late_on_a_busy_host_are_not_judged() {
+        let flown = |kept, doubt: Option<&str>| Relay {
+            good: true,
+            mode: Mode::Realtime,
+            swaps: 60,
+            kept,
+            rejected: vec![],
+            returned: vec![],
+            lost_ticks: 0,
+            explained: 0,
+            tilt_deg: 0.0,
+            position_error_m: 0.01,
+            diverged: false,
+            doubt: doubt.map(str::to_owned),
+            same: None,
+        };
+        let verdict = |kept, doubt| of_a_relay(&flown(kept, doubt))[0].verdict;
+        assert_eq!(verdict(60, None), Verdict::Ok);
+        assert_eq!(verdict(0, None), Verdict::Short);
+        assert_eq!(verdict(0, Some("a busy host")), Verdict::Inconclusive);
+        assert_eq!(verdict(60, Some("a busy host")), Verdict::Ok);
+    }
 }

@@ -26,7 +26,7 @@ use serde::Serialize;
 use super::case::hover_in_gusts;
 use super::one_flight::lean_deg;
 use crate::flights::{in_process, through_processes};
-use crate::timing::canary::Canary;
+use crate::timing::canary::{Canary, LONGEST};
 use flight::event::{Event, What};
 use flight::log::Record;
 use outcome::faults::reacts;
@@ -83,6 +83,8 @@ pub struct Relay {
     /// Largest distance from the trajectory \[m\].
     pub position_error_m: f64,
     pub diverged: bool,
+    /// Reason why a candidate that was late cannot be judged, if so; `None` in lockstep.
+    pub doubt: Option<String>,
     /// `true` if the flight by one thread was equal; `None` in real time.
     pub same: Option<bool>,
 }
@@ -108,7 +110,7 @@ impl Relay {
         scenario.run.mode = Mode::Inprocess;
         let alone = (mode == Mode::Lockstep).then(|| in_process(&scenario, |_| {}).0.state_hash());
         scenario.run.mode = mode;
-        let canary = if mode == Mode::Realtime { Some(Canary::start()?) } else { None };
+        let canary = if mode == Mode::Realtime { Some(Canary::start(LONGEST)?) } else { None };
         let mut tilt_deg = 0.0_f64;
         let mut ticks = Ticks::<Answers>::new(&scenario);
         let (summary, flown) = through_processes(&scenario, interrupts, |record| {
@@ -117,7 +119,9 @@ impl Relay {
                 tilt_deg = tilt_deg.max(lean_deg(state));
             }
         })?;
-        let host = canary.map(Canary::stop).transpose()?.unwrap_or_default();
+        let host = canary.map(Canary::stop).transpose()?;
+        let doubt = host.as_ref().and_then(|host| host.summary().doubt);
+        let host = host.unwrap_or_default();
         let tick = |time_s: f64| (time_s / scenario.sample_s()) as u64;
         let counted = tick(FIRST_S)..tick(scenario.run.duration_s - REST_S);
         let lost = || ticks.by_number.values().filter(|tick| counted.contains(&tick.number) && tick.of.is_lost());
@@ -136,6 +140,7 @@ impl Relay {
             tilt_deg,
             position_error_m: summary.metrics().max_position_error_m,
             diverged: summary.status().diverged(),
+            doubt,
             same: alone.map(|alone| alone.is_some() && alone == summary.state_hash()),
         })
     }

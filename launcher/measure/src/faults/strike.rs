@@ -27,7 +27,7 @@ use serde::Serialize;
 use super::case::hover_in_gusts;
 use crate::flights::namespace;
 use crate::killer::{Launcher, Process, first_message_ns, milliseconds, said};
-use crate::timing::canary::{Canary, CanarySummary};
+use crate::timing::canary::{Canary, CanarySummary, LONGEST};
 
 /// Interval between two strikes, chosen so that all phases of the period occur.
 const APART: Duration = Duration::from_micros(703_700);
@@ -64,7 +64,7 @@ pub struct Strike {
 impl Strikes {
     /// Strikes every node once in each flight, in `flights` flights with each signal.
     pub fn measure(flights: usize, interrupts: &AtomicU32) -> anyhow::Result<Self> {
-        let canary = Canary::start()?;
+        let canary = Canary::start(LONGEST)?;
         let all = |signal| -> anyhow::Result<Vec<Strike>> {
             let each = (0..flights).map(|_| fly(signal, interrupts));
             Ok(each.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())

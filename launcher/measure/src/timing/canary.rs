@@ -3,6 +3,8 @@
 //! No process of this machine can delay it, so a late wake-up is due to the host. It wakes every 1.001 ms, so that its
 //! phase to a ring with a period of whole milliseconds keeps changing.
 
+use std::time::Duration;
+
 use runtime::realtime::now_ns;
 use serde::Serialize;
 
@@ -14,13 +16,13 @@ use outcome::percentiles::Percentiles;
 
 /// Largest p99.9 of the canary with which times are judged \[us\].
 pub const LIMIT_US: f64 = 5_000.0;
+/// Longest watch of a measurement.
+pub const LONGEST: Duration = Duration::from_secs(1800);
 /// Delay of a wake-up from which it is a gap, which explains a miss \[ns\].
 const GAP_NS: u64 = 1_000_000;
 const PERIOD_NS: u64 = 1_001_000;
 /// Priority above all measured processes.
 const PRIORITY: u32 = 90;
-/// Largest number of wake-ups that are noted: half an hour.
-const MOST: usize = 1_800_000;
 
 pub struct Canary {
     peers: Vec<RingPeers>,
@@ -49,12 +51,13 @@ pub struct CanarySummary {
 }
 
 impl Canary {
-    /// Starts a canary on every processor.
-    pub fn start() -> anyhow::Result<Self> {
-        let releases = Releases { period_ns: PERIOD_NS, count: MOST };
+    /// Starts a canary on every processor, which ends by itself after `longest`.
+    pub fn start(longest: Duration) -> anyhow::Result<Self> {
+        let count = longest.as_nanos() as u64 / PERIOD_NS;
+        let releases = Releases { period_ns: PERIOD_NS, count: count as usize };
         let alone = |cpu| on_cpu(cpu, || RingPeers::alone(releases, PRIORITY));
         let peers = cpus().into_iter().map(alone).collect::<Result<Vec<_>, _>>()?;
-        std::thread::sleep(std::time::Duration::from_millis(200)); // until all of them run
+        std::thread::sleep(Duration::from_millis(200)); // until all of them run
         let fifo = peers.iter().all(|s| scheduling_of(s.clock_pid()).policy == "fifo");
         Ok(Self { peers, fifo })
     }
@@ -85,7 +88,7 @@ impl Watch {
     }
 
     /// Returns the delay of every slot, including those that a late wake-up covered \[ns\].
-    fn covered_ns(&self) -> impl Iterator<Item = u64> {
+    pub fn covered_ns(&self) -> impl Iterator<Item = u64> {
         let slots = |late_ns: u64| (0..=late_ns / PERIOD_NS).map(move |slots| late_ns - slots * PERIOD_NS);
         self.late_ns().into_iter().flat_map(slots)
     }

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicU32;
 use contract::scenario::Policy;
 use runtime::console::eprint_line;
 
-use super::canary::{Canary, Watch};
+use super::canary::{Canary, LONGEST, Watch};
 use super::costs::Costs;
 use super::cycles::WARM_UP_NS;
 use super::machine::{CYCLICTEST, Placement, Stress, cyclictest, installed, measured_cpu, on_cpu};
@@ -109,7 +109,7 @@ pub struct Rings {
 
 impl Raw {
     pub fn measure(plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<Self> {
-        let canary = Canary::start()?;
+        let canary = Canary::start(LONGEST)?;
         let idle = |name: String, rate_hz, policy| TimedFlights::new(name, rate_hz, policy, false);
         let policies = |loaded, state, rate_hz| {
             let new =

@@ -53,6 +53,7 @@ use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 use hdrhistogram::serialization::V2DeflateSerializer;
 use hdrhistogram::serialization::interval_log::IntervalLogWriterBuilder;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::happenings::Happenings;
@@ -68,13 +69,18 @@ pub use worst::{CycleRecord, EXECUTION, INPUT, WorstTick};
 pub const HISTOGRAMS: &str = "histograms";
 
 /// The `timing` table of run.json. Nodes stand in it by name.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TimingRecord {
-    /// Deadline of the whole chain.
+    /// Deadline of the whole chain \[ms\].
     pub deadline_ms: f64,
+    /// Figures of each node, by its name.
     pub nodes: BTreeMap<String, NodeRecord>,
+    /// Messages whose times contradict those of other messages, by node; they are in no figure.
     pub clock_contradictions: BTreeMap<String, u64>,
+    /// Age of the sample behind a command when the command takes effect: one value for each command.
     pub age_at_actuator: Percentiles,
+    /// Age of the sample behind the command in force: one value for each slot, so that a command that never came
+    /// counts.
     pub age_at_actuator_per_slot: Percentiles,
     /// Worst ticks, the worst first; empty except in real time.
     pub worst_ticks: Vec<WorstTick>,

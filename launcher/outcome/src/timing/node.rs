@@ -6,6 +6,7 @@ use contract::message::Stamp;
 use contract::scenario::{Late, NodeDeadline};
 use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::percentiles::{Percentiles, histogram, percentiles};
@@ -60,13 +61,17 @@ pub fn wake_name(topic: Topic) -> &'static str {
 }
 
 /// Counts of late and missing messages and cycles of a node, in the names of run.json.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Counts {
     /// Responses beyond the deadline, those not sent included.
     pub late: u64,
+    /// Messages that were late and not sent.
     pub withheld: u64,
+    /// Periods without a cycle.
     pub slips: u64,
+    /// Messages after their deadline, and slips.
     pub misses: u64,
+    /// Most misses in a row.
     pub longest_run_of_misses: u64,
     /// Length of the present run of misses.
     #[serde(skip)]
@@ -94,18 +99,27 @@ impl Counts {
 pub const FIGURES: [&str; 7] = ["jitter", "hop", "execution", "cpu", "input_age", "response", "response_per_slot"];
 
 /// One node's part of the `timing` table of run.json. A figure that the node does not have is `None`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NodeRecord {
     #[serde(flatten)]
     pub counts: Counts,
+    /// Deadline of its message after the sample \[ms\].
     pub deadline_ms: f64,
+    /// Treatment of a late message.
     pub policy: Late,
+    /// Plant: time from the release by the clock to the start of the cycle.
     pub jitter: Option<Percentiles>,
+    /// Other nodes: time from the send of the input to the start of the cycle.
     pub hop: Option<Percentiles>,
+    /// Time from the start of the cycle to the send.
     pub execution: Option<Percentiles>,
+    /// CPU time of a cycle.
     pub cpu: Option<Percentiles>,
+    /// Age of the input at the start of the cycle, counted from its sample.
     pub input_age: Option<Percentiles>,
+    /// Time from the sample to the send.
     pub response: Option<Percentiles>,
+    /// Time from the sample to the send, for every slot, also those without a message.
     pub response_per_slot: Option<Percentiles>,
 }
 

@@ -442,12 +442,12 @@ fn faults_deaths_and_replacements_are_told_before_the_host() {
     let died = [Event::new(22, "mixer", 1, What::Died), Event::new(25, "mixer", 2, What::TookOver)];
     let of = |faults: &[FaultRecord], events: &[Event]| replaced(faults, events).worst(["cause", "in_words"]);
     assert_eq!(of(&[], &[])[0], NOT_SCHEDULED);
-    assert_eq!(of(&kill, &[]), ["a fault acted", "mixer: hop of 30.02 ms: mixer kill, from 0.21 s"]);
+    assert_eq!(of(&kill, &[]), ["a fault acted", "mixer: hop of 30.02 ms: mixer kill at 0.21 s"]);
     let [cause, words] = of(&kill, &died);
     assert_eq!(cause, "a process died or hung");
     assert_eq!(
         words,
-        "mixer: hop of 30.02 ms: mixer kill, from 0.21 s; mixer was down, 0.22 to 0.25 s; mixer died at 0.22 s; 1 more"
+        "mixer: hop of 30.02 ms: mixer kill at 0.21 s; mixer was down, 0.22 to 0.25 s; mixer died at 0.22 s; 1 more"
     );
     assert_eq!(of(&[], &died[1..])[0], "a process died, started or was replaced");
 }

@@ -29,6 +29,7 @@ use std::collections::BTreeMap;
 use contract::topic::NODES;
 use contract::{Scenario, Topic};
 use flight::log::Record;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::node::{Cycle, wake_name};
@@ -87,34 +88,48 @@ pub const INPUT: &str = "wait for its input";
 pub const EXECUTION: &str = "execution";
 
 /// One of the worst ticks, as run.json has it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WorstTick {
+    /// Number of the tick.
     pub tick: u64,
+    /// Time of its sample \[s\].
     pub time_s: f64,
+    /// Lateness of the tick \[us\].
     pub late_us: f64,
-    /// Place where the delay arose: the node, the part of its cycle, and how long that took, silent slots included.
+    /// Node where the delay arose.
     pub node: String,
+    /// Part of that node's cycle.
     pub part: String,
+    /// Duration of that part, silent slots included \[us\].
     pub part_us: f64,
-    /// Likely cause, by the rules above.
+    /// Likely cause.
     pub cause: String,
+    /// Cause in words.
     pub in_words: String,
     /// Faults, absences and events of that time, if the cause is one of them; else empty.
     pub known: Vec<String>,
+    /// Euclidean position error at that sample \[m\]; null if it was not seen.
     pub position_error_m: Option<f64>,
     /// Cycle of each node that had one.
     pub nodes: BTreeMap<String, CycleRecord>,
 }
 
 /// One node's cycle in one of the worst ticks. Times count from the sample.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CycleRecord {
+    /// Time at which the cycle was due \[us\].
     pub release_us: f64,
+    /// Start of the cycle \[us\].
     pub start_us: f64,
+    /// Send \[us\].
     pub publish_us: f64,
+    /// CPU time of the cycle \[us\]; null if it is not known.
     pub cpu_us: Option<f64>,
+    /// Periods without a cycle before this one.
     pub slips: u64,
+    /// Messages before this one that were late and not sent.
     pub withheld: u64,
+    /// Slots before this one without a message.
     pub silent: u64,
 }
 

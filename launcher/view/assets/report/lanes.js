@@ -1,15 +1,18 @@
-// What happened, in lanes under a time axis: a bar for each fault while it acts and for each node without a process, a
-// line for each event, and the words beside them.
+// What happened, in lanes under a time axis: a bar for each phase, for each fault while it acts and for each node without
+// a process, a line for each moment, and the words beside them. Words that have no room are left out, never drawn over
+// others: the table of the page has them all.
 
 function happenedLanes(happened) {
   'use strict';
   const LANE = 16, BAR = 12, GAP = 8, MOST = 12;
   const measure = document.createElement('canvas').getContext('2d');
   measure.font = '11px system-ui, sans-serif';
-  const seconds = (from, to) => (to === null ? `from ${from.toFixed(2)} s to the end` : `${from.toFixed(2)} to ${to.toFixed(2)} s`);
+  const seconds = (from, to) => (to === null ? `from ${from.toFixed(2)} s to the end`
+    : from === to ? `at ${from.toFixed(2)} s` : `${from.toFixed(2)} to ${to.toFixed(2)} s`);
   const bar = (style, words) => span => ({ style, words: words(span), from: span.from_s, to: span.to_s ?? Infinity,
-    title: `${words(span)}, ${seconds(span.from_s, span.to_s)}` });
-  const spans = happened.faults.map(bar('fault', fault => `${fault.number} ${fault.what}`))
+    isMoment: span.from_s === span.to_s, title: `${words(span)}, ${seconds(span.from_s, span.to_s)}` });
+  const spans = happened.phases.map(bar('phase', phase => phase.what))
+    .concat(happened.faults.map(bar('fault', fault => `${fault.number || ''} ${fault.what}`.trim())))
     .concat(happened.absences.map(bar('absence', absence => absence.what)));
 
   // Events of one process that lie closer than their lines can be told apart become one.
@@ -60,19 +63,19 @@ function happenedLanes(happened) {
     const inSight = item => item.x1 >= left - 0.5 && item.x0 <= right + 0.5;
     const clip = x => Math.min(Math.max(x, left), right);
     const bars = spans.map(span => ({ ...span, x0: toX(span.from), x1: span.to === Infinity ? right : toX(span.to) }))
-      .filter(inSight).map(item => ({ ...item, x0: clip(item.x0), x1: Math.max(clip(item.x1), clip(item.x0) + 2) }));
+      .filter(inSight).map(item => ({ ...item, x0: clip(item.x0), x1: item.isMoment ? item.x0 : Math.max(clip(item.x1), clip(item.x0) + 2) }));
     const marks = groups(toX).filter(inSight);
     const lanes = [];
     let svg = '';
     const pack = (items, first) => {
       for (const item of items.map(item => placed(item, right)).sort((a, b) => a.x0 - b.x0)) {
         let lane = first;
-        while (lane < MOST - 1 && lane < lanes.length && lanes[lane] + GAP > item.from) lane++;
-        const full = lanes[lane] + GAP > item.from;
+        while (lane < first + MOST - 1 && lane < lanes.length && lanes[lane] + GAP > item.from) lane++;
+        const full = lane < lanes.length && lanes[lane] + GAP > item.from;
         lanes[lane] = Math.max(lanes[lane] ?? 0, full ? item.x1 : item.to);
         const top = lane * LANE + 2;
         svg += `<g class="${item.style}"><title>${escaped(item.title)}</title>`;
-        svg += item.style === 'event'
+        svg += item.style === 'event' || item.isMoment
           ? `<path d="M${item.x0} ${top}v${BAR}${item.x1 > item.x0 ? `M${item.x1} ${top}v${BAR}` : ''}"/>`
           : `<rect x="${item.x0}" y="${top}" width="${item.x1 - item.x0}" height="${BAR}"/>`;
         if (item.at !== null && !full) svg += `<text x="${item.at}" y="${top + BAR - 2.5}">${escaped(item.words)}</text>`;

@@ -1,21 +1,24 @@
 // The flight path as SVG: in space (orthographic, drag to turn) and from above. Lengths are equal along all axes.
 // Points are [north, east, up] in metres, or null where the log has a hole.
 
-function flightPaths(time, columns, happened) {
+// Several flights have colours and dashes of their own; what happened to one of them is marked on its path.
+
+function flightPaths(time, flights, happened, elements) {
   'use strict';
-  const points = (x, y, z) => columns[x].map((north, i) => {
+  const points = ({ columns }, x, y, z) => !columns[x] ? [] : columns[x].map((north, i) => {
     const point = [north, columns[y][i], columns[z][i]];
     return point.includes(null) ? null : [north, point[1], -point[2]];
   });
-  const actual = points('x', 'y', 'z');
-  const mission = points('x_wanted', 'y_wanted', 'z_wanted');
-  const dt = time.length > 1 ? time[1] : 1;
-  const sample = at => Math.min(Math.max(Math.round(at / dt), 0), time.length - 1);
-  const struck = actual.map(() => null);
-  for (const { from_s, to_s } of happened.faults) {
-    for (let i = sample(from_s); i <= sample(to_s ?? Infinity); i++) struck[i] = actual[i];
+  const actuals = flights.map(flight => points(flight, 'x', 'y', 'z'));
+  const missions = flights.map(flight => points(flight, 'x_wanted', 'y_wanted', 'z_wanted'));
+  const dt = time.length > 1 ? time[1] - time[0] : 1;
+  const sample = at => Math.min(Math.max(Math.round((at - time[0]) / dt), 0), time.length - 1);
+  const alone = flights.length === 1;
+  const struck = alone ? actuals[0].map(() => null) : [];
+  for (const { from_s, to_s } of alone ? happened.faults : []) {
+    for (let i = sample(from_s); i <= sample(to_s ?? Infinity); i++) struck[i] = actuals[0][i];
   }
-  const box = surround(actual.concat(mission));
+  const box = surround([...actuals, ...missions].flat());
 
   const turn = { azimuth: -0.6, elevation: 0.5 };
   const fromAbove = ([north, east]) => [east, -north];
@@ -24,9 +27,10 @@ function flightPaths(time, columns, happened) {
     const right = east * Math.cos(turn.azimuth) - north * Math.sin(turn.azimuth);
     return [right, -up * Math.cos(turn.elevation) - away * Math.sin(turn.elevation)];
   };
+  const [space, plan] = elements;
   const views = [
-    { element: document.getElementById('space'), project: inSpace, backdrop: spaceBackdrop },
-    { element: document.getElementById('plan'), project: fromAbove, backdrop: planBackdrop },
+    { element: space, project: inSpace, backdrop: spaceBackdrop },
+    { element: plan, project: fromAbove, backdrop: planBackdrop },
   ];
   let shown = [0, Infinity];
   let marked = null;
@@ -36,13 +40,15 @@ function flightPaths(time, columns, happened) {
       const width = view.element.clientWidth;
       const height = Math.min(width, 380);
       view.place = fit(box, view.project, width, height);
-      const inWindow = actual.map((point, i) => (time[i] >= shown[0] && time[i] <= shown[1] ? point : null));
+      const inWindow = points => points.map((point, i) => (time[i] >= shown[0] && time[i] <= shown[1] ? point : null));
       const ground = point => point && [point[0], point[1], box.low[2]];
+      const all = (name, courses) => courses.map((points, i) => line(name, points, view.place, flights[i])).join('');
       view.element.innerHTML = `<svg width="${width}" height="${height}" viewBox="0 0 ${width} ${height}" role="img" aria-label="flight path">
         ${view.backdrop(box, view.place)}
-        ${view.project === inSpace ? line('shadow', actual.map(ground), view.place) : ''}
-        ${line('whole', actual, view.place)}${line('shown', inWindow, view.place)}${line('struck', struck, view.place)}
-        ${line('mission', mission, view.place)}${marks(view.place)}<circle class="now" r="5"/></svg>`;
+        ${alone && view.project === inSpace ? line('shadow', actuals[0].map(ground), view.place) : ''}
+        ${all('whole', actuals)}${all('shown', actuals.map(inWindow))}${line('struck', struck, view.place)}
+        ${missions.map(mission => line('mission', mission, view.place)).join('')}${marks(view.place)}
+        ${flights.map(() => '<circle class="now" r="5"/>').join('')}</svg>`;
     }
     mark(marked);
   }
@@ -51,8 +57,8 @@ function flightPaths(time, columns, happened) {
   // spot is one.
   function marks(place) {
     const spots = [];
-    const add = (at, words) => {
-      const point = actual[sample(at)];
+    const add = (at, flight, words) => {
+      const point = actuals[flight ?? 0][sample(at)];
       if (!point) return;
       const [x, y] = place(point);
       const near = spots.find(spot => Math.hypot(spot.x - x, spot.y - y) < 14);
@@ -61,26 +67,26 @@ function flightPaths(time, columns, happened) {
       if (words) spot.words.add(words);
       else spot.event = true;
     };
-    for (const fault of happened.faults) add(fault.from_s, fault.number);
-    for (const event of happened.events) add(event.at_s);
+    for (const fault of happened.faults) add(fault.from_s, fault.flight, alone ? fault.number : '');
+    for (const event of happened.events) add(event.at_s, event.flight);
     const dot = ({ x, y, event }) => `<circle class="${event ? 'event' : 'start'}" cx="${x.toFixed(1)}" cy="${y.toFixed(1)}" r="${event ? 4 : 3}"/>`;
     const number = ({ x, y, words }) => (words.size ? text(x + 7, y - 7, 'start', [...words].join(', '), 'number') : '');
     return spots.map(dot).concat(spots.map(number)).join('');
   }
 
-  // Puts the dot at sample `i`; null hides it.
+  // Puts the dots at sample `i`; null hides them.
   function mark(i) {
     marked = i;
-    const point = i === null || i === undefined ? null : actual[i];
     for (const view of views) {
-      const dot = view.element.querySelector('.now');
-      if (!dot) continue;
-      dot.style.display = point ? '' : 'none';
-      if (point) {
-        const [x, y] = view.place(point);
-        dot.setAttribute('cx', x);
-        dot.setAttribute('cy', y);
-      }
+      view.element.querySelectorAll('.now').forEach((dot, flight) => {
+        const point = actuals[flight][i] ?? null;
+        dot.style.display = point ? '' : 'none';
+        if (point) {
+          const [x, y] = view.place(point);
+          dot.setAttribute('cx', x);
+          dot.setAttribute('cy', y);
+        }
+      });
     }
   }
 
@@ -138,8 +144,9 @@ function fit(box, project, width, height) {
   };
 }
 
-// One polyline; a null lifts the pen, points closer than half a pixel are left out.
-function line(name, points, place) {
+// One polyline, in the colour and dashes of a flight that has them; a null lifts the pen, points closer than half a pixel
+// are left out.
+function line(name, points, place, { colour, dash } = {}) {
   let path = '', last = null;
   for (const point of points) {
     if (!point) { last = null; continue; }
@@ -148,7 +155,8 @@ function line(name, points, place) {
     path += `${last ? 'L' : 'M'}${x.toFixed(1)} ${y.toFixed(1)}`;
     last = [x, y];
   }
-  return `<path class="${name}" d="${path}"/>`;
+  const own = colour ? ` style="stroke:var(--${colour});stroke-dasharray:${dash?.join(' ') || 'none'}"` : '';
+  return path ? `<path class="${name}" d="${path}"${own}/>` : '';
 }
 
 function ticks(box, axis) {
@@ -189,9 +197,13 @@ function spaceBackdrop(box, place) {
   const northSide = lower([box.low[0], 0, floor], [box.high[0], 0, floor])[0];
   const middle = [0, 1].map(axis => (box.low[axis] + box.high[axis]) / 2);
   const outward = edge => Math.sign(place([...edge, floor])[0] - place([...middle, floor])[0]);
+  const taken = []; // a high box is small at its foot, where only some labels have room
   const label = (point, side, words, far) => {
-    const [x, y] = place([...point, floor]);
-    return text(x + side * far, y + far + 5, 'middle', words);
+    const [atX, atY] = place([...point, floor]);
+    const [x, y] = [atX + side * far, atY + far + 5];
+    if (taken.some(other => Math.abs(other[0] - x) < 32 && Math.abs(other[1] - y) < 15)) return '';
+    taken.push([x, y]);
+    return text(x, y, 'middle', words);
   };
   const [eastOut, northOut] = [outward([middle[0], eastSide]), outward([northSide, middle[1]])];
   let svg = ground(box, floor, place);

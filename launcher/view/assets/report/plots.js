@@ -1,67 +1,52 @@
-// The time plots, drawn by uPlot: one time axis, one cursor and one zoom for all of them.
+// Time plots, drawn by uPlot: one time axis, one cursor and one zoom for all plots of a group.
+//
+// A group is { flights, happened, lines }: flights have a time base and columns of their own, and are laid over each
+// other. Its figures are [element, plots]; a plot is { unit, series, .. }, see `report.js`; a series names its flight by
+// index, or is of the first. A figure without any series is taken from the page. Of a flight that flies, the group has
+// the `time` too, and the columns of its flight are arrays: they grow, and `update` draws them again.
 
-(() => {
+function timePlots(group, figures, pathElements) {
   'use strict';
-  const flight = JSON.parse(document.getElementById('flight').textContent);
-  const time = Array.from({ length: flight.rows }, (_, i) => flight.begin_s + i * flight.dt_s);
-  const columns = {};
-  for (const name in flight.columns) columns[name] = decode(flight.columns[name]);
-
-  const DEG = 180 / Math.PI;
-  const series = (label, column, colour, more) => ({ label, column, colour, ...more });
-  const reference = column => series('reference', column, 'ink', { dash: [5, 4], width: 1 });
-  const command = (label, column, colour) => series(label, column, colour, { dash: [2, 3], width: 1 });
-  // `scale` turns the column into `unit`; `suffix` is the unit after numbers, where it is another; `span` is the least
-  // range worth showing; `floor` starts it at zero; `lines` names what the plot is read against.
-  const angle = name => ({ unit: 'deg', scale: DEG, span: 1, series: [series(GREEK[name], name, 'blue'), reference(`${name}_ref`)] });
-  const rate = name => ({ unit: 'rad/s', span: 0.05, series: [series(name, name, 'blue'), reference(`${name}_ref`)] });
-  const error = axis => ({ unit: 'm', span: 0.02, lines: `error_${axis}`, series: [series(`${axis} error`, `error_${axis}`, 'blue')] });
-  const GREEK = { phi: 'φ', theta: 'θ', psi: 'ψ' };
-
-  const FIGURES = {
-    fig5: [{ unit: 'm', scale: -1, span: 0.5, series: [series('altitude', 'z', 'blue'), series('mission', 'z_wanted', 'ink', { dash: [5, 4], width: 1 })] }],
-    fig6: [{ unit: 'm', span: 0.02, floor: true, lines: 'error', series: [series('position error', 'error', 'blue')] }],
-    fig7: ['x', 'y', 'z'].map(error),
-    fig8: ['phi', 'theta', 'psi'].map(angle),
-    fig9: [...['p', 'q', 'r'].map(rate), {
-      unit: 'm/s', span: 0.2, series: [series('u', 'u', 'blue'), series('v', 'v', 'orange'), series('w', 'w', 'green')],
-    }],
-    fig10: [{ unit: 'm/s', span: 0.2, series: [series('w', 'w', 'blue'), reference('w_ref')] }],
-    fig11: [{
-      unit: 'rotor speed unit', suffix: '', span: 50, lines: 'rotors', digits: 1,
-      series: [series('Ω₁', 'omega1', 'blue'), series('Ω₂', 'omega2', 'orange'), series('Ω₃', 'omega3', 'green'),
-        ...[['Ω₁ command', 'omega1_command', 'blue'], ['Ω₂ command', 'omega2_command', 'orange'],
-          ['Ω₃ command', 'omega3_command', 'green']].map(c => ({ ...command(...c), show: false }))],
-    }],
-    fig12: [{ unit: 'deg', scale: DEG, span: 2, lines: 'tilt', series: [series('μ', 'tilt', 'blue'), command('command', 'tilt_command', 'orange')] }],
-    inputs: [
-      { unit: 'N', span: 0.5, series: [series('col', 'col', 'blue')] },
-      { unit: 'N m', span: 0.02, series: [series('lon', 'lon', 'blue'), series('lat', 'lat', 'orange'), series('ped', 'ped', 'green')] },
-    ],
-    age: [
-      { unit: 'ms', span: 0.5, floor: true, series: [series('age', 'age_ms', 'blue')] },
-      { unit: 'm', span: 0.02, floor: true, lines: 'error', series: [series('position error', 'error', 'orange')] },
-    ],
-  };
-
+  const { time, flights } = group.time ? group : onOneAxis(group.flights);
+  const happened = group.happened;
+  let lanes = lanesOf();
+  const paths = time.length && pathElements ? flightPaths(time, flights, happened, pathElements) : null;
   const root = document.documentElement;
-  const { faults, absences, events } = flight.happened;
-  const lanes = faults.length + absences.length + events.length ? happenedLanes(flight.happened) : null;
-  const paths = flight.rows ? flightPaths(time, columns, flight.happened) : null;
+  const key = `group ${(timePlots.groups = (timePlots.groups ?? 0) + 1)}`;
+  // Quantities that no flight has are left out.
+  const isThere = s => s.column in flights[s.flight ?? 0].columns;
+  const shown = figures.map(([element, all]) => [element, all
+    .map(plot => ({ ...plot, series: plot.series.filter(isThere) })).filter(plot => plot.series.length)]);
   let plots = [];
   let zoom = null;
 
-  if (!flight.realtime) document.getElementById('age').remove();
-  if (flight.rows) {
+  if (time.length) {
     build();
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', build);
     addEventListener('beforeprint', () => { root.classList.add('printing'); build(); });
     addEventListener('afterprint', () => { root.classList.remove('printing'); build(); });
-    new ResizeObserver(resize).observe(document.getElementById('figures'));
+    const observer = new ResizeObserver(resize);
+    for (const [element] of figures) observer.observe(element);
   } else {
-    for (const holder of document.querySelectorAll('.plots')) {
-      holder.innerHTML = '<p class="empty">No samples were recorded.</p>';
-    }
+    for (const [element] of figures) element.innerHTML = '<p class="empty">No samples were recorded.</p>';
+  }
+
+  function lanesOf() {
+    const { faults, absences, phases, events } = happened;
+    return [faults, absences, phases, events].some(all => all.length) ? happenedLanes(happened) : null;
+  }
+
+  // Draws samples that have come since, unless the reader has zoomed in to look at earlier ones; with `anew` those of
+  // another time, which end the zoom.
+  function update(anew) {
+    if (anew) zoom = null;
+    if (!zoom) for (const u of plots) u.setData(u.samples());
+  }
+
+  // Draws what happened anew.
+  function remark() {
+    lanes = lanesOf();
+    build();
   }
 
   // Paper has its own width, which no element tells before it is printed on.
@@ -75,19 +60,18 @@
     const window = zoom;
     for (const u of plots) u.destroy();
     plots = [];
-    for (const id in FIGURES) {
-      const holder = document.querySelector(`#${id} .plots`);
-      if (!holder) continue;
+    for (const [holder, all] of shown) {
       holder.replaceChildren();
-      FIGURES[id].forEach((plot, i, all) => {
+      if (!all.length) holder.closest('figure')?.remove();
+      all.forEach((plot, i) => {
         const element = holder.appendChild(document.createElement('div'));
         element.className = 'plot';
         plots.push(timePlot(element, plot, all.length > 1, i === all.length - 1, colour, widthOf(holder)));
       });
     }
-    follow(plots[0]);
+    if (plots.length) follow(plots[0]);
     if (window) for (const u of plots) u.setScale('x', window);
-    paths.draw();
+    paths?.draw();
   }
 
   function resize() {
@@ -95,44 +79,55 @@
       const width = widthOf(u.root.parentElement);
       if (width && width !== u.width) u.setSize({ width, height: u.height });
     }
-    paths.draw();
+    paths?.draw();
   }
 
   // The path views follow cursor and zoom of this plot, and so of all.
   function follow(u) {
-    (u.hooks.setCursor ||= []).push(() => paths.mark(u.cursor.idx));
+    (u.hooks.setCursor ||= []).push(() => paths?.mark(u.cursor.idx));
     (u.hooks.setScale ||= []).push((_, key) => {
       if (key !== 'x') return;
       const { min, max } = u.scales.x;
-      zoom = min <= time[0] && max >= time[time.length - 1] ? null : { min, max };
-      paths.highlight(min, max);
+      zoom = !time.length || (min <= time[0] && max >= time[time.length - 1]) ? null : { min, max };
+      paths?.highlight(min, max);
     });
   }
 
+  function values(series, plot) {
+    const factor = (plot.scale || 1) * (series.factor ?? 1);
+    const column = flights[series.flight ?? 0].columns[series.column];
+    return factor === 1 ? column : column.map(value => (value === null ? null : value * factor));
+  }
+
   function timePlot(element, plot, stacked, last, colour, width) {
-    const lines = merged(flight.lines[plot.lines] || []);
+    const lines = merged(group.lines?.[plot.lines] || []);
     const axis = { stroke: colour('muted'), font: '12px system-ui, sans-serif', labelFont: '12px system-ui, sans-serif',
       grid: { stroke: colour('grid'), width: 1 }, ticks: { stroke: colour('grid'), width: 1, size: 4 }, gap: 4, labelGap: 2 };
     const numbers = (_, splits) => splits.map(value => minus(+value.toFixed(6)));
+    const steps = plot.words && { splits: plot.words.map((_, i) => i), values: plot.words, size: 84 };
+    const samples = () => [time, ...plot.series.map(s => values(s, plot))];
     const u = new uPlot({
       width,
       height: (stacked ? 130 : 220) + (last ? 42 : 8),
       padding: [10, 8, 0, 0],
-      cursor: { sync: { key: 'flight' }, y: false, drag: { x: true, y: false }, points: { size: 7 } },
+      cursor: { sync: { key }, y: false, drag: { x: true, y: false }, points: { size: 7 } },
       scales: { x: { time: false }, y: { range: (_, low, high) => range(plot, lines, low, high) } },
       axes: [
         last ? { ...axis, values: numbers, size: 24, label: 'time [s]', labelSize: 18 }
              : { ...axis, values: (_, splits) => splits.map(() => ''), size: 8 },
-        { ...axis, values: numbers, size: 50, label: plot.unit, labelSize: 16, space: stacked ? 26 : 36 },
+        { ...axis, values: numbers, size: 50, label: plot.title ? `${plot.title} [${plot.unit}]` : plot.unit, labelSize: 16, space: stacked ? 26 : 36,
+          ...(steps && { splits: () => steps.splits, values: () => steps.values, size: steps.size, space: 1 }) },
       ],
-      legend: { markers: { dash: (u, i) => (u.series[i].dash ? 'dashed' : 'solid') } },
       series: [{ label: 'time', value: (_, t) => (t === null ? '–' : `${t.toFixed(2)} s`) }].concat(plot.series.map(s => ({
         label: s.label, stroke: colour(s.colour), width: s.width || 1.5, dash: s.dash, show: s.show !== false,
-        points: { show: false }, value: (_, v) => (v === null ? '–' : quantity(v.toFixed(plot.digits ?? 3), plot)),
+        ...(steps && { paths: uPlot.paths.stepped({ align: 1 }) }),
+        points: { show: false }, value: (_, v) => (v === null ? '–' : steps ? plot.words[v] : quantity(v.toFixed(plot.digits ?? 3), plot)),
       }))),
       // After the grid, which would hide it, and before the lines of the data.
-      hooks: { drawAxes: [u => drawHappened(u, colour)], draw: [u => drawLines(u, lines, plot, colour)] },
-    }, [time, ...plot.series.map(s => scaled(columns[s.column], plot.scale || 1))], element);
+      hooks: { drawAxes: [u => drawHappened(u, happened, colour)], draw: [u => drawLines(u, lines, plot, colour)] },
+    }, samples(), element);
+    u.samples = samples;
+    legendDashes(u, plot, colour);
     if (lanes && last) {
       const below = element.appendChild(document.createElement('div'));
       below.className = 'lanes';
@@ -156,6 +151,7 @@
 
   // Room for the data, and for every line that does not crush them.
   function range(plot, lines, low, high) {
+    if (plot.words) return [-0.3, plot.words.length - 0.7];
     if (low === null) [low, high] = [0, 0];
     if (plot.floor) low = Math.min(low, 0);
     const lack = Math.max(0, plot.span - (high - low)) / 2;
@@ -173,9 +169,9 @@
 
   // Whether a line lies outside what the whole flight shows.
   function hidden(plot, lines) {
-    const values = plot.series.filter(s => s.show !== false).flatMap(s => scaled(columns[s.column], plot.scale || 1)).filter(v => v !== null);
-    if (!values.length) return false;
-    const extreme = pick => values.reduce((a, b) => pick(a, b));
+    const all = plot.series.filter(s => s.show !== false).flatMap(s => values(s, plot)).filter(v => v !== null);
+    if (!all.length) return false;
+    const extreme = pick => all.reduce((a, b) => pick(a, b));
     const [low, high] = range(plot, lines, extreme(Math.min), extreme(Math.max));
     return lines.some(({ y }) => y < low || y > high);
   }
@@ -190,100 +186,150 @@
     return button;
   }
 
-  // Behind the data: a tint while a fault acts, deeper where several do, and a line where something happened to a process.
-  function drawHappened(u, colour) {
-    const { ctx, bbox } = u;
-    const px = uPlot.pxRatio;
-    ctx.save();
+  return { update, remark };
+}
+
+// Gives the markers of the legend the dashes of their lines, by which lines differ without colour.
+function legendDashes(u, plot, colour) {
+  const markers = [...u.root.querySelectorAll('.u-legend .u-series .u-marker')].slice(-plot.series.length);
+  markers.forEach((marker, i) => {
+    const { dash, colour: own } = plot.series[i];
+    if (!dash?.length) return;
+    let at = 0;
+    const parts = dash.map((px, n) => `${n % 2 ? 'transparent' : colour(own)} ${at}px ${at += px}px`);
+    marker.classList.add('dashed');
+    marker.style.background = `repeating-linear-gradient(90deg, ${parts.join(', ')})`;
+  });
+}
+
+// Behind the data of a plot: a tint while a fault acts, deeper where several do; grey while a node has no process; a light
+// ground for every second phase; and a line for a moment: an event, or a fault without duration. What concerns one flight
+// of several has its colour.
+function drawHappened(u, happened, colour) {
+  const { ctx, bbox } = u;
+  const px = uPlot.pxRatio;
+  const x = at => u.valToPos(at, 'x', true);
+  const isMoment = span => span.from_s === span.to_s;
+  const tint = (span, ground, alpha) => {
+    const [left, right] = [x(span.from_s), span.to_s === null ? bbox.left + bbox.width : x(span.to_s)];
+    ctx.fillStyle = colour(span.colour ?? ground);
+    ctx.globalAlpha = alpha;
+    ctx.fillRect(left, bbox.top, Math.max(right - left, px), bbox.height);
+  };
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  happened.phases.forEach((phase, i) => i % 2 && tint(phase, 'muted', 0.07));
+  for (const fault of happened.faults) if (!isMoment(fault)) tint(fault, 'orange', 0.1);
+  for (const absence of happened.absences) tint(absence, 'muted', 0.22);
+  ctx.globalAlpha = 1;
+  ctx.lineWidth = px;
+  ctx.setLineDash([]);
+  const moments = happened.faults.filter(isMoment).map(({ from_s, colour }) => ({ at_s: from_s, colour: colour ?? 'orange' }));
+  for (const { at_s, colour: own } of [...happened.events, ...moments]) {
+    const at = Math.round(x(at_s)) + px / 2;
+    ctx.strokeStyle = colour(own ?? 'event');
     ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
-    ctx.fillStyle = colour('orange');
-    ctx.globalAlpha = 0.1;
-    for (const { from_s, to_s } of faults) {
-      const left = u.valToPos(from_s, 'x', true);
-      const right = to_s === null ? bbox.left + bbox.width : u.valToPos(to_s, 'x', true);
-      ctx.fillRect(left, bbox.top, Math.max(right - left, px), bbox.height);
-    }
-    ctx.globalAlpha = 1;
-    ctx.strokeStyle = colour('event');
-    ctx.lineWidth = px;
-    ctx.setLineDash([]);
-    ctx.beginPath();
-    for (const { at_s } of events) {
-      const x = Math.round(u.valToPos(at_s, 'x', true)) + px / 2;
-      ctx.moveTo(x, bbox.top);
-      ctx.lineTo(x, bbox.top + bbox.height);
-    }
+    ctx.moveTo(at, bbox.top);
+    ctx.lineTo(at, bbox.top + bbox.height);
     ctx.stroke();
-    ctx.restore();
   }
+  ctx.restore();
+}
 
-  // Claims, bounds and limits; those out of sight are named at the edge they lie beyond.
-  function drawLines(u, lines, plot, colour) {
-    const { ctx, bbox } = u;
-    const px = uPlot.pxRatio;
-    const beyond = { '↑': new Set(), '↓': new Set() };
-    ctx.save();
+// Claims, bounds and limits; those out of sight are named at the edge they lie beyond.
+function drawLines(u, lines, plot, colour) {
+  const { ctx, bbox } = u;
+  const px = uPlot.pxRatio;
+  const beyond = { '↑': new Map(), '↓': new Map() };
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  ctx.font = `${12 * px}px system-ui, sans-serif`;
+  const label = (words, align, x, y) => {
+    ctx.textAlign = align;
+    ctx.setLineDash([]);
+    ctx.strokeStyle = colour('page');
+    ctx.lineWidth = 4 * px;
+    ctx.strokeText(words, x, y);
+    ctx.fillStyle = colour('muted');
+    ctx.fillText(words, x, y);
+  };
+  lines.forEach(({ y, label: name, span_s }, i) => {
+    const [from, to] = span_s || [null, null];
+    const left = Math.max(bbox.left, from === null ? -Infinity : u.valToPos(from, 'x', true));
+    const right = Math.min(bbox.left + bbox.width, to === null ? Infinity : u.valToPos(to, 'x', true));
+    if (left >= right) return;
+    const size = quantity(+y.toFixed(plot.digits ?? 3), plot);
+    const words = `${name} ${size}`;
+    if (y > u.scales.y.max) { beyond['↑'].set(words, size); return; }
+    if (y < u.scales.y.min) { beyond['↓'].set(words, size); return; }
+    const level = u.valToPos(y, 'y', true);
+    ctx.strokeStyle = colour('muted');
+    ctx.lineWidth = px;
+    ctx.setLineDash([8 * px, 3 * px, 2 * px, 3 * px]);
     ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
-    ctx.font = `${12 * px}px system-ui, sans-serif`;
-    const label = (words, align, x, y) => {
-      ctx.textAlign = align;
-      ctx.setLineDash([]);
-      ctx.strokeStyle = colour('page');
-      ctx.lineWidth = 4 * px;
-      ctx.strokeText(words, x, y);
-      ctx.fillStyle = colour('muted');
-      ctx.fillText(words, x, y);
-    };
-    lines.forEach(({ y, label: name, span_s }, i) => {
-      const [from, to] = span_s || [null, null];
-      const left = Math.max(bbox.left, from === null ? -Infinity : u.valToPos(from, 'x', true));
-      const right = Math.min(bbox.left + bbox.width, to === null ? Infinity : u.valToPos(to, 'x', true));
-      if (left >= right) return;
-      const words = `${name} ${quantity(+y.toFixed(plot.digits ?? 3), plot)}`;
-      if (y > u.scales.y.max) { beyond['↑'].add(words); return; }
-      if (y < u.scales.y.min) { beyond['↓'].add(words); return; }
-      const level = u.valToPos(y, 'y', true);
-      ctx.strokeStyle = colour('muted');
-      ctx.lineWidth = px;
-      ctx.setLineDash([8 * px, 3 * px, 2 * px, 3 * px]);
-      ctx.beginPath();
-      ctx.moveTo(left, level);
-      ctx.lineTo(right, level);
-      ctx.stroke();
-      const below = level - bbox.top < 18 * px;
-      if (y < 0 || ctx.measureText(words).width > right - left) return;
-      const atLeft = i % 2 === 1; // neighbours may lie close together
-      label(words, atLeft ? 'left' : 'right', atLeft ? left + 4 * px : right - 4 * px, level + (below ? 15 : -5) * px);
-    });
-    const middle = bbox.left + bbox.width / 2;
-    if (beyond['↑'].size) label(`↑ ${[...beyond['↑']].join(', ')}`, 'center', middle, bbox.top + 13 * px);
-    if (beyond['↓'].size) label(`↓ ${[...beyond['↓']].join(', ')}`, 'center', middle, bbox.top + bbox.height - 6 * px);
-    ctx.restore();
-  }
+    ctx.moveTo(left, level);
+    ctx.lineTo(right, level);
+    ctx.stroke();
+    const below = level - bbox.top < 18 * px;
+    if (y < 0 || ctx.measureText(words).width > right - left) return;
+    const atLeft = i % 2 === 1; // neighbours may lie close together
+    label(words, atLeft ? 'left' : 'right', atLeft ? left + 4 * px : right - 4 * px, level + (below ? 15 : -5) * px);
+  });
+  // Where there is no room for the names, the sizes alone.
+  const edge = (arrow, y) => {
+    if (!beyond[arrow].size) return;
+    const named = `${arrow} ${[...beyond[arrow].keys()].join(', ')}`;
+    const fits = ctx.measureText(named).width < bbox.width - 8 * px;
+    label(fits ? named : `${arrow} ${[...new Set(beyond[arrow].values())].join(', ')}`, 'center', bbox.left + bbox.width / 2, y);
+  };
+  edge('↑', bbox.top + 13 * px);
+  edge('↓', bbox.top + bbox.height - 6 * px);
+  ctx.restore();
+}
 
-  // Base64 of little-endian f32; what is not finite is a hole.
-  function decode(text) {
-    const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0));
-    const view = new DataView(bytes.buffer);
-    return Array.from({ length: bytes.length / 4 }, (_, i) => {
-      const value = view.getFloat32(4 * i, true);
-      return Number.isFinite(value) ? value : null;
-    });
-  }
+// One time axis for flights with time bases of their own: the finest of them, from the first beginning to the last end.
+// A flight has its nearest sample there.
+function onOneAxis(all) {
+  const flights = all.filter(flight => flight.rows);
+  const decoded = all.map(flight => Object.entries(flight.columns).map(([name, text]) => [name, decode(text)]));
+  if (!flights.length) return { time: [], flights: all.map(flight => ({ ...flight, columns: {} })) };
+  const begin = Math.min(...flights.map(flight => flight.begin_s));
+  const end = Math.max(...flights.map(flight => flight.begin_s + (flight.rows - 1) * flight.dt_s));
+  const step = Math.min(...flights.map(flight => flight.dt_s));
+  const rows = Math.round((end - begin) / step) + 1;
+  const time = Array.from({ length: rows }, (_, i) => begin + i * step);
+  const moved = ({ begin_s, dt_s }, values) => time.map(at => values[Math.round((at - begin_s) / dt_s)] ?? null);
+  return { time, flights: all.map((flight, i) => ({
+    ...flight,
+    columns: Object.fromEntries(decoded[i].map(([name, values]) => [name, all.length > 1 ? moved(flight, values) : values])),
+  })) };
+}
 
-  function quantity(number, plot) {
-    return `${minus(number)} ${plot.suffix ?? plot.unit}`.trim();
-  }
+// Base64 of little-endian f32; what is not finite is a hole.
+function decode(text) {
+  const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const view = new DataView(bytes.buffer);
+  return Array.from({ length: bytes.length / 4 }, (_, i) => {
+    const value = view.getFloat32(4 * i, true);
+    return Number.isFinite(value) ? value : null;
+  });
+}
 
-  function minus(number) {
-    return String(number).replace('-', '−');
-  }
+function quantity(number, plot) {
+  return `${minus(number)} ${plot.suffix ?? plot.unit}`.trim();
+}
 
-  function scaled(values, factor) {
-    return factor === 1 ? values : values.map(value => (value === null ? null : value * factor));
-  }
-})();
+function minus(number) {
+  return String(number).replace('-', '−');
+}
+
+// Groups that carry their data and plots with them, as on every page but the report.
+for (const holder of document.querySelectorAll('.time-plots')) {
+  const group = JSON.parse(holder.querySelector('script').textContent);
+  const paths = ['space', 'plan'].map(view => holder.querySelector(`.${view}`)).filter(Boolean);
+  timePlots(group, [[holder.querySelector('.plots'), group.plots]], paths.length ? paths : null);
+}

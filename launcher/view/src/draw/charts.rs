@@ -102,8 +102,9 @@ const MARGIN_PX: f64 = 44.0;
 const OUTLINE_DECADES: [i32; 2] = [3, 8];
 const BINS: i32 = 20;
 const SHARES: i32 = 4;
-/// Colours of lines, in their order: those of [`super::STYLE`], and two more that differ from them.
-pub const COLOURS: [&str; 6] = ["var(--blue)", "var(--orange)", "var(--green)", "#cc79a7", "#8f7700", "var(--muted)"];
+/// Colours of lines, in their order: those of [`super::STYLE`].
+pub const COLOURS: [&str; 6] =
+    ["var(--blue)", "var(--orange)", "var(--green)", "var(--pink)", "var(--olive)", "var(--muted)"];
 
 /// Draws several histograms \[ns\] in one picture with a legend: share of the values per bin, both axes logarithmic.
 pub fn outlines(series: &[(&str, Histogram<u64>)]) -> String {

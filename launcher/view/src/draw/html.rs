@@ -4,6 +4,8 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
+use super::time_plots::{SCRIPTS, UPLOT_STYLE};
+
 pub const DASH: &str = "–";
 
 /// Text made safe for element content and quoted attributes.
@@ -22,6 +24,20 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
+/// Text made safe, whose long words may be broken after a slash or an underscore, and whose ranges of numbers may not.
+pub fn breakable(text: &str) -> String {
+    let chars: Vec<char> = text.chars().collect();
+    let is_digit = |i: usize| chars.get(i).is_some_and(char::is_ascii_digit);
+    let mut kept = String::with_capacity(text.len());
+    for (i, c) in chars.iter().enumerate() {
+        kept.push(*c);
+        if *c == '-' && i > 0 && is_digit(i - 1) && is_digit(i + 1) {
+            kept.push('\u{2060}'); // word joiner
+        }
+    }
+    escape(&kept).replace('/', "/<wbr>").replace('_', "_<wbr>")
+}
+
 /// Formats a number with `decimals` decimals, from 1e7 on with an exponent; the dash for `None` and NaN.
 pub fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
     match value.into().filter(|x| !x.is_nan()) {
@@ -31,12 +47,14 @@ pub fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
     }
 }
 
-/// Formats any value for people, escaped: strings as they are, objects as names and values, null as the dash.
+/// Formats any value for people, escaped: strings as they are, lists of them as words, objects as names and values,
+/// null as the dash.
 pub fn any(value: &Value) -> String {
     match value {
         Value::Null => DASH.into(),
         Value::String(text) if text.is_empty() => DASH.into(),
         Value::String(text) => escape(text),
+        Value::Array(all) if all.iter().all(Value::is_string) => all.iter().map(any).collect::<Vec<_>>().join(" "),
         Value::Object(fields) if fields.is_empty() => DASH.into(),
         Value::Object(fields) => {
             let named =
@@ -95,12 +113,18 @@ pub fn verdict(word: &str) -> String {
     format!("<span class=\"verdict {}\">{word}</span>", word.replace(' ', "-"))
 }
 
-/// Makes a whole page. The title is text; the body is HTML already.
+/// Makes a whole page, with the scripts that its time plots need. The title is text; the body is HTML already.
 pub fn page(title: &str, style: &str, body: &str) -> String {
+    let (plot_style, scripts) = if body.contains("class=\"time-plots\"") {
+        (UPLOT_STYLE, format!("<script>{}</script>", SCRIPTS.join("\n")))
+    } else {
+        ("", String::new())
+    };
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>{}</title>\
-         <style>{style}</style></head>\n<body><main>{body}</main></body></html>\n",
+         <link rel=\"icon\" href=\"data:,\"><style>{plot_style}{style}</style></head>\n\
+         <body><main>{body}</main>{scripts}</body></html>\n",
         escape(title)
     )
 }
@@ -114,6 +138,12 @@ mod tests {
     fn markup_becomes_text() {
         assert_eq!(escape(r#"<b a="1">'&'</b>"#), "&lt;b a=&quot;1&quot;&gt;&#39;&amp;&#39;&lt;/b&gt;");
         assert_eq!(any(&json!({ "<k>": 1 })), "&lt;k&gt; 1");
+    }
+
+    #[test]
+    fn a_path_may_be_broken_and_a_range_of_numbers_may_not() {
+        assert_eq!(breakable("runs/a_b, 7-9 <x>, a-9"), "runs/<wbr>a_<wbr>b, 7-\u{2060}9 &lt;x&gt;, a-9");
+        assert_eq!(any(&json!(["fly", "<x>"])), "fly &lt;x&gt;");
     }
 
     #[test]

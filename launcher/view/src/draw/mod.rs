@@ -1,4 +1,5 @@
-//! Pages: HTML text and tables, and pictures as inline SVG, all without a script and without the network.
+//! Pages without the network: HTML text and tables, pictures as inline SVG, and time plots, which scripts in the
+//! page draw.
 
 #![allow(clippy::disallowed_methods, reason = "where a line is drawn reaches no message")]
 
@@ -6,19 +7,21 @@ mod axes;
 mod charts;
 mod heat_map;
 mod html;
-mod lines;
 mod plots;
 mod share_map;
+mod time_plots;
 
 use std::fmt::{Display, Write};
 
 pub use axes::Axis;
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
 pub use heat_map::{HeatCell, HeatMap};
-pub use html::{DASH, any, escape, leaves, list, number, page, table, verdict};
-pub use lines::{Line, lines};
-pub use plots::{Course, Dots, Middle, Quartiles, Share, courses, dots, interval, legend, shares, short};
+pub use html::{DASH, any, breakable, escape, leaves, list, number, page, table, verdict};
+pub use plots::{Dots, Middle, Quartiles, Share, dots, interval, legend, shares, short};
 pub use share_map::{MapCell, map};
+pub use time_plots::{
+    FlightColumns, HAPPENED_HINT, Plot, SCRIPTS, Series, TimePlots, UPLOT_STYLE, column, happened, in_script,
+};
 
 /// The style of the report, which other pages may use.
 pub const STYLE: &str = include_str!("../../assets/report/report.css");

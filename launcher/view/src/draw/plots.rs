@@ -1,5 +1,4 @@
-//! Plots over the axes of a campaign's factors: shares with their intervals, values with their boxes; and lines over
-//! time.
+//! Plots over the axes of a campaign's factors: shares with their intervals, values with their boxes.
 
 use std::fmt::Write;
 
@@ -180,50 +179,6 @@ impl Quartiles {
     }
 }
 
-/// A line of a small picture.
-#[derive(Debug, Clone)]
-pub struct Course<'a> {
-    pub name: &'a str,
-    /// Time \[s\] and value.
-    pub points: Vec<(f64, f64)>,
-}
-
-/// Values over time \[s\] as lines with their names in a small picture, on the ground of the spans that are shaded
-/// \[s\].
-pub fn courses(unit: &str, end_s: f64, lines: &[Course], shaded: &[[f64; 2]]) -> String {
-    let (width, height, bottom, top) = (230.0, 92.0, 62.0, 18.0);
-    let names: Vec<&str> = lines.iter().map(|line| line.name).collect();
-    let mut svg = Svg::sized(width, height, &escape(&format!("{} [{unit}]", names.join(", "))));
-    let values =
-        || lines.iter().flat_map(|line| &line.points).map(|(_, value)| *value).filter(|value| value.is_finite());
-    let low = values().fold(0.0, f64::min);
-    let high = values().fold(low + 1e-9, f64::max);
-    let x = |time_s: f64| LEFT + (width - LEFT - 8.0) * (time_s / end_s.max(1e-9)).clamp(0.0, 1.0);
-    let y = |value: f64| bottom - (bottom - top) * (value - low) / (high - low);
-    for [from, to] in shaded.iter().filter(|[from_s, _]| *from_s < end_s).map(|span| span.map(x)) {
-        let width = (to - from).max(1.0);
-        svg.add(format_args!(
-            "<rect class=\"broken\" x=\"{from:.1}\" y=\"{top}\" width=\"{width:.1}\" height=\"{}\"/>",
-            bottom - top
-        ));
-    }
-    for value in [low, high] {
-        grid(&mut svg, [LEFT, width - 8.0], y(value), &short(value));
-    }
-    for (time_s, class) in [(0.0, "tick"), (end_s, "tick end")] {
-        svg.text(x(time_s), bottom + 15.0, class, &format!("{} s", short(time_s)));
-    }
-    let mut legend = String::new();
-    for (line, colour) in lines.iter().zip(COLOURS) {
-        let points = line.points.iter().filter(|(_, value)| value.is_finite());
-        let points = polyline(points.map(|(time_s, value)| (x(*time_s), y(*value))));
-        svg.add(format_args!("<path d=\"{points}\" style=\"fill:none;stroke:{colour};stroke-width:1.2\"/>"));
-        let _ = write!(legend, "<tspan style=\"fill:{colour}\">{}</tspan> ", escape(line.name)); // as above
-    }
-    svg.text(LEFT, 11.0, "tick", &format!("{legend}[{}]", escape(unit)));
-    svg.finish()
-}
-
 /// Path through points \[px\].
 fn polyline(points: impl Iterator<Item = (f64, f64)>) -> String {
     let mut path = String::new();
@@ -294,14 +249,5 @@ mod tests {
         let drawn = quartiles.drawn([10.0, 20.0], |value| -10.0 * value);
         assert!(drawn.contains("M15.0 -10.0V-20.0M15.0 -40.0V-50.0") && drawn.contains("M10.0 -30.0H20.0"), "{drawn}");
         assert!(drawn.contains("y=\"-40.0\" width=\"10.0\" height=\"20.0\""), "{drawn}");
-    }
-
-    #[test]
-    fn lines_reach_from_their_lowest_to_their_highest_value() {
-        let line = Course { name: "error", points: vec![(0.0, 0.0), (1.0, f64::NAN), (2.0, 4.0)] };
-        let svg = courses("m", 2.0, &[line], &[[1.0, 9.0], [3.0, 4.0]]);
-        assert!(svg.contains("d=\"M48.0 62.0L222.0 18.0\""), "{svg}");
-        assert!(svg.contains("class=\"broken\" x=\"135.0\" y=\"18\" width=\"87.0\""), "to the end at most: {svg}");
-        assert_eq!(svg.matches("broken").count(), 1, "the other begins after the end");
     }
 }

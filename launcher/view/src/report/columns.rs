@@ -1,45 +1,99 @@
-//! The figures' data: one column of little-endian f32 per quantity, base64, in one JSON object.
+//! The figures' data: one [column](column()) per quantity, in one JSON object.
 //!
 //! Row `i` of every column stands for the time `begin_s + i * dt_s`; what is unknown at a tick is NaN. The page's
-//! script derives nothing but units from these numbers.
+//! script derives nothing but units from these numbers. A group of columns that says nothing is left out, and with it
+//! its lines in the figures: measurements that equal the truth, a wind or an estimate that is zero all the time.
 
-use base64::prelude::{BASE64_STANDARD, Engine};
 use contract::Scenario;
-use contract::message::{ActuationMsg, Kinematics};
+use contract::message::{ActuationMsg, Kinematics, mixer_flags};
 use contract::scenario::Mode;
 use serde_json::{Map, Value, json};
 
+use super::air::Wind;
 use super::claims;
+use super::estimate::{self, ERRORS, EXPECTED, MEASUREMENTS};
+use crate::draw::{FlightColumns, column};
 use crate::thinning::Thinned;
+use outcome::bounds::bounds;
 use outcome::ticks::LoggedTick;
 use outcome::timing::Age;
 
 /// Returns quantities of a tick; `None` if they are unknown.
-type Quantities = fn(&LoggedTick) -> Option<Vec<f64>>;
+type Quantities = fn(&LoggedTick, &mut Derived) -> Option<Vec<f64>>;
+
+/// Sources of the quantities that no message has.
+pub struct Derived {
+    wind: Wind,
+    /// Weights of the demand in the cost (4).
+    r: [f64; 4],
+}
+
+impl Derived {
+    pub fn new(scenario: &Scenario) -> Self {
+        Self { wind: Wind::new(scenario), r: scenario.mpc.r }
+    }
+}
+
+/// Columns that are left out if every value is zero or unknown.
+const NOTHING_IF_ZERO: [&[&str]; 4] =
+    [&["wind_north", "wind_east", "wind_down", "estimate_ahead", "estimate_right"], &ERRORS, &EXPECTED, &MEASUREMENTS];
+/// Columns that are left out without another column.
+const NOTHING_WITHOUT: [(&str, [&str; 2]); 2] =
+    [("unexplained_ahead", WIND_OR_ESTIMATE), ("unexplained_right", WIND_OR_ESTIMATE)];
+const WIND_OR_ESTIMATE: [&str; 2] = ["wind_north", "estimate_ahead"];
 
 /// Every column by its name in the page's script, in groups that are known together. SI units and radians, NED and body
 /// axes.
-const COLUMNS: [(&[&str], Quantities); 13] = [
-    (&["x", "y", "z"], |tick| Some(actual(tick)?.position_m.into())),
-    (&["x_wanted", "y_wanted", "z_wanted"], |tick| Some(tick.wanted_m.into())),
-    (&["error_x", "error_y", "error_z"], |tick| Some(tick.error_m?.into())),
-    (&["error"], |tick| Some(vec![tick.distance_m()?])),
-    (&["u", "v", "w"], |tick| Some(actual(tick)?.velocity_mps.into())),
-    (&["w_ref"], |tick| Some(vec![tick.of.reference?.w_mps])),
-    (&["phi", "theta", "psi"], |tick| Some(actual(tick)?.attitude_rad.into())),
-    (&["phi_ref", "theta_ref", "psi_ref"], |tick| Some(tick.of.reference?.attitude_rad.into())),
-    (&["p", "q", "r"], |tick| Some(actual(tick)?.rates_radps.into())),
-    (&["p_ref", "q_ref", "r_ref"], |tick| Some(tick.of.reference?.rates_radps.into())),
-    (&["omega1", "omega2", "omega3", "tilt"], |tick| Some(actuation(&tick.of.state?.actuators))),
-    (&["omega1_command", "omega2_command", "omega3_command", "tilt_command"], |tick| {
+const COLUMNS: [(&[&str], Quantities); 25] = [
+    (&["x", "y", "z"], |tick, _| Some(actual(tick)?.position_m.into())),
+    (&["x_wanted", "y_wanted", "z_wanted"], |tick, _| Some(tick.wanted_m.into())),
+    (&["error_x", "error_y", "error_z"], |tick, _| Some(tick.error_m?.into())),
+    (&["error"], |tick, _| Some(vec![tick.distance_m()?])),
+    (&["u", "v", "w"], |tick, _| Some(actual(tick)?.velocity_mps.into())),
+    (&["w_ref"], |tick, _| Some(vec![tick.of.reference?.w_mps])),
+    (&["phi", "theta", "psi"], |tick, _| Some(actual(tick)?.attitude_rad.into())),
+    (&["phi_ref", "theta_ref", "psi_ref"], |tick, _| Some(tick.of.reference?.attitude_rad.into())),
+    (&["p", "q", "r"], |tick, _| Some(actual(tick)?.rates_radps.into())),
+    (&["p_ref", "q_ref", "r_ref"], |tick, _| Some(tick.of.reference?.rates_radps.into())),
+    (&["omega1", "omega2", "omega3", "tilt"], |tick, _| Some(actuation(&tick.of.state?.actuators))),
+    (&["omega1_command", "omega2_command", "omega3_command", "tilt_command"], |tick, _| {
         Some(actuation(&tick.of.actuators?.command))
     }),
-    (&["col", "lon", "lat", "ped"], |tick| Some(tick.of.controls?.demand.into())),
+    (&["col", "lon", "lat", "ped"], |tick, _| Some(tick.of.controls?.demand.into())),
+    (&["x_measured", "y_measured", "z_measured"], |tick, _| Some(measured(tick)?.position_m.into())),
+    (&["u_measured", "v_measured", "w_measured"], |tick, _| Some(measured(tick)?.velocity_mps.into())),
+    (&["phi_measured", "theta_measured", "psi_measured"], |tick, _| Some(measured(tick)?.attitude_rad.into())),
+    (&["p_measured", "q_measured", "r_measured"], |tick, _| Some(measured(tick)?.rates_radps.into())),
+    (&["wind_north", "wind_east", "wind_down"], |tick, derived| Some(derived.wind.wind_mps(tick)?.into())),
+    (&["unexplained_ahead", "unexplained_right"], |tick, derived| Some(derived.wind.acceleration_mps2(tick)?.into())),
+    (&["estimate_ahead", "estimate_right"], |tick, _| Some(tick.of.reference?.disturbance_mps2.into())),
+    (&["effort"], |tick, derived| {
+        let demand = tick.of.controls?.demand;
+        Some(vec![demand.iter().zip(derived.r).map(|(u, r)| u * u * r).sum()])
+    }),
+    (&["rung"], |tick, _| Some(vec![rung(tick.of.actuators?.flags)])),
+    (&ERRORS, |tick, _| estimate::errors(tick)),
+    (&EXPECTED, |tick, _| estimate::expected(tick)),
+    (&MEASUREMENTS, |tick, _| estimate::measurements(tick)),
 ];
+
+/// Names of the columns, without the age at the actuator.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    COLUMNS.iter().flat_map(|(names, _)| *names).copied()
+}
+
+/// Returns the values of a tick in the order of [`names`]; NaN where they are unknown.
+pub fn values(tick: &LoggedTick, derived: &mut Derived) -> Vec<f64> {
+    let of_group = |(names, quantities): &(&[&str], Quantities)| {
+        quantities(tick, derived).unwrap_or_else(|| vec![f64::NAN; names.len()])
+    };
+    COLUMNS.iter().flat_map(of_group).collect()
+}
 
 /// The columns of a flight, gathered tick by tick, the age at the actuator last.
 pub struct Columns {
     all: Vec<(&'static str, Thinned)>,
+    derived: Derived,
     age: Age,
     age_ms: Thinned,
     /// Ticks since the newest state; the age in their slots is known with the next state.
@@ -51,9 +105,9 @@ pub struct Columns {
 impl Columns {
     /// Makes the columns of the ticks from `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
-        let names = COLUMNS.iter().flat_map(|(names, _)| *names);
         Self {
-            all: names.map(|name| (*name, Thinned::default())).collect(),
+            all: names().map(|name| (name, Thinned::default())).collect(),
+            derived: Derived::new(scenario),
             age: Age::new(scenario.sample_ns()),
             age_ms: Thinned::default(),
             waiting: 0,
@@ -64,12 +118,8 @@ impl Columns {
 
     /// Takes in the next tick.
     pub fn observe(&mut self, tick: &LoggedTick) {
-        let mut columns = self.all.iter_mut();
-        for (names, quantities) in COLUMNS {
-            let known = quantities(tick);
-            for (i, (_, column)) in columns.by_ref().take(names.len()).enumerate() {
-                column.push(known.as_ref().map_or(f32::NAN, |values| values[i] as f32));
-            }
+        for ((_, column), value) in self.all.iter_mut().zip(values(tick, &mut self.derived)) {
+            column.push(value as f32);
         }
         self.waiting += 1;
         self.ticks += 1;
@@ -103,19 +153,21 @@ impl Columns {
         (0..self.waiting).for_each(|_| self.age_ms.push(f32::NAN));
         self.all.push(("age_ms", self.age_ms));
         let values: Vec<(&str, Vec<f32>)> = self.all.iter().map(|(name, column)| (*name, column.values())).collect();
-        let encoded = |values: &[f32]| {
-            let bytes: Vec<u8> = values.iter().copied().flat_map(f32::to_le_bytes).collect();
-            Value::from(BASE64_STANDARD.encode(bytes))
-        };
-        let columns: Map<_, _> = values.iter().map(|(name, values)| ((*name).to_owned(), encoded(values))).collect();
-        json!({
-            "rows": values[0].1.len(),
-            "begin_s": self.first as f64 * scenario.sample_s(),
-            "dt_s": self.all[0].1.step() * scenario.sample_s(),
-            "realtime": scenario.run.mode == Mode::Realtime,
-            "columns": columns,
-            "lines": lines(scenario),
-        })
+        let said = |name: &str| says_something(name, &values);
+        let columns: Map<_, _> = values
+            .iter()
+            .filter(|(name, _)| said(name))
+            .map(|(name, values)| ((*name).to_owned(), column(values.iter().copied())))
+            .collect();
+        let mut document = json!(FlightColumns {
+            rows: values[0].1.len(),
+            begin_s: self.first as f64 * scenario.sample_s(),
+            dt_s: self.all[0].1.step() * scenario.sample_s(),
+            columns,
+        });
+        document["realtime"] = (scenario.run.mode == Mode::Realtime).into();
+        document["lines"] = lines(scenario);
+        document
     }
 }
 
@@ -123,13 +175,37 @@ fn actual(tick: &LoggedTick) -> Option<&Kinematics> {
     Some(&tick.of.state.as_ref()?.actual)
 }
 
+fn measured(tick: &LoggedTick) -> Option<&Kinematics> {
+    Some(&tick.of.state.as_ref()?.measured)
+}
+
+/// Number of the mixer's rung, from 0, a fresh demand, to 6, thrust cut for good; see `mixer::fallback`.
+fn rung(flags: u64) -> f64 {
+    use mixer_flags::{CUT, DESCENDING, DISARMED, HELD, LEVELLED, TERMINATED, TRIM_ONLY};
+    let rungs = [HELD, LEVELLED, DESCENDING, TRIM_ONLY, CUT, TERMINATED | DISARMED];
+    rungs.iter().rposition(|rung| flags & rung != 0).map_or(0.0, |rung| (rung + 1) as f64)
+}
+
+/// Returns whether a column is worth a line in the figures.
+fn says_something(name: &str, all: &[(&str, Vec<f32>)]) -> bool {
+    let values =
+        |name: &str| all.iter().find(|(other, _)| *other == name).map_or(&[][..], |(_, values)| values.as_slice());
+    if let Some(truth) = name.strip_suffix("_measured") {
+        return values(name).iter().zip(values(truth)).any(|(one, other)| one.is_finite() && one != other);
+    }
+    if let Some((_, others)) = NOTHING_WITHOUT.iter().find(|(other, _)| *other == name) {
+        return others.iter().any(|other| says_something(other, all));
+    }
+    !NOTHING_IF_ZERO.as_slice().concat().contains(&name) || values(name).iter().any(|value| value.abs() > 0.0)
+}
+
 fn actuation(message: &ActuationMsg) -> Vec<f64> {
     [message.rotor_speed.as_slice(), &[message.tilt_rad]].concat()
 }
 
 /// Lines that the figures are read against: the paper's claims, the scenario's bounds, the limits of the actuators.
-fn lines(scenario: &Scenario) -> Value {
-    let bounds = &scenario.bounds;
+pub fn lines(scenario: &Scenario) -> Value {
+    let bounds = bounds(scenario);
     let paper = |y: f64| claims::concerns(scenario).then_some((y, "paper"));
     let bound = |y: Option<f64>| y.filter(|y| y.is_finite()).map(|y| (y, "bound"));
     let error = [paper(claims::POSITION_M), bound(bounds.max_position_error_m)].into_iter().flatten();
@@ -153,6 +229,7 @@ fn lines(scenario: &Scenario) -> Value {
             line(max1, "Ω₁ max", None),
             line(max2, "Ω₂, Ω₃ max", None),
         ],
+        "gate": [line(1.0, "gate", None)],
         "tilt": both(limits.tilt_max_rad.to_degrees(), "limit", None),
     })
 }

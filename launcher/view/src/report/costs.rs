@@ -1,15 +1,16 @@
 //! Costs of the disturbed ticks of a flight: a section of the page for a flight that has few of them.
 
 use outcome::explain::Costs;
+use outcome::happenings::Happenings;
 
 use crate::draw::escape;
 use crate::explain::Shown;
 
-/// Makes the section of the page; empty where no tick was disturbed.
-pub fn section(costs: &Costs) -> String {
+/// Makes the section of the page, with what `happened` in its plots; empty where no tick was disturbed.
+pub fn section(costs: &Costs, happened: &Happenings) -> String {
     let told = match costs {
         Costs::None => return String::new(),
-        Costs::Known(explained) => Shown(explained).section(),
+        Costs::Known(explained) => Shown { explained, happened }.section(),
         Costs::TooMany(ticks) => format!(
             "<p>{ticks} ticks were disturbed: <code>launcher explain RUN</code> says what each of them cost, and writes \
              explain.html into the run’s folder.</p>"

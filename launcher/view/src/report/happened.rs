@@ -14,9 +14,8 @@ use crate::draw::{DASH, escape, number, table};
 /// Largest number of events shown unfolded.
 const MOST_EVENTS: usize = 12;
 
-/// Explanation of how the figures show them.
-pub const HINT: &str = "A tinted stretch is a fault while it acts, a vertical line an event; the lanes under the time axes name them. \
-     On the paths the stretches flown under a fault are orange, with the fault’s number where it begins, and \
+/// Explanation of how the paths show them, beyond [`HAPPENED_HINT`](crate::draw::HAPPENED_HINT).
+pub const HINT: &str = " On the paths the stretches flown under a fault are orange, with the fault’s number where it begins, and \
      events are rings.";
 
 /// Returns the section of the page; empty if nothing happened.
@@ -31,7 +30,8 @@ pub fn section(run: &RunRecord) -> String {
 fn faults(run: &RunRecord) -> String {
     let row = |(i, fault): (usize, &FaultRecord)| {
         let seconds = |value: Option<f64>, none: &str| value.map_or(none.into(), |value| number(value, 2));
-        let FaultRecord { target, kind, injected_at_s, ended_at_s, detected_after_s, recovered_after_s, .. } = *fault;
+        let FaultRecord { target, kind, injected_at_s, detected_after_s, recovered_after_s, .. } = *fault;
+        let ended_at_s = fault.until_s();
         let from = seconds(injected_at_s, "not struck");
         let [to, detected, recovered] = match (injected_at_s, detected_after_s) {
             (None, _) => [DASH, DASH, DASH].map(str::to_owned),
@@ -40,9 +40,11 @@ fn faults(run: &RunRecord) -> String {
                 [seconds(ended_at_s, "the end"), seconds(detected, DASH), seconds(recovered_after_s, "not recovered")]
             }
         };
-        vec![i.to_string(), target.name().into(), name(kind), from, to, detected, recovered]
+        let size = fault.size.as_ref().map_or(DASH.into(), |size| escape(size));
+        vec![i.to_string(), target.name().into(), name(kind), size, from, to, detected, recovered]
     };
-    let headings = ["fault", "target", "kind", "from [s]", "to [s]", "detected after [s]", "recovered after [s]"];
+    let headings =
+        ["fault", "target", "kind", "size", "from [s]", "to [s]", "detected after [s]", "recovered after [s]"];
     part(&headings, (1..).zip(&run.faults).map(row))
 }
 
@@ -52,7 +54,7 @@ fn events(run: &RunRecord) -> String {
         let why = event.why.as_ref().map_or(DASH.into(), |why| escape(why));
         vec![number(*at_s, 2), escape(&event.node), event.epoch.to_string(), timed.what(), why]
     };
-    let table = part(&["time [s]", "process", "incarnation", "what", "why"], run.events.iter().map(row));
+    let table = part(&["time [s]", "process", "epoch", "what", "why"], run.events.iter().map(row));
     match run.events.len() {
         0 => String::new(),
         1..=MOST_EVENTS => format!("<h3>Events</h3>{table}"),

@@ -2,22 +2,27 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | `air` | wind and its estimate |
 //! | `columns` | data of the figures, and their reference lines |
 //! | `differences` | settings that are not the defaults |
 //! | `claims` | the paper's claims and their verdicts |
 //! | `costs` | cost of disturbed ticks |
 //! | `happened` | faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
+//! | `steps` | response to steps of the reference |
 //! | `timing` | the timing section and its pictures |
 //!
 //! The folder `assets/report/` holds the page's template, style and scripts, and uPlot, which draws the time plots.
 
+mod air;
 mod claims;
-mod columns;
+pub mod columns;
 mod costs;
 mod differences;
+mod estimate;
 mod happened;
 pub(crate) mod sections;
+mod steps;
 #[cfg(test)]
 mod tests;
 mod timing;
@@ -29,53 +34,53 @@ use contract::Scenario;
 use flight::files::write_whole;
 use flight::log::Record;
 use outcome::explain::Costs;
-use serde_json::json;
 
 use self::claims::Reach;
 use self::columns::Columns;
-use crate::draw::{STYLE, escape};
+use self::steps::Steps;
+use crate::draw::{self, SCRIPTS, STYLE, UPLOT_STYLE, escape};
 use outcome::recorded::{Part, Recorded};
 use outcome::run_record::RunRecord;
 use outcome::ticks::Joined;
 use outcome::timing::Timing;
 
 const TEMPLATE: &str = include_str!("../../assets/report/template.html");
-const PATH_SCRIPT: &str = include_str!("../../assets/report/path.js");
-const LANE_SCRIPT: &str = include_str!("../../assets/report/lanes.js");
-const PLOT_SCRIPT: &str = include_str!("../../assets/report/plots.js");
-const UPLOT: &str = include_str!("../../assets/report/uPlot.iife.min.js");
-const UPLOT_STYLE: &str = include_str!("../../assets/report/uPlot.min.css");
+/// Figures of the report and of the live page, drawn by [`SCRIPTS`].
+pub const FIGURE_SCRIPT: &str = include_str!("../../assets/report/report.js");
 
 /// Figures of the page, gathered message by message.
 pub struct Figures {
     joined: Joined,
     columns: Columns,
     reach: Reach,
+    steps: Steps,
 }
 
 impl Figures {
     /// Makes the figures of the ticks from `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
         let columns = Columns::new(scenario, first);
-        Self { joined: Joined::new(scenario, first), columns, reach: Reach::new(scenario) }
+        Self { joined: Joined::new(scenario, first), columns, reach: Reach::new(scenario), steps: Steps::new() }
     }
 
     /// Takes in the next message in the order of [`flight::log::stream`].
     pub fn observe(&mut self, record: &Record) {
-        let Self { joined, columns, reach } = self;
+        let Self { joined, columns, reach, steps } = self;
         joined.observe(record, |tick| {
             columns.observe(tick);
             reach.observe(tick);
+            steps.observe(tick);
         });
     }
 
-    fn finish(self) -> (Columns, Reach) {
-        let Self { mut joined, mut columns, mut reach } = self;
+    fn finish(self) -> (Columns, Reach, Steps) {
+        let Self { mut joined, mut columns, mut reach, mut steps } = self;
         joined.finish(|tick| {
             columns.observe(tick);
             reach.observe(tick);
+            steps.observe(tick);
         });
-        (columns, reach)
+        (columns, reach, steps)
     }
 }
 
@@ -98,7 +103,7 @@ pub fn write(
     }
     let Recorded { scenario, summary, run, path, .. } = &recorded;
     let (name, of_all) = if part == Part::ALL {
-        let costs = costs::section(&costs(&recorded));
+        let costs = costs::section(&costs(&recorded), &run.happenings());
         ("report.html".into(), Some(OfAll { timing: summary.timing.as_ref(), costs }))
     } else {
         let to_s = part.to_s.min(summary.time_s());
@@ -123,7 +128,7 @@ struct OfAll<'a> {
 fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option<OfAll>) -> String {
     let flown = run.scenario();
     let scenario = flown.as_ref().unwrap_or(scenario);
-    let (columns, reach) = figures.finish();
+    let (columns, reach, steps) = figures.finish();
     let sampling = columns.sampling(scenario);
     let (claims, timing_pictures, costs) = match of_all {
         Some(OfAll { timing, costs }) => {
@@ -137,9 +142,8 @@ fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option
     let [log_defect, reservations] = sections::warnings(run);
     let link = |section: &str, link: &str| if section.is_empty() { String::new() } else { link.to_owned() };
     let mut data = columns.document(scenario);
-    data["happened"] = json!(run.happenings());
-    // Only `<` could end a script element.
-    let data = data.to_string().replace('<', "\\u003c");
+    data["happened"] = draw::happened(&[("", &run.happenings(), 0.0)]);
+    let data = draw::in_script(&data);
     let slots = [
         ("name", escape(&run.name)),
         ("result_class", result_class.into()),
@@ -154,20 +158,22 @@ fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option
         ("claims", claims),
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
+        ("steps", steps.table()),
         ("repeat", sections::repeat(run).into()),
         ("sampling", sampling),
         ("timing", timing::tables(run)),
         ("timing_pictures", timing_pictures),
+        ("estimate_link", estimate::link(scenario).into()),
         ("costs_link", link(&costs, "<a href=\"#costs\">Costs</a>")),
         ("costs", costs),
         ("faults_link", link(&happened, "<a href=\"#faults\">What happened</a>")),
-        ("faults_hint", link(&happened, happened::HINT)),
+        ("faults_hint", link(&happened, &[draw::HAPPENED_HINT, happened::HINT].concat())),
         ("faults", happened),
         ("settings", sections::settings(run, scenario)),
         ("provenance", sections::provenance(run)),
         ("data", data),
         ("style", [UPLOT_STYLE, STYLE].concat()),
-        ("scripts", [UPLOT, PATH_SCRIPT, LANE_SCRIPT, PLOT_SCRIPT].join("\n")),
+        ("scripts", [SCRIPTS.join("\n"), FIGURE_SCRIPT.into()].join("\n")),
     ];
     fill(TEMPLATE, &slots)
 }

@@ -28,7 +28,7 @@ const fn shown(of: fn(&Metrics) -> f64, name: &'static str, unit: &'static str, 
 }
 
 /// Metrics of a flight. The first six are the key figures.
-pub const METRICS: [Shown; 13] = [
+pub const METRICS: [Shown; 15] = [
     shown(|m| m.max_position_error_m, "position error, maximum", "m", 3),
     shown(|m| m.rms_position_error_m, "position error, RMS", "m", 3),
     shown(|m| m.max_altitude_error_horizontal_m.max(m.max_altitude_error_vertical_m), ALTITUDE, "m", 3),
@@ -40,6 +40,8 @@ pub const METRICS: [Shown; 13] = [
     shown(|m| m.rotor_speed_min, "rotor speed, lowest", "", 1),
     shown(|m| m.rotor_speed_max, "rotor speed, highest", "", 1),
     shown(|m| m.tilt_max_deg, "tilt, largest", "deg", 2),
+    shown(|m| m.demand_effort, "control effort, mean u'Ru", "", 3),
+    shown(|m| m.fallback_s, "time without a demand at the mixer", "s", 2),
     shown(|m| m.commands_saturated as f64, "commands clipped at a limit", "", 0),
     shown(|m| m.negative_squares as f64, "roots of negative squares avoided", "", 0),
 ];
@@ -193,7 +195,12 @@ pub fn provenance(run: &RunRecord) -> String {
     let mut facts = Vec::new();
     leaves("", &provenance, &mut facts);
     let shown = facts.into_iter().filter(|(name, _)| name != "scenario");
-    list(shown.map(|(name, value)| (escape(&name.replace('_', " ")), any(value))))
+    list(shown.map(|(name, value)| {
+        let told = any(value);
+        // A command or a file's path; it may break anywhere.
+        let told = if told.contains('/') { format!("<code>{told}</code>") } else { told };
+        (escape(&name.replace('_', " ")), told)
+    }))
 }
 
 /// Returns the merged scenario as text: that of the record, or else `scenario`.

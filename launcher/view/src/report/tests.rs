@@ -236,6 +236,8 @@ fn bounds_of_the_scenario_are_lines_in_the_figures() {
     scenario.bounds.max_altitude_error_vertical_m = Some(0.15);
     let lines = data(&render(&hover(1), &survey(), &scenario))["lines"].clone();
     assert!(lines["error"].to_string().contains("0.25") && lines["error_z"].to_string().contains("-0.15"));
+    let default = data(&render(&hover(1), &survey(), &robust()))["lines"]["error"].clone();
+    assert_eq!(default[0]["y"], 1.5, "the default bound, which the flight is judged by too");
 }
 
 /// Counts of refused messages.
@@ -247,7 +249,7 @@ fn refused(node: &str, epoch: u32) -> (String, BTreeMap<String, u32>) {
 fn a_flight_without_faults_has_no_section_on_them() {
     let page = page(&RunRecord { refused: [refused("mixer", 0)].into(), ..survey() });
     assert!(!page.contains("#faults") && !page.contains("id=\"faults\""));
-    assert_eq!(data(&page)["happened"], json!({ "faults": [], "absences": [], "events": [] }));
+    assert_eq!(data(&page)["happened"], json!({ "faults": [], "absences": [], "phases": [], "events": [] }));
 }
 
 #[test]
@@ -258,9 +260,10 @@ fn faults_and_events_are_told_and_drawn() {
         detected_after_s,
         ..FaultRecord::of(&Fault::new(target, kind, 0.0, None))
     };
+    let step = fault(FaultTarget::Wind, FaultKind::Step, Some(5.0), None, None);
     let faults = vec![
         fault(FaultTarget::Mixer, FaultKind::Kill, Some(2.0), Some(2.3), Some(0.0)),
-        fault(FaultTarget::Wind, FaultKind::Step, Some(5.0), None, None),
+        FaultRecord { size: Some("(3, 0, 0) m/s".into()), ..step },
         fault(FaultTarget::Tilt, FaultKind::Off, None, None, None),
     ];
     let events =
@@ -270,22 +273,47 @@ fn faults_and_events_are_told_and_drawn() {
     let drawn = &data(&page)["happened"];
     let faults = json!([
         { "number": 1, "what": "mixer kill", "from_s": 2.0, "to_s": 2.3 },
-        { "number": 2, "what": "wind step", "from_s": 5.0, "to_s": null },
+        { "number": 2, "what": "wind step (3, 0, 0) m/s", "from_s": 5.0, "to_s": null },
     ]);
     assert_eq!(drawn["faults"], faults);
     assert_eq!(drawn["absences"], json!([{ "number": 0, "what": "mixer was down", "from_s": 2.0, "to_s": null }]));
     assert_eq!(drawn["events"][1], json!({ "at_s": 2.31, "node": "mixer", "what": "rejected", "why": "too <slow>" }));
     let told = [
         "<a href=\"#faults\">What happened</a>",
-        "<td>1</td><td>mixer</td><td>kill</td><td>2.00</td><td>2.30</td><td>0.00</td><td>not recovered</td>",
-        "<td>2</td><td>wind</td><td>step</td><td>5.00</td><td>the end</td><td>not detected</td><td>–</td>",
-        "<td>3</td><td>tilt</td><td>off</td><td>not struck</td><td>–</td><td>–</td><td>–</td>",
+        "<td>1</td><td>mixer</td><td>kill</td><td>–</td><td>2.00</td><td>2.30</td><td>0.00</td><td>not recovered</td>",
+        "<td>2</td><td>wind</td><td>step</td><td>(3, 0, 0) m/s</td><td>5.00</td><td>the end</td><td>not detected</td><td>–</td>",
+        "<td>3</td><td>tilt</td><td>off</td><td>–</td><td>not struck</td><td>–</td><td>–</td><td>–</td>",
         "<td>2.00</td><td>mixer</td><td>1</td><td>died</td><td>–</td>",
         "<td>2.31</td><td>mixer</td><td>2</td><td>rejected</td><td>too &lt;slow&gt;</td>",
         "<td>mixer</td><td>3</td><td>–</td><td>–</td><td>–</td><td>–</td>",
     ];
     check_tells(&page, &told);
     assert!(!page.contains(">guidance</td>"), "it refused nothing");
+}
+
+#[test]
+fn a_kill_without_an_end_is_a_moment_and_not_a_stretch_to_the_end() {
+    let kill = Fault::new(FaultTarget::Mixer, FaultKind::Kill, 2.0, None);
+    let faults = vec![FaultRecord { injected_at_s: Some(2.0), ..FaultRecord::of(&kill) }];
+    let page = page(&RunRecord { faults, ..survey() });
+    assert_eq!(data(&page)["happened"]["faults"][0]["to_s"], 2.0);
+    check_tells(&page, &["<td>kill</td><td>–</td><td>2.00</td><td>2.00</td>"]);
+}
+
+#[test]
+fn what_says_nothing_has_no_column_and_what_does_has_one() {
+    let names = |log: &Log, scenario: &Scenario| {
+        let columns = data(&render(log, &survey(), scenario))["columns"].clone();
+        let is_there = |name: &str| columns.get(name).is_some();
+        ["x", "rung", "effort", "x_measured", "wind_north", "estimate_ahead", "unexplained_ahead"].map(is_there)
+    };
+    let usual = [true, true, true, false, false, false, false];
+    assert_eq!(names(&hover(5), &robust()), usual, "a calm flight with true measurements");
+    let noisy = with_states(hover(5), |state| state.measured.position_m[0] = 0.01);
+    assert_eq!(names(&noisy, &robust())[3..], [true, false, false, false]);
+    let mut windy = robust();
+    (windy.plant.wind_ned_mps, windy.plant.drag_linear_nspm) = (vec![(0.02, [3.0, 0.0, 0.0])], [0.1; 3]);
+    assert_eq!(names(&hover(5), &windy)[3..], [false, true, false, true]);
 }
 
 /// Timing of a flight whose worst tick is the plant's.

@@ -25,6 +25,7 @@ use contract::topic::NODES;
 use flight::log::{Log, Record, counted};
 use serde_json::{Value, json};
 
+use crate::cycle::{Cycle, micros};
 use outcome::happenings::{Happenings, Span};
 use outcome::ticks::{InForce, LoggedTick};
 
@@ -168,23 +169,21 @@ impl Trace {
             // The next message of the same process carries this cycle's CPU time.
             let after = cycles.peek().map(|(after, _)| after.stamp()).filter(|after| after.epoch == stamp.epoch);
             let publish_ns = stamp.publish_ns[lane];
-            let since = |from_ns: u64, to_ns: u64| micros(to_ns.saturating_sub(from_ns));
+            let cycle = Cycle::new(M::TOPIC, stamp, &before, after);
             let mut args = json!({
                 "tick": stamp.tick,
                 "sequence": stamp.sequence,
                 "delivered": stamp.is_delivered(),
-                "release_us": since(stamp.sample_ns, stamp.release_ns),
-                "wake_us": since(stamp.release_ns, stamp.start_ns),
-                "execution_us": since(stamp.start_ns, publish_ns),
-                "response_us": since(stamp.sample_ns, publish_ns),
-                "cpu_us": after.map(|after| micros(after.cpu_ns)),
+                "release_us": cycle.release_us,
+                "wake_us": cycle.wake_us,
+                "execution_us": cycle.execution_us,
+                "response_us": cycle.response_us,
+                "cpu_us": cycle.cpu_us,
             });
             extend(&mut args, details(message));
             self.slice(lane, &format!("{} {}", M::TOPIC.name(), stamp.tick), [stamp.start_ns, publish_ns], &args);
-            // Skipped periods are found on waking and count as misses too; a late message is found on sending.
-            let slips = stamp.slips.saturating_sub(before.slips);
-            let late = stamp.misses.saturating_sub(before.misses).saturating_sub(slips);
-            for (name, at_ns, count) in [("slip", stamp.start_ns, slips), ("miss", publish_ns, late)] {
+            // A skipped period is found on waking, a late message on sending.
+            for (name, at_ns, count) in [("slip", stamp.start_ns, cycle.slips), ("miss", publish_ns, cycle.late)] {
                 if count > 0 {
                     self.event(
                         "i",
@@ -273,8 +272,4 @@ fn lane_names(process: usize, thread: usize, name: &str, thread_name: &str) -> [
         named("process_sort_index", json!({ "sort_index": process })),
         named("thread_name", json!({ "name": thread_name })),
     ]
-}
-
-fn micros(ns: u64) -> f64 {
-    ns as f64 / 1e3
 }

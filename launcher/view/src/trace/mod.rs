@@ -6,7 +6,7 @@
 mod events;
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use contract::message::Stamp;
@@ -45,8 +45,23 @@ pub struct TraceArgs {
 
 const LOCKSTEP: &str = "a lockstep flight: the times show which process waited for which, not how late any of them was";
 
+/// Stretch of a flight that a user asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Asked {
+    /// Length \[s\] around the worst tick; in lockstep, where no tick is late, at the beginning.
+    Worst { for_s: f64 },
+    /// Begin and length \[s\].
+    From { from_s: f64, for_s: f64 },
+}
+
 pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
-    let path = if args.run.is_dir() { args.run.join("flight.mcap") } else { args.run.clone() };
+    let TraceArgs { ref run, from_s, for_s, ref out, .. } = *args;
+    write(run, from_s.map_or(Asked::Worst { for_s }, |from_s| Asked::From { from_s, for_s }), out.clone())
+}
+
+/// Writes the trace of a run to `out`, by default `trace.json` beside its log, and says where.
+pub fn write(run: &Path, asked: Asked, out: Option<PathBuf>) -> anyhow::Result<()> {
+    let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
     ensure!(
         path.exists(),
         "there is no {}; give the folder of a run that was flown without --no-log, or its flight.mcap",
@@ -66,12 +81,18 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     }
     let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, log::ALL, |_, record| each(record)).map(drop);
     let worst = recorded.run.timing.as_ref().and_then(|timing| timing.worst_ticks.first());
-    let window = Window::new(args.from_s, args.for_s, scenario.sample_s(), worst);
+    let window = match asked {
+        Asked::Worst { for_s } => Window::new(None, for_s, scenario.sample_s(), worst),
+        Asked::From { from_s, for_s } => {
+            let to_end_s = (recorded.summary.time_s() + scenario.sample_s() - from_s).max(0.0);
+            Window::new(Some(from_s), if for_s.is_finite() { for_s } else { to_end_s }, scenario.sample_s(), None)
+        }
+    };
     let document = document(records, scenario, &recorded.run.happenings(), &window)?;
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));
     }
-    let out = args.out.clone().unwrap_or_else(|| path.with_file_name("trace.json"));
+    let out = out.unwrap_or_else(|| path.with_file_name("trace.json"));
     write_whole(&out, document.to_string().as_bytes()).context("choose another file with --out")?;
     print(&format!("{}\nwritten to {} (open it in ui.perfetto.dev)\n", window.describe(), out.display()));
     Ok(())
@@ -124,7 +145,8 @@ pub fn document(
     };
     let origin_ns = match scenario.run.mode {
         Mode::Realtime => first.sample_ns.saturating_sub(first.tick.saturating_mul(scenario.sample_ns())),
-        Mode::Lockstep | Mode::Inprocess => first.sample_ns,
+        // The plant of a lockstep flight begins its first cycle before its first tick.
+        Mode::Lockstep | Mode::Inprocess => first.sample_ns.min(first.start_ns),
     };
     let mut trace = Trace::new(origin_ns, windowed);
     trace.nodes(&log);

@@ -1,0 +1,74 @@
+//! Geometric law: tilt before heading, without singularity, and the inverse of the rigid body's nonlinear equations.
+//!
+//! ```text
+//! alpha = kp e + kd (q w_ref - w) + ki integral(e)      in the axes of the level frame, e as in `level`
+//! M     = J alpha + w x J w                             exact for the model's inertia
+//! F_z   = (m (a - g) - F_y sin phi cos theta) / (cos phi cos theta)      a = kp e_v + ki integral(e_v), down
+//! ```
+//!
+//! `[mpc.geometric]` has the gains; they mean what those of the law [`pid`](crate::pid) do, and its anti-windup is
+//! used. The errors are those of [`level`](crate::level). A feedback of this kind on SO(3) with an integral is in
+//! Goodarzi, Lee and Leok, *Geometric nonlinear PID control of a quadrotor UAV on SE(3)*, ECC 2013. Tests
+//! `the_geometric_demand_gives_the_wanted_acceleration_in_the_plant` (tests/laws.rs),
+//! `a_heading_error_leaves_the_tilt_alone`.
+
+use airframe::Parameters;
+use contract::scenario::PidGains;
+use nalgebra::{DVector, DVectorView, Vector4};
+
+use crate::level::Level;
+use crate::pid::Pid;
+
+/// Law of each axis as accelerations per error, for the errors of the level frame.
+#[derive(Debug, Clone)]
+pub struct Axes {
+    pid: Pid,
+    /// State of no error, which the law of the axes subtracts.
+    origin: DVector<f64>,
+}
+
+impl Axes {
+    /// Builds the law with `gains` and a sample time \[s\].
+    pub fn new(gains: &PidGains, sample_s: f64) -> Self {
+        let unit = Parameters { mass_kg: 1.0, ixx_kgm2: 1.0, iyy_kgm2: 1.0, izz_kgm2: 1.0, ..Parameters::default() };
+        Self { pid: Pid::new(&unit, gains, sample_s), origin: DVector::zeros(7) }
+    }
+
+    /// Wanted accelerations down \[m/s2\] and about y, x, z \[rad/s2\]; updates the integrals.
+    pub fn accelerations(
+        &self,
+        errors: &[f64; 7],
+        unfollowed: &Vector4<f64>,
+        integral: &mut Vector4<f64>,
+    ) -> Vector4<f64> {
+        self.pid.step(&self.origin, errors, unfollowed, integral)
+    }
+}
+
+/// Geometric law. The controller stores its integrals.
+#[derive(Debug, Clone)]
+pub struct Geometric {
+    axes: Axes,
+    level: Level,
+}
+
+impl Geometric {
+    /// Builds the law of a vehicle with `gains` and a sample time \[s\].
+    pub fn new(level: Level, gains: &PidGains, sample_s: f64) -> Self {
+        Self { axes: Axes::new(gains, sample_s), level }
+    }
+
+    /// Computes col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q,
+    /// r, ...), and updates the integrals. `unfollowed` is the input that the actuators were given less the demand.
+    pub fn step(
+        &self,
+        x: &DVectorView<f64>,
+        r: &[f64; 7],
+        unfollowed: &Vector4<f64>,
+        integral: &mut Vector4<f64>,
+    ) -> Vector4<f64> {
+        let unfollowed = self.level.accelerations(x, unfollowed);
+        let wanted = self.axes.accelerations(&self.level.errors(x, r), &unfollowed, integral);
+        self.level.demand(x, &wanted, &self.level.gyroscopic(x))
+    }
+}

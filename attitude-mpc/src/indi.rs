@@ -1,0 +1,112 @@
+//! Incremental nonlinear dynamic inversion: the measured acceleration takes the place of a model of what acts on the
+//! vehicle beside its actuators.
+//!
+//! ```text
+//! nu = kp e + kd (q w_ref - w)                    wanted acceleration, in the axes of the level frame
+//! u  = H(u_a) + J (nu - H(dw/dt))                 u_a: inputs that the actuators produce
+//! ```
+//!
+//! `H` is one low-pass: two first-order ones in series with the bandwidth `mpc.indi.filter_radps`. Filtering the
+//! acceleration delays it, and the actuators must be delayed alike (Smeur, Chu and de Croon, *Adaptive incremental
+//! nonlinear dynamic inversion for attitude control of micro air vehicles*, Journal of Guidance, Control, and Dynamics
+//! 39(3), 2016). `H` is linear, so the law filters the difference once, and the two cannot get out of step:
+//!
+//! ```text
+//! u = J nu - d        d = H(J dw/dt - u_a)
+//! ```
+//!
+//! `dw/dt` is the difference of two samples of the gyro, which is the mean over the sample between them; `u_a` is the
+//! mean of the actuators at its ends. `d` is published as the disturbance. It contains the gyroscopic moment and every
+//! error of the model. The climb is a loop of the same kind, by the acceleration of the vertical speed.
+//! The actuators' positions enter by the exact map of [`airframe::mixing`], not by its derivative.
+//!
+//! Departure from that article: rotor speeds and tilt are not sensed. The controller simulates the actuators under the
+//! command in force, with the lag `mpc.actuator_lag_model_s`. The cost of a wrong lag is not measured. Tests
+//! `the_actuators_alone_are_no_disturbance`, `a_constant_moment_leaves_no_offset`.
+
+use airframe::Actuation;
+use bytemuck::{Pod, Zeroable};
+use contract::message::Kinematics;
+use contract::scenario::{IndiGains, PidGains};
+use contract::snapshot::OptionalTick;
+use nalgebra::{DVectorView, Vector4};
+
+use crate::geometric::Axes;
+use crate::level::{Level, sink_mps};
+
+/// Memory of the filter beside the disturbance itself, which is its second stage.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Stage {
+    /// Tick of the sample that the next one is compared with; none if the law was not in use.
+    pub tick: OptionalTick,
+    /// Vertical speed of that sample, down positive \[m/s\].
+    pub sink_mps: f64,
+    /// Output of the first low-pass on col, lon, lat, ped \[N, N m, N m, N m\].
+    pub first: Vector4<f64>,
+}
+
+/// State, actuators and tick of one sample.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample<'a> {
+    /// State (w, phi, theta, psi, p, q, r, ...) as deviation from trim.
+    pub x: DVectorView<'a, f64>,
+    /// Positions of the actuators.
+    pub actuation: &'a Actuation,
+}
+
+/// INDI law. The controller stores its filter.
+#[derive(Debug, Clone)]
+pub struct Indi {
+    axes: Axes,
+    level: Level,
+    sample_s: f64,
+    /// Share of its error that a low-pass takes in at each sample.
+    share: f64,
+}
+
+impl Indi {
+    /// Builds the law of a vehicle with `gains` and a sample time \[s\].
+    pub fn new(level: Level, gains: &IndiGains, sample_s: f64) -> Self {
+        let IndiGains { kp, kd, filter_radps } = *gains;
+        let axes = Axes::new(&PidGains { kp, ki: [0.0; 4], kd }, sample_s);
+        Self { axes, level, sample_s, share: -libm::expm1(-filter_radps * sample_s) }
+    }
+
+    /// Updates the filter from the sample `before` to the one `now` at `tick` with the motion `measured`, and returns
+    /// the disturbance after `d`. A gap between the samples leaves it unchanged.
+    pub fn observe(
+        &self,
+        tick: u64,
+        measured: &Kinematics,
+        [before, now]: [Sample; 2],
+        d: &Vector4<f64>,
+        stage: &mut Stage,
+    ) -> Vector4<f64> {
+        let sink_mps = sink_mps(measured);
+        let is_next = stage.tick.get().is_some_and(|last| last.checked_add(1) == Some(tick));
+        let last_mps = std::mem::replace(&mut stage.sink_mps, sink_mps);
+        stage.tick = OptionalTick::some(tick);
+        if !is_next {
+            return *d;
+        }
+        let faster = |i: usize| (now.x[i] - before.x[i]) / self.sample_s;
+        let measured = Vector4::new((sink_mps - last_mps) / self.sample_s, faster(5), faster(4), faster(6));
+        let produced =
+            (self.level.produced(&before.x, before.actuation) + self.level.produced(&now.x, now.actuation)) * 0.5;
+        let beyond = measured - produced.component_div(&self.level.inertia());
+        stage.first += (self.level.inputs(&now.x, &beyond) - stage.first) * self.share;
+        d + (stage.first - d) * self.share
+    }
+
+    /// Computes col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q,
+    /// r, ...), under the disturbance `d`.
+    pub fn step(&self, x: &DVectorView<f64>, r: &[f64; 7], d: &Vector4<f64>) -> Vector4<f64> {
+        let none = Vector4::zeros();
+        let wanted = self.axes.accelerations(&self.level.errors(x, r), &none, &mut none.clone());
+        self.level.demand(x, &wanted, &-d)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,156 @@
+//! Tests of the measured delay: predictions against a vehicle that is the controller's own linear model.
+
+use contract::scenario::{DelayCompensation, DelayName, Law};
+use nalgebra::DVector;
+
+use super::*;
+use crate::delay::MAX_DELAY;
+
+const SAMPLE_NS: u64 = 10_000_000;
+
+/// Controller of a vehicle without lag, so that the linear model has no state that a command reaches otherwise.
+fn controller() -> AttitudeMpc {
+    let mut scenario = Scenario::from(Profile::Robust);
+    scenario.mpc.law = Law::Lqr;
+    scenario.mpc.constraints = Constraints::None;
+    scenario.mpc.actuator_lag_model_s = 0.0;
+    scenario.mpc.delay_compensation = DelayCompensation::Named(DelayName::Measured);
+    AttitudeMpc::new(&scenario)
+}
+
+/// Command that gives the inputs `u`.
+fn command(mpc: &AttitudeMpc, u: &Vector4<f64>) -> Actuation {
+    let squares = mpc.model.mixing.trim + mpc.model.mixing.inverse * u;
+    let front = squares[0].hypot(squares[1]).sqrt();
+    Actuation { rotor_speed: [front, squares[2].sqrt(), squares[3].sqrt()], tilt_rad: squares[0].atan2(squares[1]) }
+}
+
+/// Flies the linear model for 80 samples after a step of the attitude, with every demand delayed by `delay_ns` and that
+/// of the tick `lost` without effect. Returns the largest error of the state that was predicted for the demand of each
+/// tick, tick by tick.
+fn prediction_errors(delay_ns: u64, lost: Option<u64>) -> Vec<f64> {
+    let mut mpc = controller();
+    let (mut x, mut next, mut term) = (DVector::zeros(STATES), DVector::zeros(STATES), DVector::zeros(STATES));
+    let (mut demands, mut predicted, mut errors) = (vec![], vec![], vec![]);
+    let (mut in_force, mut applied) = (Vector4::zeros(), 0);
+    for tick in 0..80_u64 {
+        let (mut state, mut reference) = hover(&mpc, tick);
+        state.measured.velocity_mps[2] = x[0];
+        state.measured.attitude_rad = [x[1] + mpc.model.trim.roll_rad, x[2], x[3]];
+        state.measured.rates_radps = [x[4], x[5], x[6]];
+        state.command_in_force = command(&mpc, &in_force).into();
+        (state.applied_sequence, state.applied_age_ns) = (applied, if applied == 0 { 0 } else { delay_ns });
+        reference.attitude_rad[1] = 0.02;
+        reference.attitude_rad[2] = if tick > 30 { 0.02 } else { 0.0 };
+        demands.push(Vector4::from(mpc.step(tick, &state, &reference).demand));
+        predicted.push(mpc.work.start.clone());
+
+        // To the next sample, piece by piece: each ends when a demand is due.
+        let (begin_ns, end_ns) = (tick * SAMPLE_NS, (tick + 1) * SAMPLE_NS);
+        let mut now_ns = begin_ns;
+        while now_ns < end_ns {
+            if let Some(due) = now_ns.checked_sub(delay_ns).filter(|since| since % SAMPLE_NS == 0) {
+                let of = due / SAMPLE_NS;
+                errors.push((&x - &predicted[of as usize]).amax());
+                if lost != Some(of) {
+                    (in_force, applied) = (demands[of as usize], of + 1);
+                }
+            }
+            let switch_ns = begin_ns + delay_ns % SAMPLE_NS;
+            let until_ns = if now_ns < switch_ns { switch_ns } else { end_ns };
+            let time_s = (until_ns - now_ns) as f64 * 1e-9;
+            mpc.model.advance(&mut x, &in_force, &Vector4::zeros(), time_s, [&mut term, &mut next]);
+            now_ns = until_ns;
+        }
+    }
+    errors
+}
+
+#[test]
+fn the_prediction_is_the_state_at_which_the_demand_acts() {
+    for delay_ns in [0, 400_000, 3_700_000, 10_000_000, 23_000_000, 50_500_000, 99_999_999, 160_000_000] {
+        let errors = prediction_errors(delay_ns, None);
+        // Before the first command has acted the delay is unknown.
+        let known = (delay_ns / SAMPLE_NS + 1) as usize;
+        let worst = errors[known..].iter().copied().fold(0.0, f64::max);
+        assert!(worst < 1e-12, "{worst:e} off after {delay_ns} ns");
+        let moved = errors[..known].iter().copied().fold(0.0, f64::max);
+        assert!(delay_ns < SAMPLE_NS || moved > 1e-5, "a delay that is not known shows: {moved:e}");
+    }
+}
+
+#[test]
+fn a_demand_that_was_lost_does_not_act_in_the_prediction() {
+    for delay_ns in [3_700_000, 23_000_000, 50_000_000] {
+        let lost = 40;
+        let errors = prediction_errors(delay_ns, Some(lost));
+        // Whether a demand that is due at a sample acts there is known one sample later.
+        let known = lost as usize + delay_ns.div_ceil(SAMPLE_NS) as usize + usize::from(delay_ns % SAMPLE_NS == 0);
+        let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
+        assert!(worst(&errors[20..=lost as usize]) < 1e-12, "what acts before it is known");
+        assert!(worst(&errors[known..]) < 1e-12, "{:e} off after {delay_ns} ns", worst(&errors[known..]));
+        assert!(delay_ns < SAMPLE_NS || worst(&errors[lost as usize..known]) > 1e-9, "until then it was expected");
+    }
+}
+
+#[test]
+fn a_wild_age_is_bounded_and_forgotten() {
+    let mut mpc = controller();
+    let mut answer = |tick: u64, age_ns| {
+        let (mut state, mut reference) = hover(&mpc, tick);
+        (state.applied_sequence, state.applied_age_ns) = (tick + 1, age_ns);
+        reference.attitude_rad[1] = 0.05;
+        let demand = mpc.step(tick, &state, &reference).demand;
+        (mpc.memory.delay.samples(SAMPLE_NS), demand)
+    };
+    for tick in 0..20 {
+        assert_eq!(answer(tick, 25_000_000).0, (2, 5e6));
+    }
+    for (tick, age_ns) in (20..120).zip([u64::MAX, 1 << 60, 0].into_iter().cycle()) {
+        let ((whole, rest_ns), demand) = answer(tick, age_ns);
+        assert!(whole <= MAX_DELAY && (0.0..=1e7).contains(&rest_ns), "{whole} samples and {rest_ns} ns");
+        assert!(demand.iter().all(|u| u.abs() < 10.0), "{demand:?}");
+    }
+    for tick in 120..300 {
+        answer(tick, 25_000_000);
+    }
+    let ((whole, rest_ns), _) = answer(300, 25_000_000);
+    assert!((whole as f64 * 1e7 + rest_ns - 25e6).abs() < 10.0, "{whole} samples and {rest_ns} ns");
+}
+
+#[test]
+fn a_controller_without_memory_takes_the_command_in_force_for_its_demands() {
+    let mut mpc = controller();
+    let u = Vector4::new(-0.5, 0.05, 0.02, 0.01);
+    let (mut state, reference) = hover(&mpc, 700);
+    state.command_in_force = command(&mpc, &u).into();
+    (state.applied_sequence, state.applied_age_ns) = (1234, 35_000_000);
+    mpc.step(700, &state, &reference);
+    let (mut expected, mut term, mut next) = (mpc.work.x.clone(), mpc.work.x.clone(), mpc.work.x.clone());
+    mpc.model.advance(&mut expected, &u, &Vector4::zeros(), 0.035, [&mut term, &mut next]);
+    assert!((&mpc.work.start - expected).amax() < 1e-12, "{}", mpc.work.start);
+}
+
+#[test]
+fn demands_are_remembered_over_a_gap_and_across_a_mixer_that_counts_anew() {
+    let mut delay = Delay::new(Actuation::default());
+    let mut state = State::default();
+    let zero = Vector4::zeros();
+    let mut observe = |tick, sequence, age_ns, samples, demand: f64| {
+        state.stamp.tick = tick;
+        (state.applied_sequence, state.applied_age_ns) = (sequence, age_ns);
+        let switch = delay.observe(&state, zero, samples, SAMPLE_NS);
+        delay.demands[0] = Vector4::repeat(demand);
+        (delay, switch.after_ns)
+    };
+    observe(10, 5, 32_000_000, None, 10.0);
+    let (delay, after_ns) = observe(14, 6, 32_000_000, Some(4), 14.0);
+    assert_eq!(after_ns, 2_000_000);
+    assert_eq!([0, 1, 3, 4, 5].map(|age| delay.demands[age][0]), [14.0, 10.0, 10.0, 10.0, 0.0], "held in the gap");
+    // The command in force answers sample 10, three samples and 2 ms before 13.2 ms.
+    assert_eq!([4, 3, 1].map(|age| delay.next(zero, 14, age)[0]), [0.0, 10.0, 10.0]);
+    let (delay, _) = observe(15, 1, 2_000_000, Some(1), 15.0);
+    assert_eq!([2, 1, 0].map(|age| delay.next(zero, 15, age)[0]), [0.0, 0.0, 15.0], "it answers sample 14");
+    let (delay, _) = observe(400, 1, 2_000_000, Some(385), 16.0);
+    assert_eq!(delay.demands[MAX_DELAY], Vector4::repeat(15.0));
+}

@@ -1,0 +1,266 @@
+//! `[plant.sensors]`: what the vehicle measures, with which errors, and the filter behind it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Sensor errors besides `plant.noise`, `[plant.sensors]`. All zero is a sensor that gives the true value at once.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sensors {
+    /// Preset that the other settings start from.
+    pub preset: SensorPreset,
+    /// Position sensor: axes north, east, down; unit m.
+    pub position: Sensor,
+    /// Velocity sensor: body axes x, y, z, or with the EKF north, east, down; unit m/s.
+    pub velocity: Sensor,
+    /// Sensor of Euler angles: roll, pitch, yaw; unit deg. The EKF has none.
+    pub attitude: Sensor,
+    /// Sensor of body rates: p, q, r; unit deg/s.
+    pub rates: Sensor,
+    /// Filter between the measurements and the controllers.
+    pub filter: Filter,
+    /// Bandwidth of the complementary filter \[rad/s\]: gyros above it, attitude and position measurements below.
+    pub filter_radps: f64,
+    /// Inertial measurement unit of the EKF; its gyros have the errors of `rates` too.
+    pub imu: ImuSettings,
+    /// Barometer of the EKF.
+    pub barometer: Barometer,
+    /// Magnetometer of the EKF.
+    pub magnetometer: Magnetometer,
+    /// Sensor of the velocity over the ground, of the EKF.
+    pub flow: Flow,
+    /// Error of the EKF at the start.
+    pub alignment: Alignment,
+}
+
+/// Preset of the sensors, `plant.sensors.preset`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum SensorPreset {
+    /// No errors.
+    #[default]
+    Ideal,
+    /// MEMS sensors, and a satellite receiver without corrections, behind an EKF (docs/navigation.md).
+    Typical,
+    /// Sensors of `typical`, but with carrier phase in the receiver (RTK), and a calibrated IMU.
+    Good,
+}
+
+/// Filter of the measurements, `plant.sensors.filter`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Filter {
+    /// No filter: the controllers get the measurements.
+    #[default]
+    None,
+    /// Complementary filter: the controllers get its estimates.
+    Complementary,
+    /// Error-state Kalman filter over IMU, satellite receiver, barometer and magnetometer.
+    Ekf,
+}
+
+/// One sensor, for instance `[plant.sensors.position]`: errors per axis, in the unit of the sensor.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sensor {
+    /// One-sided density of white noise \[unit / sqrt(Hz)\].
+    pub noise_density: [f64; 3],
+    /// Standard deviation of the bias at the start \[unit\].
+    pub bias: [f64; 3],
+    /// Random walk of the bias \[unit / sqrt(s)\].
+    pub bias_walk: [f64; 3],
+    /// Quantisation step of the values \[unit\]; 0 = none.
+    pub quantum: [f64; 3],
+    /// Measurements per second \[Hz\], at most `run.rate_hz`, or with the EKF the rate of the IMU; 0 = that rate.
+    pub rate_hz: f64,
+    /// Age of a measurement when it arrives \[ms\].
+    pub latency_ms: f64,
+}
+
+/// Inertial measurement unit, `[plant.sensors.imu]`: means over a sample, of equal errors on every axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImuSettings {
+    /// Samples per second \[Hz\]: the vehicle is integrated up to each, also between two samples of the run.
+    pub rate_hz: f64,
+    /// One-sided density of the white noise of the specific force \[m/s2 / sqrt(Hz)\].
+    pub acceleration_noise_density: f64,
+    /// Standard deviation of the accelerometer's bias at the start \[m/s2\].
+    pub acceleration_bias_mps2: f64,
+    /// Random walk of the accelerometer's bias \[m/s2 / sqrt(s)\].
+    pub acceleration_bias_walk: f64,
+    /// Standard deviation of the scale error of each accelerometer and gyro.
+    pub scale: f64,
+    /// Standard deviation of the misalignment of accelerometers and gyros, about each axis \[deg\].
+    pub misalignment_deg: f64,
+    /// Standard deviation of the vibration in a sample of the specific force, with rotors at trim speed; it is
+    /// proportional to the mean rotor speed, and white because sampling folds it down \[m/s2\].
+    pub vibration_mps2: f64,
+}
+
+impl Default for ImuSettings {
+    fn default() -> Self {
+        Self {
+            rate_hz: 250.0,
+            acceleration_noise_density: 0.0,
+            acceleration_bias_mps2: 0.0,
+            acceleration_bias_walk: 0.0,
+            scale: 0.0,
+            misalignment_deg: 0.0,
+            vibration_mps2: 0.0,
+        }
+    }
+}
+
+/// Barometer, `[plant.sensors.barometer]`: the height above the origin.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Barometer {
+    /// Measurements per second \[Hz\]; 0 = no barometer.
+    pub rate_hz: f64,
+    /// One-sided density of white noise \[m / sqrt(Hz)\].
+    pub noise_density: f64,
+    /// Random walk of the bias, which is 0 at the start \[m / sqrt(s)\].
+    pub bias_walk: f64,
+}
+
+/// Magnetometer, `[plant.sensors.magnetometer]`, in shares of the strength of the earth's field.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Magnetometer {
+    /// Measurements per second \[Hz\]; 0 = no magnetometer.
+    pub rate_hz: f64,
+    /// One-sided density of white noise \[share / sqrt(Hz)\].
+    pub noise_density: f64,
+    /// Standard deviation of the vehicle's own field, on each body axis.
+    pub disturbance: f64,
+    /// Standard deviation of the error of the map of the declination \[deg\].
+    pub declination_error_deg: f64,
+    /// Angle of the field below the horizon \[deg\].
+    pub inclination_deg: f64,
+}
+
+impl Default for Magnetometer {
+    fn default() -> Self {
+        Self { rate_hz: 50.0, noise_density: 0.0, disturbance: 0.0, declination_error_deg: 0.0, inclination_deg: 65.0 }
+    }
+}
+
+/// Sensor of the velocity over the ground, as of optical flow, `[plant.sensors.flow]`: body axes x and y.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Flow {
+    /// Measurements per second \[Hz\]; 0 = no such sensor.
+    pub rate_hz: f64,
+    /// One-sided density of white noise \[m/s / sqrt(Hz)\].
+    pub noise_density: f64,
+}
+
+/// Standard deviations of the errors with which the EKF starts, `[plant.sensors.alignment]`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Alignment {
+    /// Position, on each axis \[m\].
+    pub position_m: f64,
+    /// Velocity, on each axis \[m/s\].
+    pub velocity_mps: f64,
+    /// Roll and pitch \[deg\].
+    pub tilt_deg: f64,
+    /// Heading \[deg\].
+    pub heading_deg: f64,
+}
+
+impl From<SensorPreset> for Sensors {
+    /// Returns a preset. `typical` and `good` are in the order of the parts that docs/navigation.md names;
+    /// without the EKF `attitude` stands for its estimate.
+    fn from(preset: SensorPreset) -> Self {
+        let ideal = Self {
+            preset,
+            position: Sensor::default(),
+            velocity: Sensor::default(),
+            attitude: Sensor::default(),
+            rates: Sensor::default(),
+            filter: Filter::None,
+            filter_radps: 1.0,
+            imu: ImuSettings::default(),
+            barometer: Barometer::default(),
+            magnetometer: Magnetometer::default(),
+            flow: Flow::default(),
+            alignment: Alignment::default(),
+        };
+        if preset == SensorPreset::Ideal {
+            return ideal;
+        }
+        let good = Self {
+            position: Sensor {
+                noise_density: [0.0045, 0.0045, 0.0067],
+                quantum: [0.001; 3],
+                rate_hz: 10.0,
+                latency_ms: 60.0,
+                ..Sensor::default()
+            },
+            velocity: Sensor { noise_density: [0.022; 3], rate_hz: 10.0, latency_ms: 60.0, ..Sensor::default() },
+            attitude: Sensor {
+                noise_density: [0.02; 3],
+                bias: [0.3, 0.3, 1.0],
+                bias_walk: [0.02, 0.02, 0.05],
+                ..Sensor::default()
+            },
+            rates: Sensor {
+                noise_density: [0.0028; 3],
+                bias: [0.1; 3],
+                bias_walk: [0.002; 3],
+                quantum: [1.0 / 131.0; 3],
+                ..Sensor::default()
+            },
+            filter: Filter::Ekf,
+            imu: ImuSettings {
+                acceleration_noise_density: 0.0007,
+                acceleration_bias_mps2: 0.01,
+                acceleration_bias_walk: 0.0005,
+                scale: 0.0005,
+                misalignment_deg: 0.05,
+                vibration_mps2: 0.3,
+                ..ImuSettings::default()
+            },
+            barometer: Barometer { rate_hz: 25.0, noise_density: 0.03, bias_walk: 0.02 },
+            magnetometer: Magnetometer {
+                noise_density: 0.001,
+                disturbance: 0.005,
+                declination_error_deg: 0.3,
+                ..Magnetometer::default()
+            },
+            alignment: Alignment { position_m: 0.02, velocity_mps: 0.05, tilt_deg: 0.3, heading_deg: 1.0 },
+            ..ideal
+        };
+        match preset {
+            SensorPreset::Ideal | SensorPreset::Good => good,
+            SensorPreset::Typical => Self {
+                position: Sensor {
+                    noise_density: [0.067, 0.067, 0.11],
+                    bias_walk: [0.02; 3],
+                    latency_ms: 100.0,
+                    ..good.position
+                },
+                velocity: Sensor { noise_density: [0.022, 0.022, 0.045], latency_ms: 100.0, ..good.velocity },
+                rates: Sensor { bias: [0.5; 3], bias_walk: [0.005; 3], ..good.rates },
+                imu: ImuSettings {
+                    acceleration_bias_mps2: 0.03,
+                    scale: 0.001,
+                    misalignment_deg: 0.2,
+                    vibration_mps2: 0.5,
+                    ..good.imu
+                },
+                magnetometer: Magnetometer { disturbance: 0.02, declination_error_deg: 0.5, ..good.magnetometer },
+                alignment: Alignment { position_m: 0.1, velocity_mps: 0.05, tilt_deg: 0.5, heading_deg: 2.0 },
+                ..good
+            },
+        }
+    }
+}
+
+impl Default for Sensors {
+    fn default() -> Self {
+        Self::from(SensorPreset::Ideal)
+    }
+}

@@ -1,0 +1,63 @@
+//! The page of a campaign that flies: the parts of `campaign.html` that can be made of the flights that are there
+//! without flying any again.
+
+use rayon::ThreadPoolBuilder;
+use view::draw::{self, STYLE, escape};
+
+use super::data::Page;
+use super::{OWN_STYLE, factors, maps, pairs, setup, worst};
+use crate::plan::Plan;
+use crate::table::Table;
+
+/// Warning about the figures of an unfinished campaign.
+const PARTIAL: &str = "The flights that are there are no random sample of the campaign: short ones end first. Intervals \
+                       and sure differences hold for one look, at the end, and not for the first look at which they appear.";
+
+/// Progress of a campaign, for its page.
+struct Now<'a> {
+    /// Flights that are there, and flights of the whole campaign.
+    there: u64,
+    all: u64,
+    /// Progress of the campaign in words.
+    words: &'a str,
+}
+
+/// Renders the page of the `flights` that are there, in one thread of the caller's priority; `words` tell the progress.
+/// The command `again`, followed by a number, flies one flight again.
+pub fn page(plan: &Plan, flights: &Table, words: &str, again: &str) -> String {
+    let now = Now { there: flights.rows() as u64, all: plan.flights(), words };
+    let render = || render(&Page::new(plan, flights), &now, again);
+    // The threads of the campaign would take up the work only after the last flight.
+    match ThreadPoolBuilder::new().num_threads(1).build() {
+        Ok(own) => own.install(render),
+        Err(_) => render(),
+    }
+}
+
+fn render(all: &Page, now: &Now, again: &str) -> String {
+    let body = [
+        all.title(),
+        progress(now),
+        all.tiles(),
+        all.counts(),
+        all.causes(),
+        all.invalid(),
+        worst::listed(all, again),
+        maps::section(all),
+        factors::section(all),
+        pairs::section(all),
+        setup::section(all.plan),
+    ];
+    let title = format!("Campaign {}, {} of {} flights", all.plan.campaign.name(), now.there, now.all);
+    draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body.concat())
+}
+
+fn progress(now: &Now) -> String {
+    let Now { there, all, words } = now;
+    format!(
+        "<section id=\"progress\"><p role=\"status\">{}</p>\
+         <progress aria-label=\"flights that are there\" max=\"{all}\" value=\"{there}\"></progress>\
+         <p class=\"warn\">{PARTIAL}</p></section>",
+        escape(words)
+    )
+}

@@ -1,0 +1,55 @@
+//! Channels of the log, and the bytes of their messages: the same in the file and on a live connection.
+
+use contract::Topic;
+
+use super::{EVENTS, MEMORY, Record, schema};
+use crate::event::Event;
+use crate::foxglove;
+
+/// One channel, encoded as protobuf.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    pub topic: String,
+    /// Full name of its message.
+    pub schema: &'static str,
+    /// Serialised `FileDescriptorSet` with that message.
+    pub descriptors: &'static [u8],
+    pub publisher: &'static str,
+}
+
+/// Lists the channels: those of the ring's topics in their order, then events, then snapshots.
+pub fn channels() -> Vec<Channel> {
+    let channel = |topic: &str, schema, publisher| {
+        let topic = topic.to_owned();
+        Channel { topic, schema, descriptors: schema::DESCRIPTORS, publisher }
+    };
+    let of_ring = |topic: Topic| channel(&format!("/{}", topic.name()), schema::message_name(topic), topic.publisher());
+    let others = [(EVENTS, schema::EVENT), (MEMORY, schema::MEMORY)];
+    let others = others.map(|(topic, schema)| channel(topic, schema, "launcher"));
+    Topic::ALL.map(of_ring).into_iter().chain(others).collect()
+}
+
+/// Lists the channels for viewers, `/view/...`, in the order of [`foxglove::Channel::ALL`].
+pub fn view_channels() -> Vec<Channel> {
+    let channel = |channel: foxglove::Channel| Channel {
+        topic: channel.topic().into(),
+        schema: channel.schema(),
+        descriptors: foxglove::DESCRIPTORS,
+        publisher: "launcher",
+    };
+    foxglove::Channel::ALL.map(channel).into()
+}
+
+/// Passes the messages that the log has for `record` to `each`: index of the channel, log time \[ns\], bytes.
+pub fn encode(record: &Record, sample_ns: u64, mut each: impl FnMut(usize, u64, Vec<u8>)) {
+    let mut bytes = vec![];
+    schema::encode(record, &mut bytes);
+    each(record.topic() as usize, record.stamp().tick.saturating_mul(sample_ns), bytes);
+}
+
+/// Passes the messages that the log has for `event` to `each`, as [`encode`] does.
+pub fn encode_event(event: &Event, sample_ns: u64, mut each: impl FnMut(usize, u64, Vec<u8>)) {
+    let mut bytes = vec![];
+    schema::encode_event(event, &mut bytes);
+    each(Topic::COUNT, event.tick.saturating_mul(sample_ns), bytes);
+}

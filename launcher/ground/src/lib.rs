@@ -1,0 +1,89 @@
+//! Shows a flight to ground stations: MAVLink 2 over UDP, from a process that observes the flight.
+//!
+//! ```text
+//! ring, launcher -- Observer --> Vehicle --- streams, events --->  Link  --- UDP ---> ground station
+//!                                answers <-- requests ------------       <-----------
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`address`] | where the ground station is, as people write it |
+//! | `link` | MAVLink frames in datagrams |
+//! | `vehicle` | the newest messages of the flight, and the MAVLink messages made of them |
+//! | [`home`] | the place on the earth that the flight's origin stands for |
+//! | `streams` | the rates at which messages are sent |
+//! | `parameters` | the settings of the flight as read-only parameters |
+//! | `answers` | answers to requests; none of them changes the flight |
+//!
+//! `docs/mavlink.md` has the table of messages with their sources.
+
+pub mod address;
+mod answers;
+pub mod home;
+mod link;
+mod parameters;
+mod streams;
+mod vehicle;
+
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::sleep;
+use std::time::Instant;
+
+use anyhow::bail;
+use flight::observer::{Look, OBSERVER_POLL, Observer, Seen};
+
+pub use address::Address;
+pub use home::Home;
+
+use answers::Station;
+use link::Link;
+use parameters::Parameters;
+use streams::Streams;
+use vehicle::Vehicle;
+
+/// Shows the flight of `namespace` to the ground station at `address`, until the flight ends or an interrupt. Calls
+/// `joined` as soon as no message can be missed.
+///
+/// # Errors
+/// The address cannot be used, there is no flight to observe, or its launcher was killed.
+pub fn show(
+    namespace: &str,
+    address: &Address,
+    home: Home,
+    interrupts: &AtomicU32,
+    joined: impl FnOnce(),
+) -> anyhow::Result<()> {
+    let mut link = Link::open(address)?;
+    let mut observer = Observer::join(namespace)?;
+    joined();
+    let scenario = observer.scenario().clone();
+    let mut station = Station {
+        vehicle: Vehicle::new(&scenario, home),
+        parameters: Parameters::of(&scenario),
+        streams: Streams::new(Instant::now()),
+    };
+    loop {
+        let look = observer.look(|seen| match seen {
+            Seen::Message(record) => station.vehicle.observe(record),
+            Seen::Event(event) => vehicle::status_texts(event).iter().for_each(|text| link.send(text)),
+        });
+        while let Some((from, request)) = link.receive() {
+            station.answer(from, &request).iter().for_each(|answer| link.send(answer));
+        }
+        for id in station.streams.due(Instant::now()) {
+            if let Some(message) = station.vehicle.message(id) {
+                link.send(&message);
+            }
+        }
+        match look {
+            _ if interrupts.load(Ordering::Relaxed) > 0 => return Ok(()),
+            Look::Flying(0) => sleep(OBSERVER_POLL),
+            Look::Flying(_) => {} // more may have arrived meanwhile
+            Look::Ended => {
+                link.send(&station.vehicle.last_heartbeat());
+                return Ok(());
+            }
+            Look::Lost => bail!("the flight's launcher was killed"),
+        }
+    }
+}

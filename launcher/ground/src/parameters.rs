@@ -1,0 +1,119 @@
+//! Settings of the flight as parameters, which stations list and cannot change.
+//!
+//! A name has at most 16 characters, so each parameter names the setting that it shows. Values are 32-bit numbers: a
+//! setting is rounded to about seven digits. A switch is 0 or 1. A setting that the scenario leaves out
+//! has no parameter.
+
+use contract::scenario::{Scenario, to_toml};
+use mavlink::dialects::common::{MavMessage, MavParamType, PARAM_VALUE_DATA};
+use toml::{Table, Value};
+
+/// Parameters by name, with the key of the setting; a number in a key is a place in a list.
+#[rustfmt::skip]
+pub const NAMES: [(&str, &str); 65] = [
+    ("RUN_RATE_HZ", "run.rate_hz"), ("RUN_DURATION_S", "run.duration_s"), ("RUN_SEED", "run.seed"),
+    ("RUN_DELAY_MS", "run.command_delay_ms"), ("RUN_JITTER_MS", "run.command_jitter_ms"),
+    ("RUN_DROP_PROB", "run.command_drop_probability"),
+    ("AF_MASS_KG", "airframe.mass_kg"), ("AF_IXX_KGM2", "airframe.ixx_kgm2"), ("AF_IYY_KGM2", "airframe.iyy_kgm2"),
+    ("AF_IZZ_KGM2", "airframe.izz_kgm2"), ("AF_L1_M", "airframe.l1_m"), ("AF_L2_M", "airframe.l2_m"),
+    ("AF_L3_M", "airframe.l3_m"), ("AF_KF", "airframe.kf"), ("AF_KM", "airframe.km"),
+    ("PL_SUBSTEP_S", "plant.substep_s"), ("PL_ROTOR_LAG_S", "plant.rotor_lag_s"), ("PL_SERVO_LAG_S", "plant.servo_lag_s"),
+    ("PL_ROTOR_MIN", "plant.rotor_speed_min"), ("PL_ROTOR_RATIO", "plant.rotor_speed_max_ratio"),
+    ("PL_TILT_MAX_DEG", "plant.tilt_max_deg"),
+    ("GD_KP_PHI", "guidance.kp_phi"), ("GD_KI_PHI", "guidance.ki_phi"), ("GD_KD_PHI", "guidance.kd_phi"),
+    ("GD_KP_THETA", "guidance.kp_theta"), ("GD_KI_THETA", "guidance.ki_theta"), ("GD_KD_THETA", "guidance.kd_theta"),
+    ("GD_KP_W", "guidance.kp_w"), ("GD_KI_W", "guidance.ki_w"), ("GD_KD_W", "guidance.kd_w"),
+    ("GD_ANGLE_DEG", "guidance.angle_limit_deg"), ("GD_CLIMB_MPS", "guidance.climb_limit_mps"),
+    ("GD_HEADING_DPS", "guidance.heading_rate_limit_dps"), ("GD_INT_LIMIT", "guidance.integral_limit"),
+    ("MPC_NP", "mpc.np"), ("MPC_NU", "mpc.nu"),
+    ("MPC_Q1", "mpc.q.0"), ("MPC_Q2", "mpc.q.1"), ("MPC_Q3", "mpc.q.2"), ("MPC_Q4", "mpc.q.3"), ("MPC_Q5", "mpc.q.4"),
+    ("MPC_Q6", "mpc.q.5"), ("MPC_Q7", "mpc.q.6"),
+    ("MPC_R1", "mpc.r.0"), ("MPC_R2", "mpc.r.1"), ("MPC_R3", "mpc.r.2"), ("MPC_R4", "mpc.r.3"),
+    ("MPC_MAX_ITER", "mpc.max_iterations"), ("MPC_TIME_MS", "mpc.time_limit_ms"), ("MPC_LAG_S", "mpc.actuator_lag_model_s"),
+    ("MPC_DELAY_COMP", "mpc.delay_compensation"), ("MPC_DIST_GAIN", "mpc.disturbance_gain"),
+    ("MX_PROJECTION", "mixer.projection"), ("MX_TILT_REACT", "mixer.tilt_reaction"),
+    ("RT_PRIORITY", "realtime.priority"), ("RT_LOCK_MEMORY", "realtime.lock_memory"), ("RT_RTTIME_MS", "realtime.rttime_ms"),
+    ("DL_END_MS", "deadline.end_to_end_ms"), ("DL_MPC_MS", "deadline.attitude_mpc_ms"),
+    ("SV_HANG_TICKS", "supervision.hang_ticks"), ("SV_HANG_MS", "supervision.hang_ms"),
+    ("SV_WINDOW_S", "supervision.window_s"), ("SV_START_S", "supervision.start_limit_s"),
+    ("BD_ERROR_M", "bounds.max_position_error_m"), ("BD_FALLBACK_S", "bounds.max_fallback_s"),
+];
+
+/// Parameters of one flight.
+pub struct Parameters(Vec<(&'static str, f32)>);
+
+impl Parameters {
+    /// Reads the settings of `scenario`.
+    pub fn of(scenario: &Scenario) -> Self {
+        let table: Table = to_toml(scenario).parse().unwrap_or_default(); // settings that were written are read back
+        let table = Value::Table(table);
+        Self(NAMES.iter().filter_map(|(name, key)| Some((*name, number(&table, key)?))).collect())
+    }
+
+    /// Returns all parameters, in order.
+    pub fn all(&self) -> Vec<MavMessage> {
+        (0..self.0.len()).filter_map(|index| self.at(index)).collect()
+    }
+
+    /// Returns the parameter with this name, or, without a name, at this place; `None` if there is none.
+    pub fn find(&self, name: &str, index: i16) -> Option<MavMessage> {
+        let of_name = || self.0.iter().position(|(of, _)| *of == name);
+        self.at(usize::try_from(index).ok().or_else(of_name)?)
+    }
+
+    fn at(&self, index: usize) -> Option<MavMessage> {
+        let (name, param_value) = self.0.get(index)?;
+        let mut id = [0; 16];
+        id.iter_mut().zip(name.bytes()).for_each(|(to, byte)| *to = byte);
+        Some(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_value: *param_value,
+            param_count: self.0.len() as u16,
+            param_index: index as u16,
+            param_id: id.into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        }))
+    }
+}
+
+/// Returns the number or switch at `key`; `None` if it is absent, or of another type.
+fn number(table: &Value, key: &str) -> Option<f32> {
+    let step = |value: &Value, word: &str| match word.parse::<usize>() {
+        Ok(place) => value.get(place).cloned(),
+        Err(_) => value.get(word).cloned(),
+    };
+    match key.split('.').try_fold(table.clone(), |value, word| step(&value, word))? {
+        Value::Integer(number) => Some(number as f32),
+        Value::Float(number) => Some(number as f32),
+        Value::Boolean(is_on) => Some(f32::from(u8::from(is_on))),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_fits_is_unique_and_has_a_setting_where_the_scenario_gives_one() {
+        let mut scenario = Scenario::default();
+        (scenario.deadline.end_to_end_ms, scenario.deadline.attitude_mpc_ms) = (Some(9.0), Some(7.0));
+        (scenario.bounds.max_position_error_m, scenario.bounds.max_fallback_s) = (Some(0.5), Some(2.0));
+        let parameters = Parameters::of(&scenario);
+        let names: Vec<&str> = parameters.0.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names, NAMES.map(|(name, _)| name), "all settings are found");
+        assert!(names.iter().all(|name| name.len() <= 16), "{names:?}");
+        let unique: std::collections::BTreeSet<&str> = names.iter().copied().collect();
+        assert_eq!(unique.len(), names.len());
+        let value = |name: &str| parameters.0.iter().find(|(of, _)| *of == name).map(|(_, value)| *value);
+        assert_eq!([value("DL_MPC_MS"), value("MPC_Q1")], [Some(7.0), Some(scenario.mpc.q[0] as f32)]);
+        assert_eq!(value("RT_LOCK_MEMORY"), Some(1.0));
+    }
+
+    #[test]
+    fn settings_that_are_left_out_have_no_parameter() {
+        let parameters = Parameters::of(&Scenario::default());
+        assert!(parameters.find("DL_END_MS", -1).is_none());
+        assert!(parameters.find("RUN_RATE_HZ", -1).is_some() && parameters.find("", 0).is_some());
+        assert!(parameters.find("", parameters.all().len() as i16).is_none() && parameters.find("NO", -1).is_none());
+    }
+}

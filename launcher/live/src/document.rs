@@ -1,0 +1,60 @@
+//! A page that is made anew while it is served: browsers learn of each version, and keep their place in it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde_json::json;
+
+use crate::hub::{Hub, Kind};
+
+/// Script that fetches a new version, and puts it in the place of the one that is shown.
+const SCRIPT: &str = include_str!("../assets/document.js");
+
+/// Newest version of a page.
+pub struct Document {
+    html: Mutex<String>,
+    pub(crate) hub: Arc<Hub>,
+}
+
+impl Document {
+    /// Begins with `html`, a whole page without scripts of its own.
+    pub fn new(html: String) -> Self {
+        Self { html: Mutex::new(html), hub: Arc::new(Hub::new()) }
+    }
+
+    /// Makes `html` the newest version.
+    pub fn replace(&self, html: String) {
+        *self.html.lock().unwrap_or_else(PoisonError::into_inner) = html;
+        self.hub.send(Kind::Phase, json!({ "phase": "changed" }));
+    }
+
+    /// Tells the browsers that no version follows, and ends the server.
+    pub fn close(&self) {
+        self.hub.send(Kind::Phase, json!({ "phase": "ended" }));
+        self.hub.close();
+    }
+
+    /// Returns the newest version with the script, which runs because it carries `nonce`.
+    pub fn page(&self, nonce: &str) -> String {
+        let html = self.html.lock().unwrap_or_else(PoisonError::into_inner);
+        html.replacen("</body>", &format!("<script nonce=\"{nonce}\">{SCRIPT}</script></body>"), 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_newest_version_is_served_and_each_is_told() {
+        let document = Document::new(String::new());
+        let (_, mut frames) = document.hub.join();
+        for version in ["one", "two"] {
+            document.replace(format!("<body><main>{version}</main></body>"));
+            assert!(frames.try_recv().unwrap().contains("changed"));
+        }
+        let page = document.page("abc");
+        assert!(page.contains("<main>two</main><script nonce=\"abc\">") && page.ends_with("</script></body>"));
+        document.close();
+        assert!(frames.try_recv().unwrap().contains("ended") && document.hub.is_closed());
+    }
+}

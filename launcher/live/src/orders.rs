@@ -1,0 +1,173 @@
+//! Buttons of the page as command lines: each runs `launcher inject`, `clear`, `swap` or `stop`, and shows its answer.
+//!
+//! The page therefore can do what these commands can, with one exception: a swap to another program, or with settings
+//! that name one, is refused, because who controls a flight must not gain the account of the user who flies.
+
+use std::process::Stdio;
+
+use flight::own_program;
+use serde::{Deserialize, Serialize};
+
+/// Longest word of an order \[characters\].
+const WORD_CHARS: usize = 200;
+/// Largest number of settings of a swap.
+const SETTINGS: usize = 20;
+/// Tables of a scenario with which a candidate could start a program.
+const PROGRAM_TABLES: [&str; 2] = ["node", "swap"];
+
+/// Order of the page. Times are written as on the command line: `500ms`, `2s`, `inf`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "command", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Order {
+    Inject {
+        target: String,
+        kind: String,
+        #[serde(default, rename = "for")]
+        for_s: Option<String>,
+        #[serde(default)]
+        value: Option<String>,
+        #[serde(default)]
+        ms: Option<String>,
+        #[serde(default)]
+        vector: Option<String>,
+    },
+    Clear {
+        #[serde(default)]
+        target: Option<String>,
+    },
+    Swap {
+        node: String,
+        #[serde(default)]
+        set: Vec<String>,
+    },
+    Stop {},
+}
+
+/// Answer to an order.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Answer {
+    /// Command line that was run, as a user would write it.
+    pub line: String,
+    pub ok: bool,
+    /// Text that it printed.
+    pub said: String,
+}
+
+impl Order {
+    /// Returns the arguments of the launcher, of which none can be taken for another option.
+    ///
+    /// # Errors
+    /// A word is too long or has characters that no word has, or the swap would start a program.
+    pub fn arguments(&self, namespace: &str) -> Result<Vec<String>, String> {
+        let mut options = vec![format!("--namespace={namespace}")];
+        let mut option = |name: &str, value: &Option<String>| {
+            options.extend(value.as_ref().filter(|value| !value.is_empty()).map(|value| format!("--{name}={value}")));
+        };
+        let (command, words) = match self {
+            Self::Inject { target, kind, for_s, value, ms, vector } => {
+                for (name, value) in [("for", for_s), ("value", value), ("ms", ms), ("vector", vector)] {
+                    option(name, value);
+                }
+                ("inject", vec![target.clone(), kind.clone()])
+            }
+            Self::Clear { target } => ("clear", target.iter().filter(|target| !target.is_empty()).cloned().collect()),
+            Self::Swap { node, set } => {
+                if set.len() > SETTINGS {
+                    return Err(format!("a swap by the page has {SETTINGS} settings at most"));
+                }
+                set.iter().try_for_each(|setting| check_setting(setting))?;
+                options.extend(set.iter().map(|setting| format!("--set={setting}")));
+                ("swap", vec![node.clone()])
+            }
+            Self::Stop {} => ("stop", vec![]),
+        };
+        let is_unfit = |word: &&String| word.len() > WORD_CHARS || word.chars().any(char::is_control);
+        if let Some(word) = options.iter().chain(&words).find(is_unfit) {
+            return Err(format!("this is no word of a command: {word:?}"));
+        }
+        let separator = (!words.is_empty()).then(|| "--".to_owned());
+        Ok([command.to_owned()].into_iter().chain(options).chain(separator).chain(words).collect())
+    }
+
+    /// Carries the order out, and waits for its end: that of a swap comes after its trial.
+    pub fn run(&self, namespace: &str) -> Answer {
+        let arguments = match self.arguments(namespace) {
+            Ok(arguments) => arguments,
+            Err(said) => return Answer { line: String::new(), ok: false, said },
+        };
+        let line = format!(
+            "launcher {}",
+            arguments.iter().filter(|word| *word != "--").cloned().collect::<Vec<_>>().join(" ")
+        );
+        match own_program().args(&arguments).stdin(Stdio::null()).output() {
+            Ok(output) => {
+                let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+                Answer { line, ok: output.status.success(), said: said.concat().trim_end().to_owned() }
+            }
+            Err(error) => Answer { line, ok: false, said: format!("the command cannot be started: {error}") },
+        }
+    }
+}
+
+/// Checks that a setting of a candidate has one key, which names no program.
+fn check_setting(setting: &str) -> Result<(), String> {
+    let key = setting.split_once('=').map(|(key, _)| key.trim());
+    let is_plain = |key: &&str| key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b"._".contains(&b));
+    let key = key.filter(is_plain).ok_or_else(|| format!("'{setting}' is not KEY=VALUE, as in mpc.np=30"))?;
+    let table = key.split('.').next().unwrap_or_default();
+    if PROGRAM_TABLES.contains(&table) {
+        return Err(format!(
+            "the page starts no other program; on the command line: launcher swap NODE --set {setting}"
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(json: &str) -> Result<Vec<String>, String> {
+        serde_json::from_str::<Order>(json).map_err(|error| error.to_string())?.arguments("here")
+    }
+
+    #[test]
+    fn a_button_is_the_command_line_that_a_user_would_write() {
+        for (json, expected) in [
+            (
+                r#"{"command":"inject","target":"wind","kind":"step","for":"2s","vector":"5,0,0","ms":""}"#,
+                "inject --namespace=here --for=2s --vector=5,0,0 -- wind step",
+            ),
+            (r#"{"command":"clear"}"#, "clear --namespace=here"),
+            (r#"{"command":"clear","target":"wind"}"#, "clear --namespace=here -- wind"),
+            (
+                r#"{"command":"swap","node":"attitude-mpc","set":["mpc.law=lqr"]}"#,
+                "swap --namespace=here --set=mpc.law=lqr -- attitude-mpc",
+            ),
+            (r#"{"command":"stop"}"#, "stop --namespace=here"),
+        ] {
+            assert_eq!(order(json).map(|words| words.join(" ")).as_deref(), Ok(expected));
+        }
+    }
+
+    #[test]
+    fn no_order_starts_a_program_or_smuggles_in_an_option() {
+        for json in [
+            r#"{"command":"swap","node":"mixer","exec":"/bin/sh"}"#,
+            r#"{"command":"swap","node":"mixer","set":["node.mixer.exec='/tmp/x.so'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["\"node\".mixer.exec='/tmp/x.so'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["mpc.np=30\nnode.mixer.exec='/tmp/x.so'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["mpc.np"]}"#,
+            r#"{"command":"fly"}"#,
+            r#"{"command":"stop","namespace":"another"}"#,
+        ] {
+            assert!(order(json).is_err(), "{json}");
+        }
+        let words = order(r#"{"command":"inject","target":"--namespace=another","kind":"step"}"#).unwrap();
+        assert_eq!(
+            words,
+            ["inject", "--namespace=here", "--", "--namespace=another", "step"],
+            "a target, and no good one"
+        );
+    }
+}

@@ -1,0 +1,224 @@
+//! Requests of HTTP, and the websocket of the page.
+
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
+use axum::extract::{ConnectInfo, DefaultBodyLimit, Request, State, WebSocketUpgrade};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{Html, IntoResponse, Response};
+use axum::routing::{get, post};
+use tokio::sync::broadcast::error::RecvError;
+
+use crate::access::{self, Access, Asked, Refused};
+use crate::document::Document;
+use crate::foxglove;
+use crate::hub::Hub;
+use crate::orders::{Answer, Order};
+use crate::page;
+use crate::player::{PlayOrder, Player};
+use crate::socket::send;
+
+/// Path of Foxglove's websocket.
+const FOXGLOVE: &str = "/foxglove";
+/// Type of an order and of its answer.
+const JSON: &str = "application/json";
+/// Longest request \[bytes\].
+const BODY_BYTES: usize = 16 << 10;
+/// Longest message of a websocket's client \[bytes\].
+const MESSAGE_BYTES: usize = 64 << 10;
+/// Time between two looks at the end of the server.
+const LOOK: Duration = Duration::from_millis(100);
+/// Longest wait for orders that are being carried out at the end.
+const LAST_ANSWERS: Duration = Duration::from_secs(5);
+/// Time for the last frames to reach the clients.
+const LAST_FRAMES: Duration = Duration::from_millis(300);
+
+/// Content of a server.
+#[derive(Clone)]
+pub enum Content {
+    /// Flights under way.
+    Live,
+    Recorded(Arc<Player>),
+    Document(Arc<Document>),
+}
+
+#[derive(Clone)]
+struct Context {
+    access: Arc<Access>,
+    hub: Arc<Hub>,
+    content: Content,
+    own: SocketAddr,
+}
+
+/// Serves until the hub is closed.
+pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content: Content) -> anyhow::Result<()> {
+    let context = Context { access: Arc::new(access), hub: hub.clone(), content, own: listener.local_addr()? };
+    let routes = Router::new()
+        .route("/", get(whole_page))
+        .route("/ws", get(follow))
+        .route(FOXGLOVE, get(foxglove_socket))
+        .route("/command", post(command))
+        .layer(DefaultBodyLimit::max(BODY_BYTES))
+        .layer(middleware::from_fn_with_state(context.clone(), check))
+        .with_state(context);
+    let listener = tokio::net::TcpListener::from_std(listener)?;
+    let closed = async move {
+        while !hub.is_closed() {
+            tokio::time::sleep(LOOK).await;
+        }
+        // The answer to `stop` comes when the flight is gone.
+        let deadline = Instant::now() + LAST_ANSWERS;
+        while hub.orders.load(Ordering::Relaxed) > 0 && Instant::now() < deadline {
+            tokio::time::sleep(LOOK).await;
+        }
+        tokio::time::sleep(LAST_FRAMES).await;
+    };
+    let service = routes.into_make_service_with_connect_info::<SocketAddr>();
+    // Not a graceful shutdown: that would wait for every browser.
+    tokio::select! {
+        served = std::future::IntoFuture::into_future(axum::serve(listener, service)) => served?,
+        () = closed => {}
+    }
+    Ok(())
+}
+
+/// Lets requests pass that may, whatever their path, and adds to all answers what a browser must know.
+async fn check(
+    State(context): State<Context>,
+    ConnectInfo(peer): ConnectInfo<SocketAddr>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let mut response = match context.judge(peer, &request) {
+        Ok(()) => next.run(request).await,
+        Err(refused) => {
+            let code = if refused == Refused::Token { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
+            (code, refused.describe()).into_response()
+        }
+    };
+    for (name, value) in [
+        (header::CACHE_CONTROL, "no-store"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::X_FRAME_OPTIONS, "DENY"),
+    ] {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+impl Context {
+    /// Decides on a request from `peer`.
+    fn judge(&self, peer: SocketAddr, request: &Request) -> Result<(), Refused> {
+        let text = |name: HeaderName| request.headers().get(name).and_then(|value| value.to_str().ok());
+        let asked = Asked {
+            host: text(header::HOST),
+            origin: text(header::ORIGIN),
+            authorization: text(header::AUTHORIZATION),
+            query: request.uri().query(),
+            is_foxglove: request.uri().path() == FOXGLOVE,
+        };
+        self.access.check(&asked, || access::user_of(peer, self.own))
+    }
+
+    /// Carries out an order to the flight under way.
+    async fn carry_out(&self, order: Order) -> Answer {
+        let refused = |said: String| Answer { line: String::new(), ok: false, said };
+        let Some(namespace) = self.hub.namespace() else { return refused("no stack is flying".into()) };
+        self.hub.orders.fetch_add(1, Ordering::Relaxed);
+        let done = tokio::task::spawn_blocking(move || order.run(&namespace)).await;
+        self.hub.orders.fetch_sub(1, Ordering::Relaxed);
+        done.unwrap_or_else(|error| refused(error.to_string()))
+    }
+}
+
+async fn whole_page(State(context): State<Context>) -> Response {
+    let Ok(nonce) = access::random() else { return StatusCode::INTERNAL_SERVER_ERROR.into_response() };
+    let html = match &context.content {
+        Content::Live => page::page(page::Shown::Live, &nonce),
+        Content::Recorded(_) => page::page(page::Shown::Recorded, &nonce),
+        Content::Document(document) => document.page(&nonce),
+    };
+    let mut response = Html(html).into_response();
+    if let Ok(policy) = HeaderValue::from_str(&page::policy(&nonce)) {
+        response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
+    }
+    response
+}
+
+/// Carries out an order of the page, in JSON, in a thread of its own. A form of another website can send no JSON.
+async fn command(State(context): State<Context>, headers: HeaderMap, body: Bytes) -> Response {
+    if headers.get(header::CONTENT_TYPE).is_none_or(|kind| kind != JSON) {
+        return (StatusCode::UNSUPPORTED_MEDIA_TYPE, "an order is JSON").into_response();
+    }
+    let (of, answer) = match &context.content {
+        Content::Live => match serde_json::from_slice(&body) {
+            Ok(order) => ("a flight under way", Ok(context.carry_out(order).await)),
+            Err(error) => ("a flight under way", Err(error)),
+        },
+        Content::Recorded(player) => {
+            let answer = serde_json::from_slice(&body).map(|order: PlayOrder| player.carry_out(&order));
+            ("a recorded flight", answer)
+        }
+        Content::Document(_) => return (StatusCode::NOT_FOUND, "a campaign takes no orders").into_response(),
+    };
+    match answer {
+        Ok(answer) => {
+            ([(header::CONTENT_TYPE, JSON)], serde_json::to_string(&answer).unwrap_or_default()).into_response()
+        }
+        Err(error) => (StatusCode::UNPROCESSABLE_ENTITY, format!("no order to {of}: {error}")).into_response(),
+    }
+}
+
+async fn follow(State(context): State<Context>, upgrade: WebSocketUpgrade) -> Response {
+    upgrade.max_message_size(MESSAGE_BYTES).on_upgrade(move |socket| send_frames(socket, context.hub))
+}
+
+async fn foxglove_socket(State(context): State<Context>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
+    let why = match context.content {
+        Content::Live => None,
+        Content::Recorded(_) => Some("the messages of a recorded flight are in its flight.mcap, which Foxglove opens"),
+        Content::Document(_) => Some("a campaign keeps no messages"),
+    };
+    if let Some(why) = why {
+        return (StatusCode::NOT_FOUND, why).into_response();
+    }
+    if !foxglove::is_spoken(&headers) {
+        let why = format!("a client of Foxglove's protocol offers one of {:?}", foxglove::PROTOCOLS);
+        return (StatusCode::BAD_REQUEST, why).into_response();
+    }
+    let upgrade = upgrade.protocols(foxglove::PROTOCOLS).max_message_size(MESSAGE_BYTES);
+    upgrade.on_upgrade(move |socket| foxglove::serve(socket, context.hub))
+}
+
+/// Sends a page what it must know, and then every frame, until it leaves or does not read.
+async fn send_frames(mut socket: WebSocket, hub: Arc<Hub>) {
+    let (first, mut frames) = hub.join();
+    for frame in first {
+        if !send(&mut socket, Message::Text(frame)).await {
+            return;
+        }
+    }
+    loop {
+        let frame: Utf8Bytes = tokio::select! {
+            frame = frames.recv() => match frame {
+                Ok(frame) => frame,
+                Err(RecvError::Lagged(_)) => continue, // the oldest are lost
+                Err(RecvError::Closed) => return,
+            },
+            received = socket.recv() => match received {
+                Some(Ok(_)) => continue, // the page has nothing to say
+                Some(Err(_)) | None => return,
+            },
+        };
+        if !send(&mut socket, Message::Text(frame)).await {
+            return;
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Result of one check.
+
+use serde::Serialize;
+
+/// Weight of a finding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// A flight has what it needs.
+    Ok,
+    /// A flight gets what it asks for, but its timing may suffer.
+    Warn,
+    /// A flight does not get what its scenario asks for.
+    Bad,
+    /// The file that tells it cannot be read, or does not exist.
+    Unknown,
+}
+
+impl Level {
+    /// Returns the word that is printed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Warn => "warn",
+            Self::Bad => "bad",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// Result of one check.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// Name of the check.
+    pub check: &'static str,
+    /// Weight.
+    pub level: Level,
+    /// State of the machine.
+    pub found: String,
+    /// Consequence for a flight; empty if there is none to tell.
+    pub means: String,
+    /// Command or setting that changes it; `None` if it is fine, or if nothing on this machine changes it.
+    pub remedy: Option<String>,
+}
+
+impl Finding {
+    /// Returns a finding without a remedy.
+    pub fn new(check: &'static str, level: Level, found: impl Into<String>, means: impl Into<String>) -> Self {
+        Self { check, level, found: found.into(), means: means.into(), remedy: None }
+    }
+
+    /// Returns the finding with the command that changes it.
+    #[must_use]
+    pub fn remedy(self, remedy: impl Into<String>) -> Self {
+        Self { remedy: Some(remedy.into()), ..self }
+    }
+
+    /// Returns the finding in lines for a terminal: what was found, what it means, and what to do.
+    pub fn lines(&self) -> Vec<String> {
+        let remedy = self.remedy.as_ref().map(|remedy| format!("do: {remedy}"));
+        let rest = [Some(self.means.clone()), remedy].into_iter().flatten().filter(|line| !line.is_empty());
+        [self.found.clone()].into_iter().chain(rest).collect()
+    }
+
+    /// Returns the finding in one line, as the text of an error.
+    pub fn line(&self) -> String {
+        let parts = [Some(&self.found), Some(&self.means), self.remedy.as_ref()];
+        let parts = parts.into_iter().flatten().filter(|part| !part.is_empty()).cloned();
+        parts.collect::<Vec<_>>().join("; ")
+    }
+}

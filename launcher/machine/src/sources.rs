@@ -1,0 +1,106 @@
+//! Files in which the kernel tells the state of the machine.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Place of a capability in `CapEff`: change of scheduling.
+pub const CAP_SYS_NICE: u32 = 23;
+/// Place of a capability in `CapEff`: locked memory beyond the limit.
+pub const CAP_IPC_LOCK: u32 = 14;
+
+/// Machine whose files lie below a root folder; that is `/`, except in tests.
+#[derive(Debug, Clone)]
+pub struct Machine {
+    root: PathBuf,
+}
+
+/// Limit on a resource of this process; `None` in either field: unlimited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limit {
+    /// Limit in force.
+    pub soft: Option<u64>,
+    /// Limit up to which the process may raise it itself.
+    pub hard: Option<u64>,
+}
+
+impl Machine {
+    /// Returns the machine that this program runs on.
+    pub fn this() -> Self {
+        Self::below("/")
+    }
+
+    /// Returns the machine whose files lie below `root`.
+    pub fn below(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// Path of a file, which is given without a slash at its beginning.
+    pub fn path(&self, path: impl AsRef<Path>) -> PathBuf {
+        self.root.join(path)
+    }
+
+    /// Reads a text without the blanks around it; `None` if the file cannot be read.
+    pub fn text(&self, path: impl AsRef<Path>) -> Option<String> {
+        Some(String::from_utf8_lossy(&self.bytes(path)?).trim().to_owned())
+    }
+
+    /// Reads a number; `None` if the file cannot be read, or holds anything else.
+    pub fn number(&self, path: impl AsRef<Path>) -> Option<i64> {
+        self.text(path)?.parse().ok()
+    }
+
+    /// Reads a file; `None` if it cannot be read.
+    pub fn bytes(&self, path: impl AsRef<Path>) -> Option<Vec<u8>> {
+        fs::read(self.path(path)).ok()
+    }
+
+    /// Lists the entries of a folder whose names are `prefix` and a number, by number; empty if it cannot be read.
+    pub fn numbered(&self, folder: &str, prefix: &str) -> Vec<(usize, PathBuf)> {
+        let entries = fs::read_dir(self.path(folder)).into_iter().flatten().flatten();
+        let number = |entry: &fs::DirEntry| entry.file_name().to_str()?.strip_prefix(prefix)?.parse().ok();
+        let mut found: Vec<_> = entries.filter_map(|entry| Some((number(&entry)?, entry.path()))).collect();
+        found.sort();
+        found
+    }
+
+    /// Returns a limit of this process by its name in `/proc/self/limits`; `None` if it cannot be read.
+    pub fn limit(&self, name: &str) -> Option<Limit> {
+        let text = self.text("proc/self/limits")?;
+        let mut words = text.lines().find_map(|line| line.strip_prefix(name))?.split_whitespace();
+        let mut value = || match words.next()? {
+            "unlimited" => Some(None),
+            number => Some(Some(number.parse().ok()?)),
+        };
+        Some(Limit { soft: value()?, hard: value()? })
+    }
+
+    /// Returns the first word of a field of `/proc/self/status`; `name` ends with its colon.
+    pub fn status(&self, name: &str) -> Option<String> {
+        let text = self.text("proc/self/status")?;
+        text.lines().find_map(|line| line.strip_prefix(name))?.split_whitespace().next().map(str::to_owned)
+    }
+
+    /// Returns whether this process has a capability; `None` if it cannot be read. In a user namespace it has none that
+    /// counts here: the kernel asks for those of the system.
+    pub fn has_capability(&self, place: u32) -> Option<bool> {
+        let effective = u64::from_str_radix(&self.status("CapEff:")?, 16).ok()?;
+        let map = self.text("proc/self/uid_map")?;
+        let is_system = map.split_whitespace().eq(["0", "0", "4294967295"]);
+        Some(is_system && effective & (1 << place) != 0)
+    }
+
+    /// Lists the processors that this process may use; `None` if it cannot be read.
+    pub fn allowed_cpus(&self) -> Option<Vec<usize>> {
+        cpu_list(&self.status("Cpus_allowed_list:")?)
+    }
+}
+
+/// Parses the kernel's list of processors, such as `0-3,8`; `None` if it is none.
+pub fn cpu_list(text: &str) -> Option<Vec<usize>> {
+    let range = |range: &str| {
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        Some(first.parse::<usize>().ok()?..=last.parse().ok()?)
+    };
+    let ranges = text.split(',').map(str::trim).filter(|part| !part.is_empty()).map(range);
+    Some(ranges.collect::<Option<Vec<_>>>()?.into_iter().flatten().collect())
+}

@@ -1,0 +1,183 @@
+//! Examples and exit codes of every command, for `--help`, the manual pages and the page of commands.
+
+use clap::builder::StyledStr;
+use clap::{Command, CommandFactory, Parser};
+use contract::exit;
+use flight::provenance::Program;
+
+/// Meaning of each exit code, for every command that does not give it another.
+pub const EXITS: [(u8, &str); 6] = [
+    (exit::FLOWN, "done"),
+    (exit::OUT_OF_BOUNDS, "flown, but diverged, outside the flight's bounds, or without a swap that was asked for"),
+    (exit::USAGE, "usage or scenario error, or a lack of system resources, with the reason"),
+    (
+        exit::PROCESS_LOST,
+        "a process or the log was lost, messages were missed, or results could not be written or printed",
+    ),
+    (exit::BUDGET_BROKEN, "a deadline with the policy `stop` was missed"),
+    (exit::INTERRUPTED, "interrupted"),
+];
+
+/// Help on one command.
+pub struct Help {
+    /// Words of the command after `launcher`.
+    pub command: &'static str,
+    /// Examples, as typed after `launcher`.
+    pub examples: &'static [&'static str],
+    /// Exit codes besides 0 and 2 of [`EXITS`]; an empty meaning is the one there.
+    pub exits: &'static [(u8, &'static str)],
+}
+
+const fn help(command: &'static str, examples: &'static [&'static str]) -> Help {
+    Help { command, examples, exits: &[] }
+}
+
+/// Exit codes of a command that flies.
+const FLIES: &[(u8, &str)] = &[
+    (exit::FLOWN, "flown, inside its bounds"),
+    (exit::OUT_OF_BOUNDS, ""),
+    (exit::PROCESS_LOST, ""),
+    (exit::BUDGET_BROKEN, ""),
+    (exit::INTERRUPTED, ""),
+];
+/// Exit codes of a command that measures.
+const MEASURES: &[(u8, &str)] = &[
+    (exit::FLOWN, "no target is missed"),
+    (exit::OUT_OF_BOUNDS, "a target is missed"),
+    (exit::PROCESS_LOST, "results could not be written or printed"),
+    (exit::INTERRUPTED, ""),
+];
+
+/// Help on every command that users run, in the order of the list of commands.
+#[rustfmt::skip]
+pub const HELP: &[Help] = &[
+    Help {
+        command: "fly",
+        examples: &[
+            "fly", "fly wind --mode inprocess", "fly scenarios/faults/swap-law.toml --mode lockstep --out runs/swap",
+            "fly --set run.duration_s=20 --set profile=paper",
+        ],
+        exits: FLIES,
+    },
+    help("new", &["new my-controller --lang c", "new my-guidance --lang c --node guidance"]),
+    help("check", &["check survey", "check mine.toml --set mpc.np=30"]),
+    Help {
+        command: "doctor",
+        examples: &["doctor", "doctor scenarios/survey.toml --json"],
+        exits: &[(exit::FLOWN, "a flight gets what it asks for"), (exit::OUT_OF_BOUNDS, "it does not")],
+    },
+    help("report", &["report runs/survey", "report runs/survey --from 10s --to 12s"]),
+    Help {
+        command: "replay",
+        examples: &["replay runs/survey", "replay runs/survey --node mixer", "replay runs/survey --web"],
+        exits: &[(exit::FLOWN, "the same bits, or the answers of other settings"), (exit::OUT_OF_BOUNDS, "a difference, nothing compared, or a log that is not all of the flight")],
+    },
+    Help {
+        command: "explain",
+        examples: &["explain runs/survey"],
+        exits: &[(exit::OUT_OF_BOUNDS, "the log is not all of the flight")],
+    },
+    help("compare", &["compare runs/a runs/b", "compare runs/a runs/b runs/c --out three.html"]),
+    help("trace", &["trace runs/survey"]),
+    help("status", &["status", "status --watch"]),
+    Help {
+        command: "swap",
+        examples: &["swap attitude-mpc --set mpc.law=lqr", "swap mixer --exec ./my-mixer --standby 2s"],
+        exits: &[
+            (exit::FLOWN, "the candidate stays"),
+            (exit::OUT_OF_BOUNDS, "the candidate was removed, and the old process is active"),
+            (exit::PROCESS_LOST, "the flight ended first"),
+        ],
+    },
+    help("inject", &["inject controls drop --for 500ms", "inject wind step --vector 5,0,0 --for 2s"]),
+    help("clear", &["clear", "clear controls"]),
+    help("web", &["web", "web 0.0.0.0:8080 --token"]),
+    help("mavlink", &["mavlink udpout:127.0.0.1:14550"]),
+    help("stop", &["stop", "stop --namespace mine"]),
+    Help {
+        command: "campaign",
+        examples: &["campaign fifty-seeds", "campaign fifty-seeds --web", "campaign mine.toml --plan", "campaign mine.toml --only 17"],
+        exits: &[
+            (exit::OUT_OF_BOUNDS, "flights could not be flown (invalid), or a promise is broken"),
+            (exit::PROCESS_LOST, "shards are missing, or results could not be written"),
+            (exit::INTERRUPTED, "interrupted: what is complete is kept"),
+        ],
+    },
+    Help {
+        command: "campaign shard",
+        examples: &["campaign shard mine.toml --index 0 --of 10"],
+        exits: &[(exit::PROCESS_LOST, "the shard could not be written"), (exit::INTERRUPTED, "")],
+    },
+    Help { command: "tune", examples: &["tune laws", "tune mine.toml --controller pid"], exits: &[(exit::INTERRUPTED, "")] },
+    help("export", &["export runs/survey --to parquet", "export runs/survey --to csv --from 10s --for 2s"]),
+    help("export fmu", &["export fmu", "export fmu wind --out wind.fmu"]),
+    Help { command: "measure mpc", examples: &["measure mpc"], exits: MEASURES },
+    Help { command: "measure faults", examples: &["measure faults"], exits: MEASURES },
+    Help { command: "measure kills", examples: &["measure kills"], exits: MEASURES },
+    Help { command: "measure laws", examples: &["measure laws"], exits: MEASURES },
+    Help { command: "measure conditions", examples: &["measure conditions"], exits: MEASURES },
+    Help { command: "measure sensitivity", examples: &["measure sensitivity"], exits: MEASURES },
+    Help { command: "measure replay", examples: &["measure replay"], exits: MEASURES },
+    Help { command: "measure timing", examples: &["measure timing"], exits: MEASURES },
+    help("scenarios", &["scenarios", "scenarios faults/swap-law"]),
+    help("runs", &["runs", "runs results"]),
+    help("schema", &["schema scenario", "schema campaign"]),
+    help("completions", &["completions bash"]),
+    help("man", &["man man1"]),
+    Help {
+        command: "node",
+        examples: &["node mixer --namespace default"],
+        exits: &[(exit::PROCESS_LOST, ""), (exit::BUDGET_BROKEN, "")],
+    },
+];
+
+impl Help {
+    /// Exit codes of the command with their meanings, in order.
+    pub fn exit_codes(&self) -> Vec<(u8, &'static str)> {
+        let usual = |code| EXITS.iter().find(|(of, _)| *of == code).map_or("", |(_, meaning)| meaning);
+        let others = self.exits.iter().map(|(code, own)| (*code, if own.is_empty() { usual(*code) } else { *own }));
+        let is_own = |code| self.exits.iter().any(|(of, _)| *of == code);
+        let usual_ones =
+            [exit::FLOWN, exit::USAGE].into_iter().filter(|code| !is_own(*code)).map(|code| (code, usual(code)));
+        let mut all: Vec<_> = usual_ones.chain(others).collect();
+        all.sort_by_key(|(code, _)| *code);
+        all
+    }
+
+    /// Formats examples and exit codes below what the command says itself.
+    fn below(&self, own: Option<&StyledStr>) -> String {
+        let own = own.map_or(String::new(), |own| format!("{own}\n\n"));
+        let examples: String =
+            self.examples.iter().fold(String::new(), |all, example| all + "  launcher " + example + "\n");
+        let codes: Vec<String> = self.exit_codes().iter().map(|(code, meaning)| format!("{code} {meaning}")).collect();
+        format!("{own}Examples:\n{examples}\nExit codes: {}.", codes.join("; "))
+    }
+}
+
+/// Returns the command line of `C` with version, examples and exit codes.
+pub fn command<C: CommandFactory>() -> Command {
+    let Program { version, commit, changed } = Program::this();
+    let changed = if changed { ", with changed sources" } else { "" };
+    let commit = commit.map(|commit| commit.get(..12).map_or(commit.clone(), str::to_owned));
+    let version = commit.map_or(version.clone(), |commit| format!("{version} (commit {commit}{changed})"));
+    let command = C::command().version(&*version.leak());
+    HELP.iter().fold(command, |command, help| add(command, &help.command.split(' ').collect::<Vec<_>>(), help))
+}
+
+/// Adds `help` to the command that is reached by the names in `path`.
+fn add(command: Command, path: &[&str], help: &Help) -> Command {
+    match path {
+        [] => {
+            let below = help.below(command.get_after_help());
+            command.after_help(below)
+        }
+        [name, rest @ ..] => command.mut_subcommand(name, |inner| add(inner, rest, help)),
+    }
+}
+
+/// Parses the arguments of this process.
+pub fn parse<C: Parser>() -> Result<C, clap::Error> {
+    let mut command = command::<C>();
+    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+    C::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}

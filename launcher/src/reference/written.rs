@@ -1,0 +1,73 @@
+//! docs/reference/run-json.md and events.md: what a flight writes.
+
+use super::is_generated;
+use super::page::{Field, Object, head, meanings, objects, row, text, type_of};
+
+const RUN: &str = "# run.json
+
+This page is for users who read the record of a flight by a program. It is generated from
+[`run_record.rs`](../../launcher/outcome/src/run_record.rs); a test compares. `launcher schema run` prints the JSON Schema
+([`run.json`](../schema/run.json)). `[]` stands for each element of a list, `*` for each name, such as that of a node. Fields
+may be added within a version (`provenance.schema_version`); a reader ignores those that it does not know.
+";
+
+const EVENTS: &str = "# Events
+
+This page is for users who read the events of a flight: in the table `events` of run.json, on the topic `/events` of
+`flight.mcap` ([log](log.md)), and in `launcher status --json`. It is generated from
+[`event.rs`](../../launcher/flight/src/event.rs); a test compares.
+";
+
+const HEADS: [&str; 3] = ["field", "type", "meaning"];
+
+fn rows(fields: &[Field], told: &mut Vec<String>) -> String {
+    let name = |field: &Field| field.key.rsplit('.').next().unwrap_or_default().to_owned();
+    let line = |field: &Field| row(&[&format!("`{}`", name(field)), &type_of(field.schema), text(field.schema)]);
+    head(&HEADS) + &fields.iter().map(line).collect::<String>() + &meanings(fields, told)
+}
+
+/// Names and descriptions of the fields of an object, by which objects of one type are known.
+fn form(object: &Object) -> Vec<(String, String)> {
+    let of = |field: &Field| (field.key.replacen(&object.key, "", 1), text(field.schema).to_owned());
+    object.fields.iter().map(of).collect()
+}
+
+#[test]
+fn the_pages_of_run_json_and_of_events_are_generated() {
+    let schema = outcome::run_record::schema();
+    let (mut run, mut events, mut seen) = (RUN.to_owned(), EVENTS.to_owned(), vec![]);
+    let mut told = vec![];
+    for object in objects(&schema).iter().filter(|object| !object.fields.is_empty()) {
+        let title = if object.key.is_empty() { "Top of the file".to_owned() } else { format!("`{}`", object.key) };
+        if object.key == "events[]" {
+            run += &format!("\n## {title}\n\n{} [Events](events.md) lists the fields.\n", object.about);
+            let is_kind = |field: &Field| field.key == "events[].what";
+            let (kinds, mut others): (Vec<Field>, Vec<Field>) = object.fields.iter().cloned().partition(is_kind);
+            others.iter_mut().for_each(|field| field.key = field.key.replace("events[].", ""));
+            events += "\n## Kinds\n\nThe field `what` says what happened.\n";
+            let kinds = meanings(&kinds, &mut vec![]);
+            events += kinds.split_once(":\n").map_or("", |(_, list)| list);
+            events += "\n## Fields\n\n";
+            events += &rows(&others, &mut vec![]);
+            continue;
+        }
+        run += &format!("\n## {title}\n\n{}\n\n", object.about);
+        let form = form(object);
+        if let Some((_, first)) = seen.iter().find(|(other, _)| *other == form) {
+            run += &format!("The fields are those of `{first}`.\n");
+        } else {
+            run += &rows(&object.fields, &mut told);
+            seen.push((form, object.key.clone()));
+        }
+    }
+    is_generated("docs/reference/run-json.md", &run);
+    is_generated("docs/reference/events.md", &events);
+}
+
+#[test]
+fn every_field_of_run_json_is_described() {
+    let schema = outcome::run_record::schema();
+    let all = objects(&schema);
+    let bare = all.iter().flat_map(|object| &object.fields).filter(|field| text(field.schema).is_empty());
+    assert_eq!(bare.map(|field| field.key.as_str()).collect::<Vec<_>>(), [""; 0]);
+}

@@ -1,0 +1,52 @@
+//! `scenarios`: lists the scenarios and campaigns that are part of the program, or prints one.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use flight::shipped::{Kind, Shipped};
+use runtime::console::{eprint_line, print};
+
+/// Arguments of `scenarios`.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Every command that takes a scenario or campaign file takes these names too. If there is a file of that \
+name, the file wins."
+)]
+pub struct ScenariosArgs {
+    /// Scenario or campaign to print
+    name: Option<PathBuf>,
+}
+
+/// Prints the list, or the scenario or campaign that is named.
+pub fn scenarios(args: &ScenariosArgs) -> anyhow::Result<()> {
+    let Some(name) = &args.name else {
+        print(&format!("{}\n{}", list("Scenarios", Kind::Scenario), list("Campaigns", Kind::Campaign)));
+        return Ok(());
+    };
+    // The list is of the program alone, so that a file of the same name is of no interest.
+    let named =
+        |kind| Shipped::all(kind).find(|shipped| [shipped.name(), shipped.path].map(Path::new).contains(&&**name));
+    let Some(shipped) = named(Kind::Scenario).or_else(|| named(Kind::Campaign)) else {
+        bail!("there is no scenario or campaign `{}`; `launcher scenarios` lists them", name.display());
+    };
+    print(shipped.text());
+    Ok(())
+}
+
+/// Lists the names of a kind, each with the first sentence of its comment.
+fn list(title: &str, kind: Kind) -> String {
+    let width = Shipped::all(kind).map(|shipped| shipped.name().len()).max().unwrap_or(0);
+    let line = |shipped: Shipped| format!("  {:width$}  {}\n", shipped.name(), first_sentence(&shipped.comment()));
+    Shipped::all(kind).map(line).fold(format!("{title}:\n"), |text, line| text + &line)
+}
+
+fn first_sentence(text: &str) -> &str {
+    text.split_once(". ").map_or(text, |(first, _)| first).trim_end_matches('.')
+}
+
+/// Says on stderr that `path` is a shipped file, if it is one.
+pub fn tell(kind: Kind, path: &Path) {
+    if let Some(shipped) = Shipped::find(kind, path) {
+        eprint_line(&format!("note: no file `{}`; {} is part of the launcher", path.display(), shipped.path));
+    }
+}

@@ -1,0 +1,277 @@
+//! `web` and `fly --web`: the live page of a flight, by a process of its own. `replay --web` and `campaign --web`:
+//! pages of a recorded flight and of a campaign under way, by the process of the command.
+//!
+//! `fly` opens the port, so that it can refuse to fly without it, and starts `launcher serve-page` with the port as its
+//! stdout. Namespace and token go through its stdin, because other users can read the arguments of a process. The end
+//! of stdin, with which the launcher ends, ends that process too.
+
+use std::io::Read;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread::Thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, ensure};
+use contract::exit;
+use flight::interrupts::catch_interrupts;
+use flight::own_program;
+use live::Source;
+use live::access::Access;
+use live::document::Document;
+use live::player::Player;
+use runtime::console::eprint_line;
+use serde::{Deserialize, Serialize};
+
+/// Port of an address that is given without one.
+const PORT: u16 = 8080;
+/// Niceness of the process: the ring and the recorder go first.
+const NICENESS: i32 = 10;
+/// Wait for the process to end with its flight. After that its stdin is closed, in case there was no flight.
+const END_LIMIT: Duration = Duration::from_millis(300);
+/// Longest wait for the process after that, in which it can tell its browsers.
+const LEAVE_LIMIT: Duration = Duration::from_secs(6);
+
+/// Arguments of `web`.
+#[derive(clap::Args)]
+#[command(
+    after_help = "The page also stands at /foxglove for Foxglove and Lichtblick (\"Open connection\", ws://ADDRESS/foxglove)."
+)]
+pub struct WebArgs {
+    /// Address of the page: ADDRESS:PORT, ADDRESS or PORT
+    #[arg(value_name = "ADDR", default_value = "127.0.0.1:8080", value_parser = address)]
+    address: SocketAddr,
+    /// Namespace of the stack; without it: the only one that flies
+    #[arg(long)]
+    namespace: Option<String>,
+    #[command(flatten)]
+    token: TokenArgs,
+}
+
+/// Argument that protects a page.
+#[derive(clap::Args, Clone, Default)]
+pub struct TokenArgs {
+    /// Require this token of every request; without TOKEN one is made. Always required off loopback
+    #[arg(long, value_name = "TOKEN", num_args = 0..=1, default_missing_value = "")]
+    token: Option<String>,
+}
+
+/// Reads an address: `127.0.0.1:8080`, `localhost:8080`, `0.0.0.0`, `9000`.
+pub fn address(text: &str) -> Result<SocketAddr, String> {
+    let named = text.strip_prefix("localhost").map(|rest| format!("127.0.0.1{rest}"));
+    let text = named.as_deref().unwrap_or(text);
+    let of_port = || text.parse().ok().map(|port| SocketAddr::new(Ipv4Addr::LOCALHOST.into(), port));
+    let of_ip = || text.parse().ok().map(|ip| SocketAddr::new(ip, PORT));
+    let address = text.parse().ok().or_else(of_port).or_else(of_ip);
+    address.ok_or_else(|| "no address; write 127.0.0.1:8080, 0.0.0.0:8080 or 8080, and a scenario before --web".into())
+}
+
+impl TokenArgs {
+    pub fn is_given(&self) -> bool {
+        self.token.is_some()
+    }
+
+    /// Opens the port.
+    fn open(&self, address: SocketAddr) -> anyhow::Result<(TcpListener, Access)> {
+        let taken = || format!("cannot open {address} for the page; give another address, for example {}", PORT + 1);
+        let listener = TcpListener::bind(address).with_context(taken)?;
+        let access = Access::new(listener.local_addr()?, self.token.clone())?;
+        Ok((listener, access))
+    }
+
+    /// Opens the port, and tells the user where the live page is.
+    fn open_live(&self, address: SocketAddr) -> anyhow::Result<(TcpListener, Access)> {
+        let (listener, access) = self.open(address)?;
+        eprint_line(&format!("live page: {}", access.url()));
+        Ok((listener, access))
+    }
+}
+
+/// Serves the page of a flight that runs already, and of those that follow it, until Ctrl-C.
+pub fn web(args: &WebArgs) -> anyhow::Result<u8> {
+    if let Some(namespace) = &args.namespace {
+        runtime::domain::check_name(namespace)?;
+    }
+    let (listener, access) = args.token.open_live(args.address)?;
+    let interrupts = catch_interrupts()?;
+    be_nice();
+    let source = Source::Flights { namespace: args.namespace.clone(), one_flight: false };
+    live::serve(listener, access, source, interrupts)?;
+    Ok(exit::FLOWN)
+}
+
+/// Port that is open for a page.
+pub struct OpenPage {
+    listener: TcpListener,
+    access: Access,
+}
+
+/// Time between two versions of a page, at least; a version that took long is followed by a longer pause.
+const VERSION_PERIOD: Duration = Duration::from_secs(2);
+/// Pause after a version, in times of what it took to make.
+const PAUSE_SHARE: u32 = 2;
+
+/// Tells the thread that makes a page that its task is over, when it is dropped.
+struct Over<'a> {
+    is_over: &'a AtomicBool,
+    maker: Thread,
+}
+
+impl Drop for Over<'_> {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Release);
+        self.maker.unpark();
+    }
+}
+
+impl OpenPage {
+    /// Serves what `render` makes while `task` runs: a first version at once, the next ones every two seconds at most
+    /// by a thread of low priority, and the last one when the task has ended.
+    pub fn while_running<T>(self, render: impl Fn() -> String + Sync, task: impl FnOnce() -> T) -> anyhow::Result<T> {
+        let document = Arc::new(Document::new(render()));
+        let is_over = AtomicBool::new(false);
+        eprint_line(&format!("page of the campaign: {}", self.access.url()));
+        std::thread::scope(|scope| {
+            let spawn = |name: &str| std::thread::Builder::new().name(name.into());
+            let (listener, access, served) = (self.listener, self.access, document.clone());
+            spawn("page-server").spawn_scoped(scope, move || {
+                be_nice();
+                if let Err(error) = live::serve_document(listener, access, served) {
+                    eprint_line(&format!("error: the page is no longer served: {error:#}"));
+                }
+            })?;
+            let maker = spawn("page-maker").spawn_scoped(scope, || {
+                be_nice();
+                let mut pause = VERSION_PERIOD;
+                loop {
+                    std::thread::park_timeout(pause);
+                    let (is_last, began) = (is_over.load(Ordering::Acquire), Instant::now());
+                    document.replace(render());
+                    if is_last {
+                        break;
+                    }
+                    pause = VERSION_PERIOD.max(began.elapsed() * PAUSE_SHARE);
+                }
+                document.close();
+            });
+            let maker = maker.inspect_err(|_| document.close())?;
+            let _over = Over { is_over: &is_over, maker: maker.thread().clone() }; // also if the task panics
+            Ok(task())
+        })
+    }
+
+    /// Opens the port for a command that has a page if `web` is given.
+    ///
+    /// # Errors
+    /// The port is taken, or a token is given without a page.
+    pub fn open(web: Option<SocketAddr>, token: &TokenArgs) -> anyhow::Result<Option<Self>> {
+        ensure!(web.is_some() || !token.is_given(), "--token protects the page of --web, and there is none");
+        let open = |address| token.open(address).map(|(listener, access)| Self { listener, access });
+        web.map(open).transpose()
+    }
+
+    /// Serves a recorded flight until Ctrl-C.
+    pub fn play(self, player: Player) -> anyhow::Result<()> {
+        let interrupts = catch_interrupts()?;
+        eprint_line(&format!("page of the flight, until Ctrl-C: {}", self.access.url()));
+        live::serve(self.listener, self.access, Source::Recorded(Arc::new(player)), interrupts)
+    }
+}
+
+/// Task of the process that serves the page of one flight.
+#[derive(Serialize, Deserialize)]
+struct Task {
+    namespace: String,
+    token: Option<String>,
+}
+
+/// Process that serves the page of a flight. Dropping it ends it.
+pub struct Page(Child);
+
+impl Page {
+    /// Opens the port, and starts the process, which waits for the flight in `namespace`.
+    pub fn start(address: SocketAddr, token: &TokenArgs, namespace: &str) -> anyhow::Result<Self> {
+        let (listener, access) = token.open_live(address)?;
+        let mut command = own_program();
+        command.arg("serve-page").stdin(Stdio::piped()).stdout(OwnedFd::from(listener));
+        command.process_group(0); // Ctrl-C is for the launcher
+        let mut child = command.spawn().context("cannot start the process of the page")?;
+        let task = Task { namespace: namespace.into(), token: access.token().map(str::to_owned) };
+        let stdin = child.stdin.as_mut().context("the process of the page has no stdin")?;
+        std::io::Write::write_all(stdin, (serde_json::to_string(&task)? + "\n").as_bytes())?;
+        Ok(Self(child))
+    }
+
+    /// Waits for the end of the process, no longer than `limit`; returns whether it has ended.
+    fn has_ended(&mut self, limit: Duration) -> bool {
+        let deadline = Instant::now() + limit;
+        while Instant::now() < deadline {
+            if !matches!(self.0.try_wait(), Ok(None)) {
+                return true;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        false
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        // It ends with the flight; without one, when its stdin is closed.
+        if !self.has_ended(END_LIMIT) {
+            drop(self.0.stdin.take());
+            self.has_ended(LEAVE_LIMIT);
+        }
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Serves the page of one flight, as a process that `fly --web` has started.
+pub fn serve_page() -> anyhow::Result<u8> {
+    let listener = TcpListener::from(std::io::stdout().as_fd().try_clone_to_owned()?);
+    let address = listener.local_addr().context("this command is for `launcher fly --web`")?;
+    let mut line = String::new();
+    std::io::stdin().read_line(&mut line)?;
+    ensure!(!line.is_empty(), "this command is for `launcher fly --web`");
+    let Task { namespace, token } = serde_json::from_str(&line)?;
+    let interrupts = Arc::new(AtomicU32::new(0));
+    let ends = interrupts.clone();
+    std::thread::Builder::new().name("lifeline".into()).spawn(move || {
+        let _ = std::io::stdin().read(&mut [0]); // returns when the launcher is gone
+        ends.fetch_add(1, Ordering::Relaxed);
+    })?;
+    be_nice();
+    let access = Access::new(address, token)?;
+    live::serve(listener, access, Source::Flights { namespace: Some(namespace), one_flight: true }, interrupts)?;
+    Ok(exit::FLOWN)
+}
+
+/// Lets others go first: lowers the priority of this thread and of those that it starts from now on. Fails only if the
+/// system forbids it, which harms no flight.
+fn be_nice() {
+    let _ = rustix::process::setpriority_process(None, NICENESS);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_may_lack_host_or_port() {
+        for (text, expected) in [
+            ("127.0.0.1:9000", "127.0.0.1:9000"),
+            ("9000", "127.0.0.1:9000"),
+            ("0.0.0.0", "0.0.0.0:8080"),
+            ("localhost:9000", "127.0.0.1:9000"),
+            ("localhost", "127.0.0.1:8080"),
+            ("[::1]:9000", "[::1]:9000"),
+        ] {
+            assert_eq!(address(text).map(|address| address.to_string()).as_deref(), Ok(expected), "{text}");
+        }
+        assert!(address("scenarios/survey.toml").unwrap_err().contains("a scenario before --web"));
+    }
+}

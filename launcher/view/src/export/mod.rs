@@ -1,0 +1,174 @@
+//! `export`: a run in the formats of other tools, read as the report reads it, also if it is incomplete.
+//!
+//! | format | what is written | by |
+//! |---|---|---|
+//! | CSV, Parquet | a table for each topic, `events`, `cycles` | `tables`, `csv`, `parquet` |
+//! | `ULog` | the same as topics of one file, and the topics of PX4 that fit | `ulog`, `px4` |
+//! | Perfetto | the trace of [`crate::trace`] | |
+//!
+//! A log is read once, message by message; nothing holds the whole flight in memory.
+
+mod csv;
+mod parquet;
+mod px4;
+mod sink;
+mod tables;
+mod ulog;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use contract::message::Stamp;
+use contract::scenario::Mode;
+use contract::{Scenario, Topic};
+use flight::dir::Dir;
+use flight::event::Event;
+use flight::log::{Count, Record};
+use outcome::recorded::{Part, Recorded};
+
+use crate::cycle::Cycle;
+use sink::Sink;
+use tables::Tables;
+use ulog::Ulog;
+
+/// Format of an export that is made from the messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    Csv,
+    Parquet,
+    Ulog,
+}
+
+/// Result of an export.
+#[derive(Debug)]
+pub struct Export {
+    /// Folder or file that was written.
+    pub out: PathBuf,
+    /// Notes for users: why the log does not cover the flight, and what was left out.
+    pub notes: Vec<String>,
+}
+
+/// Writes the `part` of the run at `log`, its `flight.mcap`, in a `format` to `out`; by default beside the log: into
+/// the folder `csv` or `parquet`, or as `flight.ulg`.
+///
+/// # Errors
+/// The log cannot be read, the part has no message, or the files cannot be written; then none of them is new.
+pub fn export(log: &Path, format: Format, part: Part, out: Option<PathBuf>) -> anyhow::Result<Export> {
+    let out = out.unwrap_or_else(|| {
+        log.with_file_name(match format {
+            Format::Csv => "csv",
+            Format::Parquet => "parquet",
+            Format::Ulog => "flight.ulg",
+        })
+    });
+    ensure!(log.exists(), "there is no {}; give the folder of a run that was flown with a log", log.display());
+    let cannot = || format!("cannot write {}: choose another place with --out", out.display());
+    let folder = match format {
+        Format::Csv | Format::Parquet => Dir::make(&out),
+        Format::Ulog => Dir::open(out.parent().unwrap_or(Path::new(""))),
+    };
+    let folder = folder.with_context(cannot)?;
+    let name = out.file_name().unwrap_or_default().to_string_lossy();
+    let begin = |scenario: &Scenario| -> anyhow::Result<Box<dyn Sink + '_>> {
+        Ok(match format {
+            Format::Csv => Box::new(Tables::<csv::Csv>::begin(&folder, scenario)?),
+            Format::Parquet => Box::new(Tables::<parquet::Parquet>::begin(&folder, scenario)?),
+            Format::Ulog => Box::new(Ulog::begin(&folder, &name, scenario)?),
+        })
+    };
+    // A folder that was made for nothing is removed; one with files stays.
+    let notes = write(log, part, begin, cannot).inspect_err(|_| _ = std::fs::remove_dir(&out))?;
+    Ok(Export { out, notes })
+}
+
+/// Reads the `part` of the run into the sink that `begin` makes; returns notes for users.
+fn write<'a>(
+    log: &Path,
+    part: Part,
+    begin: impl Fn(&Scenario) -> anyhow::Result<Box<dyn Sink + 'a>>,
+    cannot: impl Fn() -> String,
+) -> anyhow::Result<Vec<String>> {
+    let mut reading: Option<Reading<'a>> = None;
+    let mut failed = None;
+    // Messages before the part are read too: counters of a message tell the difference to the one before.
+    let read = Part { from_s: (part.from_s - Reading::BEFORE_S).max(0.0), to_s: part.to_s };
+    let recorded = Recorded::read_each(log, read, |scenario, record| {
+        if failed.is_none() {
+            let mut take = || {
+                let reading = match &mut reading {
+                    Some(reading) => reading,
+                    none => none.insert(Reading::new(begin(scenario)?, part, scenario)),
+                };
+                reading.message(record)
+            };
+            failed = take().err();
+        }
+    })?;
+    if let Some(error) = failed {
+        return Err(error.context(cannot()));
+    }
+    let reading = reading.filter(|reading| reading.messages > 0);
+    let reading = reading.with_context(|| {
+        let flown_s = recorded.run.flown_s;
+        format!("no message in this part: the flight lasted {flown_s:.2} s; choose another with --from and --for")
+    })?;
+    let left_out = reading.finish(&recorded.log.events).with_context(cannot)?;
+    let no_clock = (recorded.scenario.run.mode == Mode::Inprocess)
+        .then(|| "a flight in process has no clock, and so no cycles".to_owned());
+    Ok(recorded.missing().into_iter().chain(left_out).chain(no_clock).collect())
+}
+
+/// Reading of a part of a log into a sink.
+struct Reading<'a> {
+    sink: Box<dyn Sink + 'a>,
+    part: Part,
+    sample_s: f64,
+    /// `false` for a flight in process, which has no times.
+    has_clock: bool,
+    count: Count,
+    /// Newest counted message of each topic with the stamp before it, until the next one tells its CPU time.
+    open: [Option<(Stamp, Stamp)>; Topic::COUNT],
+    messages: u64,
+}
+
+impl<'a> Reading<'a> {
+    const BEFORE_S: f64 = 1.0;
+
+    fn new(sink: Box<dyn Sink + 'a>, part: Part, scenario: &Scenario) -> Self {
+        let has_clock = scenario.run.mode != Mode::Inprocess;
+        let (sample_s, count) = (scenario.sample_s(), Count::default());
+        Self { sink, part, sample_s, has_clock, count, open: [None; Topic::COUNT], messages: 0 }
+    }
+
+    fn message(&mut self, record: &Record) -> anyhow::Result<()> {
+        if self.has(record.stamp().tick) {
+            self.messages += 1;
+            self.sink.message(record)?;
+        }
+        let Some(before) = self.count.before(record).filter(|_| self.has_clock) else { return Ok(()) };
+        let stamp = *record.stamp();
+        let finished = self.open[record.topic() as usize].replace((stamp, before));
+        self.cycle(record.topic(), finished.as_ref(), Some(&stamp))
+    }
+
+    /// Adds a cycle that is finished: `after` is the stamp of the next message on its topic.
+    fn cycle(&mut self, topic: Topic, cycle: Option<&(Stamp, Stamp)>, after: Option<&Stamp>) -> anyhow::Result<()> {
+        let Some((stamp, before)) = cycle.filter(|(stamp, _)| self.has(stamp.tick)) else { return Ok(()) };
+        let after = after.filter(|after| after.epoch == stamp.epoch);
+        self.sink.cycle(topic, stamp, &Cycle::new(topic, stamp, before, after))
+    }
+
+    fn finish(mut self, events: &[Event]) -> anyhow::Result<Option<String>> {
+        for topic in Topic::ALL {
+            let last = self.open[topic as usize].take();
+            self.cycle(topic, last.as_ref(), None)?;
+        }
+        let ticks = self.part.ticks(self.sample_s);
+        events.iter().filter(|event| ticks.contains(&event.tick)).try_for_each(|event| self.sink.event(event))?;
+        self.sink.finish()
+    }
+
+    fn has(&self, tick: u64) -> bool {
+        self.part.ticks(self.sample_s).contains(&tick)
+    }
+}

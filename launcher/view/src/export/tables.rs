@@ -1,0 +1,186 @@
+//! The tables of a run: one for each topic, `events`, and `cycles`.
+//!
+//! A topic's table has a row for each message in the log, damaged ones and those of a process on standby too, with
+//! `time_s` first, then every field by its name in the log's schema, nested ones with dots. `status_name` is last where
+//! there is a status, and `is_intact` tells whether the checksum fits.
+
+use std::borrow::Cow;
+
+use contract::message::Stamp;
+use contract::{Scenario, Topic};
+use flight::dir::Dir;
+use flight::event::{Event, name};
+use flight::log::{Record, columns, status_name};
+use serde_json::json;
+
+use super::sink::Sink;
+use crate::cycle::Cycle;
+
+/// Type of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Count,
+    Number,
+    Text,
+}
+
+/// One value of a row.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cell<'a> {
+    None,
+    Count(u64),
+    Number(f64),
+    Text(Cow<'a, str>),
+}
+
+/// Name and type of each column of a table.
+pub type Columns = Vec<(String, Kind)>;
+
+/// Writer of the rows of one table.
+pub trait Rows<'a>: Sized {
+    /// Begins the table `name` in `folder`.
+    fn begin(folder: &'a Dir, name: &str, columns: &Columns) -> anyhow::Result<Self>;
+    /// Adds a row: a cell for each column.
+    fn row(&mut self, cells: &[Cell]) -> anyhow::Result<()>;
+    /// Puts the file in its place.
+    fn finish(self) -> anyhow::Result<()>;
+}
+
+/// All tables of a run.
+pub struct Tables<W> {
+    topics: [W; Topic::COUNT],
+    events: W,
+    cycles: W,
+    /// Kinds of the words of each topic.
+    words: [Vec<Kind>; Topic::COUNT],
+    sample_s: f64,
+}
+
+impl<'a, W: Rows<'a>> Tables<W> {
+    pub fn begin(folder: &'a Dir, scenario: &Scenario) -> anyhow::Result<Self> {
+        let topic = |topic: Topic| W::begin(folder, topic.name(), &topic_columns(topic));
+        let [state, reference, controls, actuators] = Topic::ALL.map(topic);
+        Ok(Self {
+            topics: [state?, reference?, controls?, actuators?],
+            events: W::begin(folder, "events", &named(&EVENT))?,
+            cycles: W::begin(folder, "cycles", &named(&CYCLE))?,
+            words: Topic::ALL.map(|topic| columns(topic).iter().map(|column| kind(column.is_count)).collect()),
+            sample_s: scenario.sample_s(),
+        })
+    }
+
+    fn time(&self, tick: u64) -> Cell<'static> {
+        Cell::Number(tick as f64 * self.sample_s)
+    }
+}
+
+const EVENT: [(&str, Kind); 12] = [
+    ("time_s", Kind::Number),
+    ("tick", Kind::Count),
+    ("node", Kind::Text),
+    ("epoch", Kind::Count),
+    ("what", Kind::Text),
+    ("why", Kind::Text),
+    ("swap", Kind::Count),
+    ("origin", Kind::Count),
+    ("by.pid", Kind::Count),
+    ("by.user", Kind::Count),
+    ("fault_number", Kind::Count),
+    ("fault", Kind::Text),
+];
+
+const CYCLE: [(&str, Kind); 13] = [
+    ("time_s", Kind::Number),
+    ("node", Kind::Text),
+    ("tick", Kind::Count),
+    ("sequence", Kind::Count),
+    ("epoch", Kind::Count),
+    ("delivery", Kind::Count),
+    ("release_us", Kind::Number),
+    ("wake_us", Kind::Number),
+    ("execution_us", Kind::Number),
+    ("response_us", Kind::Number),
+    ("cpu_us", Kind::Number),
+    ("slips", Kind::Count),
+    ("late", Kind::Count),
+];
+
+fn named(columns: &[(&str, Kind)]) -> Columns {
+    columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect()
+}
+
+fn kind(is_count: bool) -> Kind {
+    if is_count { Kind::Count } else { Kind::Number }
+}
+
+/// Returns the columns of a topic's table.
+fn topic_columns(topic: Topic) -> Columns {
+    let mut all = named(&[("time_s", Kind::Number)]);
+    all.extend(columns(topic).into_iter().map(|column| (column.name, kind(column.is_count))));
+    let status = matches!(topic, Topic::State | Topic::Controls).then_some(("status_name", Kind::Text));
+    all.extend(named(&status.into_iter().chain([("is_intact", Kind::Count)]).collect::<Vec<_>>()));
+    all
+}
+
+impl<'a, W: Rows<'a>> Sink for Tables<W> {
+    fn message(&mut self, record: &Record) -> anyhow::Result<()> {
+        let topic = record.topic();
+        let mut row = vec![self.time(record.stamp().tick)];
+        row.extend(record.words().iter().zip(&self.words[topic as usize]).map(|(word, kind)| match kind {
+            Kind::Number => Cell::Number(f64::from_bits(*word)),
+            Kind::Count | Kind::Text => Cell::Count(*word),
+        }));
+        if matches!(topic, Topic::State | Topic::Controls) {
+            row.push(status_name(record).map_or(Cell::None, |name| Cell::Text(name.into())));
+        }
+        row.push(Cell::Count(record.is_intact().into()));
+        self.topics[topic as usize].row(&row)
+    }
+
+    fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &Cycle) -> anyhow::Result<()> {
+        let Cycle { release_us, wake_us, execution_us, response_us, cpu_us, slips, late } = *cycle;
+        let time = self.time(stamp.tick);
+        self.cycles.row(&[
+            time,
+            Cell::Text(topic.publisher().into()),
+            Cell::Count(stamp.tick),
+            Cell::Count(stamp.sequence),
+            Cell::Count(stamp.epoch),
+            Cell::Count(stamp.delivery),
+            Cell::Number(release_us),
+            Cell::Number(wake_us),
+            Cell::Number(execution_us),
+            Cell::Number(response_us),
+            cpu_us.map_or(Cell::None, Cell::Number),
+            Cell::Count(slips),
+            Cell::Count(late),
+        ])
+    }
+
+    fn event(&mut self, event: &Event) -> anyhow::Result<()> {
+        let count = |count: Option<u64>| count.map_or(Cell::None, Cell::Count);
+        let index = |index: Option<usize>| count(index.map(|index| index as u64));
+        let text = |text: &str| Cell::Text(text.to_owned().into());
+        let time = self.time(event.tick);
+        self.events.row(&[
+            time,
+            Cell::Count(event.tick),
+            text(&event.node),
+            Cell::Count(event.epoch.into()),
+            text(&name(event.what)),
+            event.why.as_deref().map_or(Cell::None, text),
+            index(event.swap),
+            index(event.origin),
+            count(event.by.map(|by| by.pid as u64)),
+            count(event.by.map(|by| by.user.into())),
+            index(event.fault.as_ref().map(|fault| fault.0)),
+            event.fault.as_ref().map_or(Cell::None, |fault| text(&json!(fault.1).to_string())),
+        ])
+    }
+
+    fn finish(self: Box<Self>) -> anyhow::Result<Option<String>> {
+        let Self { topics, events, cycles, .. } = *self;
+        topics.into_iter().chain([events, cycles]).try_for_each(W::finish)?;
+        Ok(None)
+    }
+}

@@ -1,0 +1,382 @@
+use nalgebra::{Matrix2, UnitQuaternion};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::*;
+use crate::filter::{Measured, SOURCES};
+use crate::state::{ACCELERATION_BIAS, Covariance, ERRORS, Error, POSITION, RATES_BIAS, VELOCITY, turn};
+
+const G_MPS2: f64 = 9.81;
+const DT_S: f64 = 0.005;
+/// Samples of the IMU from one fix, and one height or heading, to the next.
+const FIX: u64 = 20;
+const SLOW: u64 = 10;
+const DELAY: usize = 20;
+
+const NOISE: Noise = Noise {
+    specific_force_mps2: 0.3,
+    rates_radps: 0.001,
+    acceleration_bias_walk: 0.002,
+    rates_bias_walk: 0.0002,
+    position_m: Vector3::new(0.15, 0.15, 0.25),
+    velocity_mps: Vector3::new(0.05, 0.05, 0.1),
+    height_m: 0.1,
+    field: 0.02,
+    flow_mps: 0.1,
+};
+/// Deviations at the start: position, velocity, tilt, heading, biases of accelerometer and gyros.
+const START: [f64; 6] = [0.1, 0.05, 0.01, 0.03, 0.05, 0.01];
+
+/// Motion that is given by formulas: turns, climbs and accelerations up to half a g.
+fn truth(t_s: f64) -> State {
+    let wave = |size: f64, rate: f64, phase: f64| {
+        let angle = rate * t_s + phase;
+        (size * angle.sin(), size * rate * angle.cos())
+    };
+    let [x, y, z] = [wave(12.0, 0.6, 0.0), wave(8.0, 0.7, 1.0), wave(3.0, 0.5, 2.0)];
+    let [roll, pitch, yaw] = [wave(0.4, 1.1, 0.3), wave(0.3, 0.9, 1.2), wave(2.0, 0.3, 0.0)];
+    State {
+        position_m: Vector3::new(x.0, y.0, z.0),
+        velocity_mps: Vector3::new(x.1, y.1, z.1),
+        attitude: UnitQuaternion::from_euler_angles(roll.0, pitch.0, yaw.0),
+        ..State::default()
+    }
+}
+
+/// Flight with random errors along `path`, and its estimator.
+struct Flight {
+    path: fn(f64) -> State,
+    random: ChaCha8Rng,
+    biases: [Vector3<f64>; 2],
+    sample: u64,
+    navigation: Navigation,
+}
+
+impl Flight {
+    fn new(seed: u64, path: fn(f64) -> State, start: [f64; 6]) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut flown = path(0.0);
+        let [position, velocity, tilt, heading, acceleration, rates] = start;
+        flown.acceleration_bias_mps2 = draw(&mut random) * acceleration;
+        flown.rates_bias_radps = draw(&mut random) * rates;
+        let off = turn(draw(&mut random).component_mul(&Vector3::new(tilt, tilt, heading)));
+        let state = State {
+            position_m: flown.position_m + draw(&mut random) * position,
+            velocity_mps: flown.velocity_mps + draw(&mut random) * velocity,
+            attitude: off * flown.attitude,
+            ..State::default()
+        };
+        let filter = Filter::new(state, initial_covariance(&state.attitude, &start), NOISE, G_MPS2);
+        let biases = [flown.acceleration_bias_mps2, flown.rates_bias_radps];
+        Self { path, random, biases, sample: 0, navigation: Navigation::new(filter, DT_S, DELAY) }
+    }
+
+    /// Next sample of the IMU, with all that is measured at its end.
+    fn measure(&mut self) -> (Imu, Aiding) {
+        let at = |sample: f64| (self.path)(sample * DT_S);
+        let (before, middle) = (at(self.sample as f64), at(self.sample as f64 + 0.5));
+        self.sample += 1;
+        let now = at(self.sample as f64);
+        let random = &mut self.random;
+        let [acceleration_bias, rates_bias] = &mut self.biases;
+        *acceleration_bias += draw(random) * (NOISE.acceleration_bias_walk * DT_S.sqrt());
+        *rates_bias += draw(random) * (NOISE.rates_bias_walk * DT_S.sqrt());
+        let force = (now.velocity_mps - before.velocity_mps) / DT_S - Vector3::new(0.0, 0.0, G_MPS2);
+        let turned = (before.attitude.inverse() * now.attitude).scaled_axis() / DT_S;
+        let imu = Imu {
+            specific_force_mps2: middle.attitude.inverse() * force
+                + *acceleration_bias
+                + draw(random) * NOISE.specific_force_mps2,
+            rates_radps: turned + *rates_bias + draw(random) * NOISE.rates_radps,
+        };
+        let noisy = |random: &mut ChaCha8Rng, value: Vector3<f64>, noise: Vector3<f64>| {
+            value + draw(random).component_mul(&noise)
+        };
+        let field = Vector3::new(0.42, 0.0, 0.91);
+        let (fix, slow) = (self.sample.is_multiple_of(FIX), self.sample.is_multiple_of(SLOW));
+        let all = Aiding {
+            position_m: fix.then(|| noisy(random, now.position_m, NOISE.position_m)),
+            velocity_mps: fix.then(|| noisy(random, now.velocity_mps, NOISE.velocity_mps)),
+            height_m: slow.then(|| -now.position_m.z + draw(random).x * NOISE.height_m),
+            field: slow.then(|| now.attitude.inverse() * field + draw(random) * NOISE.field),
+            flow_mps: slow.then(|| (now.attitude.inverse() * now.velocity_mps + draw(random) * NOISE.flow_mps).xy()),
+        };
+        (imu, all)
+    }
+
+    fn step(&mut self) {
+        let (imu, aiding) = self.measure();
+        self.navigation.update(&imu, &aiding);
+    }
+
+    /// Error of the filter at its horizon. Its biases are those of now, which have hardly moved since.
+    fn error(&self) -> Error {
+        let [acceleration_bias_mps2, rates_bias_radps] = self.biases;
+        let horizon_s = (self.sample - DELAY as u64) as f64 * DT_S;
+        let flown = State { acceleration_bias_mps2, rates_bias_radps, ..(self.path)(horizon_s) };
+        self.navigation.filter.state.error_to(&flown)
+    }
+}
+
+fn draw(random: &mut ChaCha8Rng) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| StandardNormal.sample(random))
+}
+
+fn hover(_: f64) -> State {
+    State::default()
+}
+
+fn some_state() -> (State, Imu) {
+    let state = State {
+        position_m: Vector3::new(1.0, -2.0, 3.0),
+        velocity_mps: Vector3::new(4.0, 1.0, -2.0),
+        attitude: UnitQuaternion::from_euler_angles(0.3, -0.4, 2.0),
+        acceleration_bias_mps2: Vector3::new(0.1, -0.2, 0.05),
+        rates_bias_radps: Vector3::new(0.01, 0.02, -0.03),
+    };
+    (state, Imu { specific_force_mps2: Vector3::new(1.0, -2.0, -9.0), rates_radps: Vector3::new(1.0, -0.5, 2.0) })
+}
+
+/// Columns of the derivative of `f` by the error of a state.
+fn differences<const N: usize>(f: impl Fn(&Error) -> SVector<f64, N>) -> nalgebra::SMatrix<f64, N, ERRORS> {
+    let size = 1e-6;
+    let unit = |i: usize| Error::from_fn(|j, _| if i == j { size } else { 0.0 });
+    nalgebra::SMatrix::from_columns(&std::array::from_fn::<_, ERRORS, _>(|i| {
+        (f(&unit(i)) - f(&-unit(i))) / (2.0 * size)
+    }))
+}
+
+#[test]
+fn val_the_transition_is_the_derivative_of_the_motion_to_first_order() {
+    let (state, imu) = some_state();
+    let error = |dt_s: f64| {
+        let expected =
+            differences(|error| state.moved(&imu, dt_s, G_MPS2).error_to(&state.plus(error).moved(&imu, dt_s, G_MPS2)));
+        (state.transition(&imu, dt_s).times(&Covariance::identity()) - expected).abs().max()
+    };
+    assert!(error(0.004) < 2e-4, "{}", error(0.004));
+    let ratio = error(0.004) / error(0.002);
+    assert!(
+        (ratio - 4.0).abs() < 0.1,
+        "half the step has {ratio} times less error: what is left out is of second order"
+    );
+}
+
+#[test]
+fn val_jacobians_of_measurements_are_derivatives() {
+    let (state, _) = some_state();
+    let covariance = initial_covariance(&state.attitude, &START);
+    let at = |error: &Error| Filter::new(state.plus(error), covariance, NOISE, G_MPS2);
+    let field = state.attitude.inverse() * Vector3::new(0.42, 0.02, 0.91);
+    let velocity = Vector2::new(3.0, 1.0);
+    let heading = |error: &Error| at(error).heading(&field).expect("a horizontal field");
+    let Measured { jacobian, innovation, .. } = heading(&Error::zeros());
+    assert!((jacobian + differences(|error| heading(error).innovation)).abs().max() < 1e-6, "{jacobian}");
+    assert!(
+        (innovation[0] + (0.02_f64 / 0.42).atan()).abs() < 1e-12,
+        "a field turned to the east is a heading too low"
+    );
+    let flow = -differences(|error| at(error).flow(&velocity).innovation);
+    assert!((at(&Error::zeros()).flow(&velocity).jacobian - flow).abs().max() < 1e-6);
+}
+
+#[test]
+fn an_error_that_is_added_is_found_again() {
+    let (state, _) = some_state();
+    let error = Error::from_fn(|i, _| 0.01 * i as f64 - 0.05);
+    assert!((state.error_to(&state.plus(&error)) - error).norm() < 1e-12);
+}
+
+#[test]
+fn a_perfect_imu_gives_back_the_motion() {
+    let mut flight = Flight::new(1, truth, [1e-9; 6]);
+    let (mut state, mut before) = (truth(0.0), truth(0.0));
+    for sample in 1..=1000 {
+        let (now, middle) = (truth(f64::from(sample) * DT_S), truth((f64::from(sample) - 0.5) * DT_S));
+        let force = (now.velocity_mps - before.velocity_mps) / DT_S - Vector3::new(0.0, 0.0, G_MPS2);
+        let imu = Imu {
+            specific_force_mps2: middle.attitude.inverse() * force,
+            rates_radps: (before.attitude.inverse() * now.attitude).scaled_axis() / DT_S,
+        };
+        state = state.moved(&imu, DT_S, G_MPS2);
+        before = now;
+    }
+    let error = state.error_to(&before);
+    assert!(error.fixed_rows::<3>(POSITION).norm() < 2e-3 && error.fixed_rows::<6>(VELOCITY).norm() < 1e-3, "{error}");
+    flight.step();
+    assert!((flight.navigation.estimate(0.0).0.attitude.norm() - 1.0).abs() < 1e-12);
+}
+
+/// Asserts that a mean of `n` draws, each of chi-square of `freedom`, is within 4 standard deviations, or 5 % for what
+/// the linear model leaves out.
+fn check_mean(what: &str, mean: f64, freedom: f64, n: f64) {
+    let bound = (4.0 * (2.0 * freedom / n).sqrt()).max(0.05 * freedom);
+    assert!((mean - freedom).abs() < bound, "{what}: {mean} and not {freedom} +- {bound}");
+}
+
+/// Checks NEES and NIS over `seeds` flights of 15 s.
+fn check_consistency(seeds: u64) {
+    let checks = [4.0, 8.0, 15.0].map(|t_s: f64| (t_s / DT_S) as u64);
+    let mut nees = [0.0; 3];
+    let mut nis = [(0.0, 0.0); SOURCES];
+    let mut refused = 0.0;
+    for seed in 0..seeds {
+        let mut flight = Flight::new(seed, truth, START);
+        let mut seen = [0.0; SOURCES];
+        for sample in 1..=checks[2] {
+            flight.step();
+            let filter = &flight.navigation.filter;
+            for (source, (sum, n)) in Source::ALL.into_iter().zip(&mut nis) {
+                let record = filter.record(source);
+                let count = record.accepted + record.refused;
+                if count > seen[source as usize] {
+                    seen[source as usize] = count;
+                    (*sum, *n) = (*sum + record.nis, *n + 1.0);
+                }
+            }
+            if let Some(check) = checks.iter().position(|check| *check == sample) {
+                let error = flight.error();
+                let weighed = filter.covariance.cholesky().expect("a positive covariance").solve(&error);
+                nees[check] += error.dot(&weighed) / seeds as f64;
+            }
+        }
+        refused += Source::ALL.iter().map(|source| flight.navigation.filter.record(*source).refused).sum::<f64>();
+        assert!(Source::ALL.iter().all(|source| flight.navigation.filter.record(*source).resets == 0.0));
+        assert!((flight.navigation.filter.state.attitude.norm() - 1.0).abs() < 1e-12);
+    }
+    for (check, nees) in checks.iter().zip(nees) {
+        check_mean(&format!("NEES at {check}"), nees, 15.0, seeds as f64);
+    }
+    for ((source, (sum, n)), freedom) in Source::ALL.into_iter().zip(nis).zip([3.0, 3.0, 1.0, 1.0, 2.0]) {
+        check_mean(&format!("NIS of {source:?}"), sum / n, freedom, n);
+    }
+    let share = refused / nis.iter().map(|(_, n)| n).sum::<f64>();
+    assert!(share < 0.003, "the gates refuse {share} of sound measurements, and should 0.001");
+}
+
+#[test]
+fn val_errors_and_innovations_are_as_large_as_the_covariance_says() {
+    check_consistency(200);
+}
+
+#[test]
+fn val_in_hover_the_variance_of_the_height_is_that_of_a_riccati_equation_of_two_states() {
+    let start = [0.1, 0.05, 1e-6, 1e-6, 1e-6, 1e-6];
+    let noise = Noise { acceleration_bias_walk: 0.0, rates_bias_walk: 0.0, rates_radps: 0.0, ..NOISE };
+    let mut filter =
+        Filter::new(State::default(), initial_covariance(&UnitQuaternion::identity(), &start), noise, G_MPS2);
+    let still = Imu { specific_force_mps2: Vector3::new(0.0, 0.0, -G_MPS2), ..Imu::default() };
+    let mut p = Matrix2::new(0.01, 0.0, 0.0, 0.0025);
+    let f = Matrix2::new(1.0, DT_S, 0.0, 1.0);
+    for sample in 1..=6000 {
+        filter.predict(&still, DT_S);
+        p = f * p * f.transpose();
+        p[(1, 1)] += (NOISE.specific_force_mps2 * DT_S).powi(2);
+        if sample % FIX == 0 {
+            filter.fuse_position(Vector3::zeros());
+            filter.fuse_velocity(Vector3::zeros());
+            let r = Matrix2::new(NOISE.position_m.z.powi(2), 0.0, 0.0, NOISE.velocity_mps.z.powi(2));
+            p -= p * (p + r).try_inverse().expect("a positive matrix") * p;
+        }
+    }
+    for (state, expected) in [(POSITION + 2, p[(0, 0)]), (VELOCITY + 2, p[(1, 1)])] {
+        let variance = filter.covariance[(state, state)];
+        assert!((variance / expected - 1.0).abs() < 1e-3, "{state}: {variance} and not {expected}");
+    }
+    assert!(p[(0, 0)].sqrt() > 0.01 && p[(0, 0)].sqrt() < 0.1, "{}", p[(0, 0)].sqrt());
+}
+
+#[test]
+fn the_estimate_of_now_is_as_good_as_that_of_the_horizon() {
+    let mut flight = Flight::new(3, truth, START);
+    (0..4000).for_each(|_| flight.step());
+    let (now, _) = flight.navigation.estimate(0.0);
+    let off = now.error_to(&truth(flight.sample as f64 * DT_S));
+    assert!(off.fixed_rows::<3>(POSITION).norm() < 0.2 && off.fixed_rows::<3>(VELOCITY).norm() < 0.15, "{off}");
+    let (ahead, _) = flight.navigation.estimate(0.002);
+    assert!((ahead.position_m - now.position_m - now.velocity_mps * 0.002).norm() < 1e-4);
+}
+
+#[test]
+fn without_fixes_the_deviation_grows_with_the_error_and_the_next_fix_is_accepted() {
+    let mut flight = Flight::new(5, truth, START);
+    for sample in 0..5000_u32 {
+        let (imu, mut aiding) = flight.measure();
+        if (1500..3500).contains(&sample) {
+            (aiding.position_m, aiding.velocity_mps, aiding.flow_mps) = (None, None, None);
+        }
+        flight.navigation.update(&imu, &aiding);
+        if sample == 3490 {
+            let error = flight.error();
+            let deviation = flight.navigation.filter.covariance[(0, 0)].sqrt();
+            assert!(deviation > 0.5 && error[0].abs() < 4.0 * deviation, "{} and {deviation}", error[0]);
+        }
+    }
+    assert!(flight.error().fixed_rows::<3>(POSITION).norm() < 0.3);
+    assert!(Source::ALL.iter().all(|source| flight.navigation.filter.record(*source).resets == 0.0));
+}
+
+#[test]
+fn a_source_that_insists_resets_the_state_once() {
+    let mut flight = Flight::new(6, hover, START);
+    for sample in 0..4000_u32 {
+        let (imu, mut aiding) = flight.measure();
+        if sample >= 2000 {
+            aiding.position_m = aiding.position_m.map(|position| position + Vector3::new(30.0, 0.0, 0.0));
+        }
+        flight.navigation.update(&imu, &aiding);
+        if sample == 2300 {
+            assert!(flight.error()[0].abs() < 0.5, "the gate holds");
+        }
+    }
+    let record = flight.navigation.filter.record(Source::Position);
+    assert!(record.resets == 1.0 && record.refused >= 19.0, "{record:?}");
+    assert!((flight.error()[0] + 30.0).abs() < 0.5, "{}", flight.error()[0]);
+}
+
+#[test]
+fn no_input_makes_an_estimate_that_is_no_number() {
+    let wild = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 180.0, -4e3, 0.0];
+    for seed in 0..wild.len() * 4 {
+        let mut flight = Flight::new(seed as u64, truth, START);
+        for sample in 0..3000 {
+            let (mut imu, mut aiding) = flight.measure();
+            let value = wild[(seed + sample / 100) % wild.len()];
+            let bad = Vector3::new(value, 0.5, value);
+            if sample > 500 {
+                match seed % 4 {
+                    0 => imu.rates_radps = bad,
+                    1 => imu.specific_force_mps2 = bad,
+                    2 => (aiding.position_m, aiding.height_m, aiding.field) = (Some(bad), Some(value), Some(bad)),
+                    _ => (aiding.velocity_mps, aiding.flow_mps) = (Some(bad), Some(bad.xy())),
+                }
+            }
+            flight.navigation.update(&imu, &aiding);
+            let (state, rates) = flight.navigation.estimate(0.001);
+            let mut all_finite = rates.iter().all(|rate| rate.is_finite());
+            { state }.visit(&mut |number| all_finite &= number.is_finite());
+            assert!(all_finite, "seed {seed}, sample {sample}: {state:?}");
+        }
+        let covariance = flight.navigation.filter.covariance;
+        assert!(covariance.cholesky().is_some(), "seed {seed}: {covariance}");
+    }
+}
+
+#[test]
+fn an_estimator_with_the_memory_of_another_continues_bit_by_bit() {
+    let [mut first, mut second] = [7, 8].map(|seed| Flight::new(seed, truth, START));
+    (0..777).for_each(|_| first.step());
+    let mut memory = vec![];
+    first.navigation.visit(&mut |number| memory.push(number.to_bits()));
+    let mut words = memory.iter();
+    second.navigation.visit(&mut |number| *number = f64::from_bits(*words.next().expect("as many words")));
+    assert!(words.next().is_none());
+    for _ in 0..500 {
+        let (imu, aiding) = first.measure();
+        first.navigation.update(&imu, &aiding);
+        second.navigation.update(&imu, &aiding);
+    }
+    assert_eq!(first.navigation, second.navigation);
+    assert!(first.navigation.filter.covariance[(ACCELERATION_BIAS, RATES_BIAS)].is_finite());
+}

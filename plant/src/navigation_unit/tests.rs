@@ -1,0 +1,139 @@
+use contract::message::{Actuators, Stamp};
+use contract::scenario::{Fault, FaultKind, FaultTarget, SensorPreset, Sensors};
+use navigation::Source;
+use navigation::state::ATTITUDE;
+
+use super::*;
+use crate::Plant;
+
+/// Scenario with the sensors of `preset`, and the EKF.
+fn with(preset: SensorPreset) -> Scenario {
+    let mut scenario = Scenario::default();
+    scenario.plant.sensors = Sensors { filter: Choice::Ekf, ..Sensors::from(preset) };
+    scenario
+}
+
+/// Flies `scenario` for `ticks` near hover, with rotors that never rest; `look` sees every sample.
+fn fly(scenario: &Scenario, ticks: u64, mut look: impl FnMut(&Plant, &Kinematics, &Kinematics)) {
+    let mut plant = Plant::new(scenario);
+    let trim = plant.sample().command_in_force;
+    for tick in 1..=ticks {
+        let mut command = trim;
+        for (i, speed) in command.rotor_speed.iter_mut().enumerate() {
+            *speed *= 1.0 + 0.01 * (tick as f64 / 9.0 + i as f64).sin();
+        }
+        let stamp = Stamp { tick: tick - 1, sequence: tick, ..Stamp::default() };
+        plant.command(&Actuators { stamp, command, flags: 0 }, 0);
+        plant.advance(1).expect("the tricopter never fails");
+        let state = plant.sample();
+        look(&plant, &state.measured, &state.actual);
+    }
+}
+
+fn unit(plant: &Plant) -> &NavigationUnit {
+    plant.navigation.as_ref().expect("a unit")
+}
+
+/// Error of an estimate: position and velocity NED, attitude as a rotation vector in the estimate's body axes.
+fn error(measured: &Kinematics, actual: &Kinematics) -> nalgebra::SVector<f64, 9> {
+    state_of(measured).error_to(&state_of(actual)).fixed_rows::<9>(0).into_owned()
+}
+
+#[test]
+fn without_errors_the_estimate_is_the_motion() {
+    for rates in [(100, 250.0), (50, 1000.0), (400, 200.0), (100, 333.0)] {
+        let mut scenario = with(SensorPreset::Ideal);
+        (scenario.run.rate_hz, scenario.plant.sensors.imu.rate_hz) = rates;
+        fly(&scenario, u64::from(rates.0) * 2, |_, measured, actual| {
+            let off = error(measured, actual);
+            assert!(off.amax() < if rates.0 > 200 { 1e-2 } else { 1e-4 }, "{rates:?}: {off}");
+            let rates_off = Vector3::from(measured.rates_radps) - Vector3::from(actual.rates_radps);
+            assert!(rates_off.amax() < 0.05, "{rates:?}: {rates_off}");
+        });
+    }
+}
+
+#[test]
+fn val_errors_are_as_large_as_the_covariance_says() {
+    let seeds = 60;
+    let mut nees = 0.0;
+    for seed in 0..seeds {
+        let mut scenario = with(SensorPreset::Typical);
+        scenario.run.seed = seed;
+        let sensors = &mut scenario.plant.sensors;
+        // What the filter does not know.
+        (sensors.imu.scale, sensors.imu.misalignment_deg) = (0.0, 0.0);
+        (sensors.position.bias_walk, sensors.barometer.bias_walk) = ([0.0; 3], 0.0);
+        (sensors.magnetometer.disturbance, sensors.magnetometer.declination_error_deg) = (0.0, 0.0);
+        (sensors.position.latency_ms, sensors.velocity.latency_ms) = (0.0, 0.0);
+        fly(&scenario, 300, |plant, measured, actual| {
+            if plant.tick == 300 {
+                let covariance = unit(plant).navigation().filter().covariance.fixed_view::<9, 9>(0, 0).into_owned();
+                let off = error(measured, actual);
+                nees += off.dot(&covariance.cholesky().expect("a positive covariance").solve(&off)) / seeds as f64;
+            }
+        });
+    }
+    let bound = 4.0 * (2.0 * 9.0 / seeds as f64).sqrt();
+    assert!((nees - 9.0).abs() < bound, "{nees} and not 9 +- {bound}");
+}
+
+#[test]
+fn vibration_grows_with_the_rotor_speed() {
+    let deviation = |share: f64| {
+        let mut scenario = with(SensorPreset::Ideal);
+        scenario.plant.sensors.imu.vibration_mps2 = 0.5;
+        let (motion, mut actuators) = crate::vehicle::start(&scenario);
+        actuators.rotor_speed = actuators.rotor_speed.map(|speed| speed * share);
+        let mut random = Stream::Navigation.open(1);
+        let mut instruments = Instruments::new(&scenario, &motion, 4_000_000, &mut random);
+        let mut faults = SensorFaults::new(&scenario);
+        let n = 2000;
+        let squares = (1..=n).map(|k| {
+            let (imu, _) = instruments.measure(k * 4_000_000, &motion, &actuators, (k, &mut faults), &mut random);
+            let at_rest = state_of(&motion).attitude.inverse() * Vector3::new(0.0, 0.0, -scenario.airframe.g_mps2);
+            (imu.specific_force_mps2 - at_rest).norm_squared() / 3.0
+        });
+        (squares.sum::<f64>() / n as f64).sqrt()
+    };
+    assert!(deviation(0.0) < 1e-12);
+    assert!((deviation(1.0) / 0.5 - 1.0).abs() < 0.05 && (deviation(2.0) / 1.0 - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn no_fault_of_a_sensor_makes_an_estimate_that_is_no_number() {
+    let targets = [FaultTarget::Position, FaultTarget::Velocity, FaultTarget::Attitude, FaultTarget::Rates];
+    for (target, kind) in targets.iter().flat_map(|target| target.kinds().iter().map(move |kind| (*target, *kind))) {
+        let mut scenario = with(SensorPreset::Typical);
+        scenario.fault = vec![Fault::new(target, kind, 0.5, Some(2.5))];
+        fly(&scenario, 400, |_, measured, _| {
+            let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
+            let all = [position_m, velocity_mps, attitude_rad, rates_radps];
+            assert!(all.iter().all(|numbers| numbers.iter().all(|number| number.is_finite())), "{target:?} {kind:?}");
+        });
+    }
+}
+
+#[test]
+fn faults_act_on_the_sensors_and_the_estimate_bears_the_loss_of_the_receiver() {
+    let fault = |target, kind| Fault { value: Some(5.0), ..Fault::new(target, kind, 1.0, Some(1.5)) };
+    let flown = |faults: &[Fault]| {
+        let scenario = Scenario { fault: faults.to_vec(), ..with(SensorPreset::Typical) };
+        let (mut worst, mut refused, mut heading) = (0.0_f64, 0.0, 0.0_f64);
+        fly(&scenario, 300, |plant, measured, actual| {
+            let off = error(measured, actual);
+            worst = worst.max(off.fixed_rows::<3>(0).norm());
+            heading = heading.max(off.fixed_rows::<3>(ATTITUDE).norm());
+            refused = unit(plant).navigation().filter().record(Source::Position).refused;
+        });
+        (worst, refused, heading)
+    };
+    let (worst, refused, heading) = flown(&[]);
+    assert!(worst < 0.8 && refused < 2.0 && heading < 0.15, "{worst} {refused} {heading}");
+    let off = [FaultTarget::Position, FaultTarget::Velocity]
+        .map(|target| Fault { value: None, ..fault(target, FaultKind::Off) });
+    let (worst, refused, _) = flown(&off);
+    assert!(worst < 1.5 && refused < 2.0, "{worst} {refused}");
+    let (worst, refused, _) = flown(&[fault(FaultTarget::Position, FaultKind::Wrong)]);
+    assert!(worst < 0.8 && refused > 10.0, "5 m off are refused, not followed: {worst} {refused}");
+}

@@ -1,0 +1,123 @@
+//! One sensor with errors, a rate and a latency of its own.
+//!
+//! ```text
+//! truth -- every 1 / rate_hz --> + bias + noise -> quantum -- latency_ms --> measurement
+//! ```
+//!
+//! The noise is white: of a standard deviation (`plant.noise`), or of a density, one-sided as in data sheets, whose
+//! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a random value and
+//! walks from there. Between two measurements a sensor repeats the last one that arrived; the first has no latency.
+
+use std::collections::VecDeque;
+
+use contract::scenario::Sensor as Settings;
+use rand_chacha::ChaCha8Rng;
+
+use crate::memory::Tape;
+use crate::random::normal;
+
+/// Most measurements under way in a sensor: the longest latency at the highest rate.
+const UNDER_WAY: usize = 1024;
+
+/// Sensor of three numbers, in the units of its reader.
+#[derive(Debug, Clone)]
+pub struct Sensor {
+    /// Deviation of a measurement, per axis.
+    deviation: [f64; 3],
+    /// Deviation of the bias at the start, and of its walk in a sample, per axis.
+    bias_deviation: [f64; 3],
+    bias_step: [f64; 3],
+    quantum: [f64; 3],
+    /// Time between two measurements, and from a measurement to its arrival \[ns\].
+    period_ns: u64,
+    latency_ns: u64,
+    bias: Option<[f64; 3]>,
+    /// Time of the next measurement \[ns\].
+    due_ns: u64,
+    /// Measurements under way with the times of their arrival, oldest first.
+    under_way: VecDeque<(u64, [f64; 3])>,
+    /// Last measurement that arrived.
+    newest: Option<[f64; 3]>,
+}
+
+impl Sensor {
+    /// Builds a sensor that is read every `sample_ns`, with `noise` as the deviation of each measurement and the errors
+    /// of `settings`; `unit` converts the units of the settings to those of the reader.
+    pub fn new(settings: &Settings, noise: f64, unit: f64, sample_ns: u64) -> Self {
+        let own_ns = if settings.rate_hz > 0.0 { (1e9 / settings.rate_hz).round() as u64 } else { sample_ns };
+        let period_ns = own_ns.max(sample_ns);
+        let bandwidth = (1e9 / period_ns as f64 / 2.0).sqrt();
+        let sample_s = sample_ns as f64 / 1e9;
+        Self {
+            deviation: settings.noise_density.map(|density| libm::hypot(density * bandwidth, noise) * unit),
+            bias_deviation: settings.bias.map(|bias| bias * unit),
+            bias_step: settings.bias_walk.map(|walk| walk * sample_s.sqrt() * unit),
+            quantum: settings.quantum.map(|quantum| quantum * unit),
+            period_ns,
+            latency_ns: (settings.latency_ms * 1e6) as u64,
+            bias: None,
+            due_ns: 0,
+            under_way: VecDeque::with_capacity(UNDER_WAY),
+            newest: None,
+        }
+    }
+
+    /// Writes or reads bias, times and measurements under way.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        tape.option(&mut self.bias, |tape, bias| tape.numbers(bias));
+        tape.word(&mut self.due_ns);
+        tape.queue(&mut self.under_way, UNDER_WAY, |tape, (arrives_ns, value)| {
+            tape.word(arrives_ns);
+            tape.numbers(value);
+        });
+        tape.option(&mut self.newest, |tape, newest| tape.numbers(newest));
+    }
+
+    /// Returns whether the sensor has errors.
+    pub fn errs(&self) -> bool {
+        let errors = [self.deviation, self.bias_deviation, self.bias_step, self.quantum];
+        errors.as_flattened().iter().any(|error| *error > 0.0)
+    }
+
+    /// Standard deviation of a measurement with its rounding, per axis.
+    pub fn deviation(&self) -> [f64; 3] {
+        // The error of rounding is uniform: its variance is that of its width, by twelve.
+        std::array::from_fn(|i| libm::hypot(self.deviation[i], self.quantum[i] / 12_f64.sqrt()))
+    }
+
+    /// Reads the sensor at `now_ns`: the last measurement that arrived.
+    pub fn read(&mut self, now_ns: u64, truth: [f64; 3], errs: bool, random: &mut ChaCha8Rng) -> [f64; 3] {
+        if let Some(measured) = self.measure(now_ns, truth, errs, random) {
+            if self.under_way.len() < UNDER_WAY {
+                self.under_way.push_back((now_ns + self.latency_ns, measured));
+            }
+            self.newest.get_or_insert(measured);
+        }
+        while let Some((arrives_ns, value)) = self.under_way.front().copied()
+            && arrives_ns <= now_ns
+        {
+            self.newest = Some(value);
+            self.under_way.pop_front();
+        }
+        self.newest.unwrap_or(truth)
+    }
+
+    /// Measures at `now_ns`; `None` if no measurement is due. With `errs` six numbers are drawn, needed or not, so that
+    /// one sensor's draws do not depend on another's settings.
+    pub fn measure(&mut self, now_ns: u64, truth: [f64; 3], errs: bool, random: &mut ChaCha8Rng) -> Option<[f64; 3]> {
+        let mut draw = || -> [f64; 3] { std::array::from_fn(|_| if errs { normal(random) } else { 0.0 }) };
+        let (noise, walk) = (draw(), draw());
+        let steps = if self.bias.is_some() { self.bias_step } else { self.bias_deviation };
+        let before = self.bias.unwrap_or([0.0; 3]);
+        let bias: [f64; 3] = std::array::from_fn(|i| before[i] + steps[i] * walk[i]);
+        self.bias = Some(bias);
+        if now_ns < self.due_ns {
+            return None;
+        }
+        self.due_ns = (now_ns / self.period_ns + 1) * self.period_ns;
+        Some(std::array::from_fn(|i| {
+            let value = truth[i] + bias[i] + self.deviation[i] * noise[i];
+            if self.quantum[i] > 0.0 { (value / self.quantum[i]).round() * self.quantum[i] } else { value }
+        }))
+    }
+}

@@ -1,0 +1,234 @@
+//! The ring in one thread, flown part by part of a tick, so that its caller can also be one of its nodes.
+//!
+//! ```text
+//! begin    the plant takes a sample and sends STATE
+//! answer   guidance, attitude-mpc, mixer: each answers, one call each, in this order
+//! end      observers get the messages, and the plant advances to the next sample
+//! ```
+
+use contract::message::{Actuators, Content, Stamp, State};
+use contract::scenario::{Scenario, candidate};
+use contract::snapshot::PLANT_WORDS;
+use contract::topic::Topic;
+use plant::Plant;
+use plant::vehicle::Vehicle;
+use runtime::error::SessionError;
+use runtime::input::Input;
+use runtime::node::{Asked, Open};
+use runtime::output::Output;
+use runtime::shared_role::Origin;
+
+use crate::ended::{Ended, Refused, refused_by_listener};
+use crate::event::Event;
+use crate::memory::Memory;
+use crate::observers::Observers;
+use crate::record::Record;
+use crate::roles::Order;
+use crate::roles::role::{self, Action, RoleInput};
+use crate::roles::simulated::Simulated;
+use crate::roles::supervised::given_up;
+use crate::workers::{Ring, Workers};
+
+/// Topics of the nodes that answer, in the order in which they do.
+pub const TOPICS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
+
+/// Result of a flight in one thread, except its messages.
+pub struct Flown {
+    pub ended: Ended,
+    pub events: Vec<Event>,
+    pub refused: Refused,
+    /// Reasons for which cores of users failed, in order.
+    pub failures: Vec<String>,
+}
+
+/// Ring in one thread.
+pub struct Stepped {
+    scenario: Scenario,
+    ring: Ring,
+    observers: Observers,
+    roles: Simulated,
+    plant: Plant<dyn Vehicle>,
+    states: Output<State>,
+    commands: Input<Actuators>,
+    /// Nodes that answer, in the order of [`TOPICS`].
+    nodes: [Workers; 3],
+    /// Newest sample, and the provenance of the chains that begin with it.
+    sample: (State, Stamp),
+    failures: Vec<String>,
+}
+
+impl Stepped {
+    /// Builds the ring for a flight of `scenario` by `vehicle`, with the nodes that the functions `open` open, in the
+    /// order of [`TOPICS`].
+    ///
+    /// # Errors
+    /// Something derived from `scenario`, such as the gain of the controller, does not exist.
+    pub fn new(
+        scenario: &Scenario,
+        vehicle: Box<dyn Vehicle>,
+        with_checksums: bool,
+        open: [Open; 3],
+    ) -> Result<Self, SessionError> {
+        let ring = Ring::new(with_checksums)?;
+        let observers = Observers::open(&mut ring.ports(), scenario)?;
+        let (member, mut ports) = ring.member(Topic::State, 1, scenario, scenario);
+        let states = Output::open(&mut ports, &member, scenario)?;
+        let commands = Input::open(&mut ports, &member)?;
+        let node = |i: usize| Workers::new(&ring, TOPICS[i], scenario, open[i]);
+        Ok(Self {
+            nodes: [node(0)?, node(1)?, node(2)?],
+            scenario: scenario.clone(),
+            observers,
+            roles: Simulated::new(scenario),
+            plant: Plant::with(scenario, vehicle),
+            states,
+            commands,
+            ring,
+            sample: (State::default(), Stamp::default()),
+            failures: vec![],
+        })
+    }
+
+    /// Flies to the end, or until `watch`, which gets every message, returns false; `remember` gets the memory of every
+    /// node, every ten seconds.
+    ///
+    /// # Errors
+    /// A new process of a node cannot be built.
+    pub fn fly(
+        mut self,
+        mut watch: impl FnMut(&Record) -> bool,
+        mut remember: impl FnMut(&Memory),
+    ) -> Result<Flown, SessionError> {
+        loop {
+            if !self.begin()? {
+                return Ok(self.over(Ended::Lost("plant".into())));
+            }
+            for topic in TOPICS {
+                self.answer(topic);
+            }
+            self.memories().iter().for_each(&mut remember);
+            if let Some(ended) = self.end(&mut watch) {
+                return Ok(self.over(ended));
+            }
+        }
+    }
+
+    /// Takes the next sample and sends it; returns `false` if the plant is lost, and with it the flight.
+    ///
+    /// # Errors
+    /// A new process of a node cannot be built.
+    pub fn begin(&mut self) -> Result<bool, SessionError> {
+        let state = self.plant.sample();
+        let tick = state.stamp.tick;
+        for order in self.roles.begin(tick) {
+            self.obey(order)?;
+        }
+        if self.roles.assignment(Topic::State).active == 0 {
+            return Ok(false);
+        }
+        for topic in Topic::ALL {
+            self.ring.page.role(topic).assign(tick as u32, |_| self.roles.assignment(topic));
+        }
+        self.sample = (state, Stamp::at(tick, tick * self.scenario.sample_ns()));
+        self.states.send(state, self.sample.1);
+        self.ring.page.role(Topic::State).done(1).set(tick as u32 + 1);
+        Ok(true)
+    }
+
+    /// Lets the processes of the node on `topic` answer to the sample, except those that leave instead.
+    pub fn answer(&mut self, topic: Topic) {
+        self.leave(topic);
+        let sample = self.sample.1;
+        for (epoch, error) in self.workers(topic).answer(sample) {
+            self.exited(topic, epoch);
+            self.failures.push(format!("{} {epoch}, tick {}: {error}", topic.publisher(), sample.tick));
+        }
+    }
+
+    /// Returns the node on `topic` whose caller computes its answer to the sample, with the provenance of that answer;
+    /// `None` if no process of it works. Processes that leave instead of an answer do so now.
+    pub fn asked(&mut self, topic: Topic) -> Option<(&mut dyn Asked, Stamp)> {
+        self.leave(topic);
+        let sample = self.sample.1;
+        Some((self.workers(topic).asked()?, sample))
+    }
+
+    /// Returns the memories of all nodes after the sample; none if it is not one to remember, or if the vehicle has no
+    /// memory to continue from.
+    pub fn memories(&mut self) -> Vec<Memory> {
+        let tick = self.sample.1.tick;
+        let mut words = [0; PLANT_WORDS];
+        if !self.scenario.is_remembered(tick) || !self.plant.memory(&mut words) {
+            return vec![];
+        }
+        let vehicle = Memory::new(tick, Topic::State, Origin { epoch: 1, done: tick + 1 }, &words);
+        let of_node = |workers: &Workers| {
+            let (origin, memory) = workers.memory()?;
+            Some(Memory::new(tick, workers.topic, origin, &memory))
+        };
+        std::iter::once(vehicle).chain(self.nodes.iter().filter_map(of_node)).collect()
+    }
+
+    /// Passes the messages of the tick to `watch`, and advances to the next sample; returns how the flight ended if
+    /// this sample was its last, or if `watch` returns `false`.
+    pub fn end(&mut self, mut watch: impl FnMut(&Record) -> bool) -> Option<Ended> {
+        let mut go_on = true;
+        self.observers.drain(|record| {
+            self.roles.observe(record);
+            go_on &= watch(record);
+        });
+        let command = self.commands.fresh();
+        if !go_on || self.sample.0.is_last() {
+            return Some(given_up(&self.roles.nodes).map_or(Ended::Flown, |name| Ended::Lost(name.into())));
+        }
+        if let Some(command) = command {
+            self.plant.command(command, command.stamp.held_ns);
+        }
+        if let Err(error) = self.plant.advance(1) {
+            self.failures.push(format!("plant 1, tick {}: {error}", self.sample.0.stamp.tick + 1));
+            return Some(Ended::Lost("plant".into()));
+        }
+        None
+    }
+
+    /// Ends the flight.
+    pub fn over(self, ended: Ended) -> Flown {
+        let refused = refused_by_listener(&self.ring.page);
+        Flown { ended, events: self.roles.events, refused, failures: self.failures }
+    }
+
+    fn workers(&mut self, topic: Topic) -> &mut Workers {
+        &mut self.nodes[topic as usize - 1]
+    }
+
+    /// Carries out an order before a tick. The plant has no other process: without it the flight ends.
+    fn obey(&mut self, (topic, action): Order) -> Result<(), SessionError> {
+        let run = &self.scenario;
+        let Some(workers) = self.nodes.iter_mut().find(|workers| workers.topic == topic) else { return Ok(()) };
+        match action {
+            Action::Spawn(epoch, origin) => {
+                let own = origin.and_then(|i| candidate(run, &run.swap[i]).ok()); // its errors were reported before
+                workers.begin(epoch, own.as_ref().unwrap_or(run), run)?;
+            }
+            Action::Signal(epoch, role::Signal::Kill) => workers.end(epoch),
+            _ => {} // the simulated roles have done it
+        }
+        Ok(())
+    }
+
+    /// Ends the processes of the node on `topic` that a fault of their own settings ends instead of an answer.
+    fn leave(&mut self, topic: Topic) {
+        let tick = self.sample.1.tick;
+        while let Some(epoch) = self.workers(topic).leaves(tick) {
+            self.exited(topic, epoch);
+        }
+    }
+
+    /// Ends process `epoch` of the node on `topic`, and tells the role.
+    fn exited(&mut self, topic: Topic, epoch: u32) {
+        let tick = self.sample.1.tick;
+        self.workers(topic).end(epoch);
+        self.roles.exited(topic, epoch, tick, RoleInput::Exited(epoch));
+        self.ring.page.role(topic).assign(tick as u32, |_| self.roles.assignment(topic));
+    }
+}

@@ -1,0 +1,170 @@
+//! Two pipes of words in memory that two processes share. What was written stays readable when the writer crashes, and
+//! a write costs no system call.
+
+use std::fs::File;
+use std::io;
+use std::ops::Deref;
+use std::os::fd::AsFd;
+use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+
+use crate::realtime::Doorbell;
+
+/// Words that a pipe holds: about 240 samples of a flight with all their messages.
+const WORDS: usize = 1 << 16;
+const BYTES: usize = size_of::<Pipes>();
+
+/// Pipe with one writer and one reader.
+#[repr(C)]
+pub struct WordPipe {
+    /// Words written since the beginning.
+    written: AtomicU64,
+    /// Words read since the beginning.
+    read: AtomicU64,
+    /// Rung by the writer, when the reader shall look.
+    words_came: Doorbell,
+    /// Rung by the reader, after it has read.
+    room_came: Doorbell,
+    words: [AtomicU64; WORDS],
+}
+
+/// Pipes of a process and a child that works for it.
+#[repr(C)]
+pub struct Pipes {
+    /// Pipe from the parent to the child.
+    pub requests: WordPipe,
+    /// Pipe from the child to the parent.
+    pub answers: WordPipe,
+}
+
+impl WordPipe {
+    /// Writes as many of `words` as there is room for, and returns how many.
+    pub fn write(&self, words: &[u64]) -> usize {
+        let written = self.written.load(Ordering::Relaxed);
+        let held = written.wrapping_sub(self.read.load(Ordering::Acquire)) as usize;
+        let count = words.len().min(WORDS.saturating_sub(held));
+        for (at, word) in (written..).zip(&words[..count]) {
+            self.words[at as usize % WORDS].store(*word, Ordering::Relaxed);
+        }
+        self.written.store(written.wrapping_add(count as u64), Ordering::Release);
+        count
+    }
+
+    /// Appends all words that were written to `words`, and returns how many.
+    pub fn read(&self, words: &mut Vec<u64>) -> usize {
+        let read = self.read.load(Ordering::Relaxed);
+        let count = (self.written.load(Ordering::Acquire).wrapping_sub(read) as usize).min(WORDS);
+        let new = (read..).take(count).map(|at| self.words[at as usize % WORDS].load(Ordering::Relaxed));
+        words.extend(new);
+        self.read.store(read.wrapping_add(count as u64), Ordering::Release);
+        if count > 0 {
+            self.room_came.ring();
+        }
+        count
+    }
+
+    /// Wakes the reader.
+    pub fn wake_reader(&self) {
+        self.words_came.ring();
+    }
+
+    /// Sleeps until the writer wakes the reader, or `deadline_ns` (`CLOCK_MONOTONIC`) has passed; not at all if there
+    /// are words to read.
+    pub fn wait_for_words(&self, deadline_ns: u64) {
+        let seen = self.words_came.count();
+        if self.written.load(Ordering::Acquire) == self.read.load(Ordering::Relaxed) {
+            self.words_came.wait(seen, deadline_ns);
+        }
+    }
+
+    /// Sleeps until the reader has read, or `deadline_ns` (`CLOCK_MONOTONIC`) has passed; not at all if there is room.
+    pub fn wait_for_room(&self, deadline_ns: u64) {
+        let seen = self.room_came.count();
+        let held = self.written.load(Ordering::Relaxed).wrapping_sub(self.read.load(Ordering::Acquire));
+        if held as usize >= WORDS {
+            self.room_came.wait(seen, deadline_ns);
+        }
+    }
+}
+
+/// Mapping of two pipes, unmapped when it is dropped.
+pub struct SharedPipes {
+    pipes: NonNull<Pipes>,
+}
+
+impl SharedPipes {
+    /// Creates the pipes in memory that has no name; the file is for the child.
+    pub fn create() -> io::Result<(Self, File)> {
+        let file = File::from(memfd_create(c"trefoil-pipes", MemfdFlags::CLOEXEC)?);
+        ftruncate(&file, BYTES as u64)?;
+        Ok((Self::map(&file)?, file))
+    }
+
+    /// Maps the pipes that the parent has created.
+    ///
+    /// # Errors
+    /// `file` is not of the size of such pipes.
+    pub fn open(file: impl AsFd) -> io::Result<Self> {
+        if rustix::fs::fstat(&file)?.st_size != BYTES as i64 {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "not the pipes of a launcher"));
+        }
+        Self::map(file)
+    }
+
+    fn map(file: impl AsFd) -> io::Result<Self> {
+        let protection = ProtFlags::READ | ProtFlags::WRITE;
+        // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the length is that of the
+        // file, checked or set by the caller. Nothing but atomics is ever read or written through it.
+        let address = unsafe { mmap(std::ptr::null_mut(), BYTES, protection, MapFlags::SHARED, file, 0)? };
+        let pipes = NonNull::new(address.cast::<Pipes>()).ok_or_else(|| io::Error::other("mapped at address zero"))?;
+        Ok(Self { pipes })
+    }
+}
+
+impl Deref for SharedPipes {
+    type Target = Pipes;
+
+    fn deref(&self) -> &Pipes {
+        // SAFETY: `pipes` comes from `map`: page-aligned, as long as `Pipes`, and mapped until drop. `Pipes` is made of
+        // atomics only, for which every bit pattern is valid and shared writes are defined.
+        unsafe { self.pipes.as_ref() }
+    }
+}
+
+impl Drop for SharedPipes {
+    fn drop(&mut self) {
+        // SAFETY: mapped with this length, and no reference outlives `self`. Failure would leak the mapping.
+        let _ = unsafe { munmap(self.pipes.as_ptr().cast(), BYTES) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_arrive_in_order_and_no_more_are_taken_than_there_is_room_for() {
+        let (ours, file) = SharedPipes::create().unwrap();
+        let theirs = SharedPipes::open(&file).unwrap();
+        let words: Vec<u64> = (0..3 * WORDS as u64).collect();
+        let (mut sent, mut read) = (0, vec![]);
+        while sent < words.len() {
+            sent += ours.requests.write(&words[sent..words.len().min(sent + 40_000)]);
+            assert!(sent - read.len() <= WORDS);
+            if ours.requests.write(&[]) == 0 && sent - read.len() > WORDS / 2 {
+                theirs.requests.read(&mut read);
+            }
+        }
+        theirs.requests.read(&mut read);
+        assert_eq!(read, words);
+        assert_eq!(theirs.answers.read(&mut read), 0, "the other pipe is empty");
+    }
+
+    #[test]
+    fn other_files_are_no_pipes() {
+        assert!(SharedPipes::open(tempfile::tempfile().unwrap()).is_err());
+    }
+}

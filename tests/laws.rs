@@ -1,0 +1,51 @@
+//! The inverse of the geometric law, in the plant's own dynamics.
+
+use airframe::{Actuation, MixingMatrix, Trim};
+use attitude_mpc::AttitudeMpc;
+use contract::Scenario;
+use contract::message::{Kinematics, Reference, Stamp, State};
+use contract::scenario::{Law, PidGains, Profile};
+use plant::dynamics::{Dynamics, Surroundings, assemble};
+use plant::rotors::Condition;
+use proptest::prelude::*;
+
+/// Gains on w and on the rates, the only errors of the test.
+const GAINS: PidGains = PidGains { kp: [4.0, 48.0, 48.0, 48.0], ki: [0.0; 4], kd: [12.0; 3] };
+
+proptest! {
+    #[test]
+    fn the_geometric_demand_gives_the_wanted_acceleration_in_the_plant(
+        [roll, pitch, heading] in prop::array::uniform3(-0.8..0.8_f64), rates in prop::array::uniform3(-2.0..2.0_f64),
+        slower in prop::array::uniform3(-0.1..0.1_f64), w_mps in -0.5..0.5_f64, tilt_reaction in prop::bool::ANY,
+    ) {
+        let mut scenario = Scenario::from(Profile::Paper);
+        (scenario.mpc.law, scenario.mpc.geometric) = (Law::Geometric, GAINS);
+        (scenario.plant.tilt_reaction, scenario.mixer.tilt_reaction) = (tilt_reaction, tilt_reaction);
+        let trim = Trim::solve(&scenario.airframe, tilt_reaction);
+        let stamp = Stamp { tick: 0, sequence: 1, ..Stamp::default() };
+        let attitude_rad = [trim.roll_rad + roll, pitch, heading];
+        let measured = Kinematics { attitude_rad, rates_radps: rates, ..Kinematics::default() };
+        let state = State { stamp, measured, command_in_force: trim.actuation.into(), ..State::default() };
+        let wanted = [0, 1, 2].map(|i| rates[i] + slower[i]);
+        let reference = Reference { stamp, w_mps, attitude_rad, rates_radps: wanted, ..Reference::default() };
+        let demand = AttitudeMpc::new(&scenario).step(0, &state, &reference).demand;
+
+        let mixing = MixingMatrix::new(&scenario.airframe, tilt_reaction);
+        let square = |i: usize| mixing.trim[i] + (0..4).map(|j| mixing.inverse[(i, j)] * demand[j]).sum::<f64>();
+        prop_assume!(square(2) > 0.0 && square(3) > 0.0);
+        let actuation = Actuation {
+            rotor_speed: [square(0).hypot(square(1)).sqrt(), square(2).sqrt(), square(3).sqrt()],
+            tilt_rad: square(0).atan2(square(1)),
+        };
+        let x = assemble(&measured, &actuation);
+        let rate = Dynamics::new(&scenario).derivative(&x, &actuation, &Condition::default(), &Surroundings::default());
+        for i in 0..3 {
+            let miss = rate[10 + i] - GAINS.kd[i] * slower[i];
+            prop_assert!(miss.abs() < 1e-9, "about axis {i}: {miss:e} rad/s2");
+        }
+        let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (attitude_rad[0].sin_cos(), pitch.sin_cos());
+        let down = -sin_theta * rate[3] + cos_theta * (sin_phi * rate[4] + cos_phi * rate[5]);
+        let miss = down - GAINS.kp[0] * cos_phi * cos_theta * w_mps;
+        prop_assert!(miss.abs() < 1e-9, "down: {miss:e} m/s2");
+    }
+}

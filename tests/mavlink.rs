@@ -1,0 +1,181 @@
+//! Flights seen by a ground station: pymavlink at the other end of the link.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use contract::message::State;
+use flight::log;
+use serde_json::Value;
+
+use crate::control::{status, tell};
+use crate::harness::{Flight, fly, launcher, namespace, python_with, top, wait_until};
+
+/// A ground station in Python.
+struct Station {
+    child: Child,
+    output: BufReader<std::process::ChildStdout>,
+    port: u16,
+}
+
+impl Station {
+    fn start(python: &Path) -> Self {
+        let mut command = Command::new(python);
+        command.arg(top().join("tests/mavlink/client.py")).stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut child = command.spawn().expect("Python starts");
+        let mut output = BufReader::new(child.stdout.take().expect("it is piped"));
+        let mut port = String::new();
+        output.read_line(&mut port).expect("it prints its port");
+        Self { child, output, port: port.trim().parse().expect("a port") }
+    }
+
+    fn address(&self) -> String {
+        format!("udpout:127.0.0.1:{}", self.port)
+    }
+
+    /// Everything that came until the vehicle was disarmed.
+    fn finish(mut self) -> Vec<Value> {
+        let mut text = String::new();
+        self.output.read_to_string(&mut text).expect("it prints");
+        assert!(self.child.wait().expect("it ends").success());
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        let _ = self.child.kill(); // has ended, in all tests that pass
+        let _ = self.child.wait();
+    }
+}
+
+/// Messages of one kind.
+fn of<'a>(came: &'a [Value], kind: &str) -> Vec<&'a Value> {
+    came.iter().filter(|message| message["mavpackettype"] == kind).collect()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
+}
+
+#[test]
+fn a_ground_station_sees_the_flight_that_the_log_has_and_changes_nothing() {
+    let Some(python) = python_with(&["pymavlink==2.4.50"]) else { return };
+    let (ns, station) = (namespace(), Station::start(&python));
+    let settings =
+        ["--set", "run.duration_s=6.0", "--set", "supervision.hang_ms=5000", "--set", "deadline.end_to_end_ms=9.0"];
+    let flight =
+        Flight::start(&ns, &[&settings[..], &["--mavlink", &station.address(), "--home", "10,20,30"]].concat());
+    wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(1.0));
+    tell(&ns, &["inject", "payload", "mass", "--for", "0.2s"]).expect("it flies");
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let came = station.finish();
+    let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+
+    check_attitudes(&came, &log.states);
+    check_parameters(&came);
+    check_answers(&came);
+    let heartbeats = of(&came, "HEARTBEAT");
+    assert!((5..=9).contains(&heartbeats.len()), "{heartbeats:?}");
+    assert_eq!([&heartbeats[0]["type"], &heartbeats[0]["autopilot"]], [15, 0], "a tricopter, generic");
+    let texts: Vec<&str> = of(&came, "STATUSTEXT").iter().filter_map(|of| of["text"].as_str()).collect();
+    assert!(texts.iter().any(|text| text.ends_with("s: payload injected mass for 0.2 s")), "{texts:?}");
+    for kind in
+        ["GLOBAL_POSITION_INT", "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "SERVO_OUTPUT_RAW", "HOME_POSITION"]
+    {
+        assert!(!of(&came, kind).is_empty(), "{kind}");
+    }
+    let global = of(&came, "GLOBAL_POSITION_INT")[0];
+    assert!((number(&global["lat"]) * 1e-7 - 10.0).abs() < 1e-3 && (number(&global["lon"]) * 1e-7 - 20.0).abs() < 1e-3);
+}
+
+/// Compares each attitude and position with the STATE of its time in the log, to the resolution of the message.
+fn check_attitudes(came: &[Value], states: &[State]) {
+    let states: BTreeMap<u64, &State> = states.iter().map(|state| (state.stamp.tick * 10, state)).collect();
+    let attitudes = of(came, "ATTITUDE");
+    assert!(attitudes.len() > 30, "{}", attitudes.len());
+    for attitude in attitudes {
+        let state = states[&attitude["time_boot_ms"].as_u64().expect("a time")];
+        let measured = state.measured.attitude_rad.iter().chain(&state.measured.rates_radps);
+        for (name, is) in ["roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"].iter().zip(measured) {
+            assert!((number(&attitude[*name]) - is).abs() < 1e-6, "{name}: {attitude} against {is}");
+        }
+    }
+    let positions = of(came, "LOCAL_POSITION_NED");
+    assert!(!positions.is_empty());
+    for position in positions {
+        let state = states[&position["time_boot_ms"].as_u64().expect("a time")];
+        for (name, is) in ["x", "y", "z"].iter().zip(state.measured.position_m) {
+            assert!((number(&position[*name]) - is).abs() < 1e-5, "{name}: {position} against {is}");
+        }
+    }
+}
+
+/// Checks that the list is complete, and that a value that was set is the old one.
+fn check_parameters(came: &[Value]) {
+    let values = of(came, "PARAM_VALUE");
+    let count = values[0]["param_count"].as_u64().expect("a count");
+    let listed: BTreeSet<u64> = values.iter().filter_map(|of| of["param_index"].as_u64()).collect();
+    assert!(count > 50 && listed.iter().copied().eq(0..count), "{count}: {listed:?}");
+    let of_name = |name: &str| -> Vec<f64> {
+        values.iter().filter(|of| of["param_id"] == name).map(|of| number(&of["param_value"])).collect()
+    };
+    assert_eq!(of_name("MPC_NP"), [20.0; 3], "in the list, read, and not set");
+    assert_eq!(of_name("DL_END_MS"), [9.0]);
+    let texts = of(came, "STATUSTEXT");
+    assert!(texts.iter().any(|of| of["text"].as_str().is_some_and(|text| text.starts_with("MPC_NP is read-only"))));
+}
+
+// Results of commands, MAV_RESULT.
+const ACCEPTED: u64 = 0;
+const DENIED: u64 = 2;
+const UNSUPPORTED: u64 = 3;
+
+fn check_answers(came: &[Value]) {
+    let results = |command: u64| -> Vec<u64> {
+        let all = of(came, "COMMAND_ACK").into_iter().filter(|of| of["command"] == command);
+        all.filter_map(|of| of["result"].as_u64()).collect()
+    };
+    assert_eq!(results(512), [ACCEPTED, UNSUPPORTED], "AUTOPILOT_VERSION, and a camera that is not there");
+    assert_eq!(results(400), [DENIED], "it is not armed or disarmed from outside");
+    assert_eq!(results(511), [ACCEPTED]);
+    assert_eq!(of(came, "AUTOPILOT_VERSION").len(), 1);
+    assert_eq!(of(came, "MISSION_COUNT")[0]["count"], 0);
+}
+
+#[test]
+fn a_flight_can_be_watched_by_a_process_started_later() {
+    let Some(python) = python_with(&["pymavlink==2.4.50"]) else { return };
+    let (ns, station) = (namespace(), Station::start(&python));
+    let flight = Flight::start(&ns, &["--no-log", "--set", "run.duration_s=4.0", "--set", "supervision.hang_ms=5000"]);
+    wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
+    let output = launcher().args(["mavlink", "--namespace", &ns, &station.address()]).output().expect("it runs");
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(flight.finish().code(), Some(0));
+    assert!(!of(&station.finish(), "ATTITUDE").is_empty());
+}
+
+#[test]
+fn bad_addresses_homes_and_modes_are_refused_with_what_to_write() {
+    for (words, told) in [
+        (&["fly", "--mavlink", "127.0.0.1:14550"][..], "udpout:127.0.0.1:14550"),
+        (&["fly", "--mavlink", "udpout:127.0.0.1:1", "--mode", "inprocess"], "--mode realtime or lockstep"),
+        (&["fly", "--home", "1,2,3"], "--mavlink"),
+        (&["fly", "--mavlink", "udpout:127.0.0.1:1", "--home", "1,2"], "LATITUDE,LONGITUDE,HEIGHT"),
+        (&["mavlink", "udpout:127.0.0.1:1", "--namespace", "nothing-flies-here"], "no stack runs"),
+    ] {
+        let output = launcher().args(words).output().expect("it runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        assert!(said.contains(told), "{words:?}: {said}");
+    }
+}
+
+#[test]
+fn a_station_that_is_not_there_costs_the_flight_nothing() {
+    let settings = ["--no-log", "--mode", "lockstep", "--set", "run.duration_s=2.0"];
+    let outcome = fly(&[&settings[..], &["--mavlink", "udpout:127.0.0.1:9"]].concat());
+    assert_eq!((outcome.code(), outcome.stderr.as_str()), (Some(0), ""));
+}
