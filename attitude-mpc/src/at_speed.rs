@@ -78,11 +78,21 @@ impl FlightModel {
     /// Converts `given` = (x; r; d; v), n states first, to this model: the reference of w, made at the measured
     /// `attitude_rad` (phi from trim, theta), becomes that at the reference attitude, and `o` is added to d.
     pub fn put_into(&self, given: &mut DVector<f64>, n: usize, attitude_rad: &[f64; 2]) {
-        for ((lean, angle), measured) in self.lean.iter().zip(ANGLES).zip(attitude_rad) {
-            given[n] -= lean * (given[n + angle] - measured);
-        }
+        self.lean_on_reference(given.rows_mut(n, STATES).as_mut_slice(), attitude_rad);
         let mut d = given.rows_mut(n + STATES, INPUTS);
         d += self.offset;
+    }
+
+    /// Converts the changes of a reference over a horizon, seven to a sample.
+    pub fn lean_on_changes(&self, changes: &mut DVector<f64>) {
+        changes.as_mut_slice().chunks_exact_mut(STATES).for_each(|change| self.lean_on_reference(change, &[0.0; 2]));
+    }
+
+    /// Converts a reference (w, phi, theta, ...) that was made at `attitude_rad`.
+    fn lean_on_reference(&self, reference: &mut [f64], attitude_rad: &[f64; 2]) {
+        for ((lean, angle), measured) in self.lean.iter().zip(ANGLES).zip(attitude_rad) {
+            reference[0] -= lean * (reference[angle] - measured);
+        }
     }
 
     /// Converts a weight on climb and attitude to one on w and attitude: `T' weight T`.

@@ -15,6 +15,9 @@
 //! U*      = -H^-1 f                            without constraints
 //! ```
 //!
+//! If the reference changes over the horizon ([`crate::preview`]), `x_k` follows `r + dr_k`, and `u_(k-1)` the target of
+//! that reference, which is linear in `dr_k` too.
+//!
 //! Departure: the paper regulates to zero; here the states follow `r`, and the inputs and the lag states follow `u_s`.
 //! `u_s = -d` holds the vehicle at trim against the disturbance. If `d` is estimated, `u_s = S r - d` holds it at the
 //! reference: `S r` makes up for the part of gravity that acts on w at a roll other than trim. Pannocchia and Rawlings,
@@ -25,6 +28,7 @@
 //! `val_first_move_gains`.
 
 use airframe::linear::{INPUTS, STATES};
+use contract::Scenario;
 use contract::scenario::{Mpc, ScenarioError, Terminal};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -50,10 +54,27 @@ const INDEPENDENT: f64 = 1e-11;
 pub struct Condensed {
     /// Hessian `H`, 4Nu x 4Nu.
     pub hessian: DMatrix<f64>,
-    /// Gain of `U* = gain (x; r; d; v)`, 4Nu x (n + 15). Each move is col, lon, lat, ped.
-    pub gain: DMatrix<f64>,
+    /// Gain of `U*`.
+    pub gain: Gain,
     /// Predicted states.
     pub course: Course,
+}
+
+/// Gain of `U* = given (x; r; d; v) + changes (dr_1; ...; dr_Np)`. Each move is col, lon, lat, ped.
+#[derive(Debug, Clone)]
+pub struct Gain {
+    /// Gain of the given numbers, 4Nu x (n + 15).
+    pub given: DMatrix<f64>,
+    /// Gain of the changes of the reference, 4Nu x 7Np; without a preview it has no columns.
+    pub changes: DMatrix<f64>,
+}
+
+impl Gain {
+    /// Adds `share` of the plan for the given numbers and the changes of the reference to `plan`.
+    pub fn add_plan(&self, share: f64, given: &DVector<f64>, changes: &DVector<f64>, plan: &mut DVector<f64>) {
+        plan.gemv(share, &self.given, given, 1.0); // (5)
+        plan.gemv(share, &self.changes, changes, 1.0);
+    }
 }
 
 /// Predicted states of the first Nu samples, stacked: `free (x; r; d; v) + forced U`.
@@ -67,30 +88,30 @@ pub struct Course {
 
 impl Condensed {
     /// Condenses the problem of a model and its weights; the error names weights for which it is singular.
-    pub fn new(model: &PredictionModel, weights: &Mpc) -> Result<Self, ScenarioError> {
-        let (q, p) = state_weights(model, weights)?;
-        Self::weighted(model, weights, &q, &p, weights.disturbance_gain > 0.0)
+    pub fn new(model: &PredictionModel, scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let (q, p) = state_weights(model, &scenario.mpc)?;
+        Self::weighted(model, scenario, &q, &p, scenario.mpc.disturbance_gain > 0.0)
     }
 
     /// Condenses the problem of a model at a flight condition. The inputs' target always holds the reference: `follows`
     /// in `input_targets` is `true`.
-    pub fn at_speed(flight: &FlightModel, weights: &Mpc) -> Result<Self, ScenarioError> {
-        let model = &flight.model;
+    pub fn at_speed(flight: &FlightModel, scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let (model, weights) = (&flight.model, &scenario.mpc);
         let (mut q, r) = stage_weights(model.states(), weights);
         flight.lean_on(&mut q);
         let p = terminal_weight(model, weights, &q, &r)?;
-        Self::weighted(model, weights, &q, &p, true)
+        Self::weighted(model, scenario, &q, &p, true)
     }
 
     /// Condenses with the weights `q` and `p` on the states; `follows` as in [`input_targets`].
     fn weighted(
         model: &PredictionModel,
-        weights: &Mpc,
+        scenario: &Scenario,
         q: &DMatrix<f64>,
         p: &DMatrix<f64>,
         follows: bool,
     ) -> Result<Self, ScenarioError> {
-        let n = model.states();
+        let (n, weights) = (model.states(), &scenario.mpc);
         let r = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r));
         let r2 = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r_rate));
         let inputs = input_targets(model, follows);
@@ -102,6 +123,7 @@ impl Condensed {
         let mut forced = DMatrix::zeros(n, INPUTS * weights.nu);
         let mut hessian = DMatrix::zeros(INPUTS * weights.nu, INPUTS * weights.nu);
         let mut gradient = DMatrix::zeros(INPUTS * weights.nu, n + GIVEN);
+        let mut pull_of_changes = DMatrix::zeros(INPUTS * weights.nu, change_count(scenario));
         let mut course = Course {
             free: DMatrix::zeros(n * weights.nu, n + GIVEN),
             forced: DMatrix::zeros(n * weights.nu, INPUTS * weights.nu),
@@ -119,7 +141,10 @@ impl Condensed {
             }
             let pull = forced.transpose() * if k < weights.np { q } else { p };
             hessian += &pull * &forced; // (4)
-            gradient += pull * (&free - &targets);
+            gradient += &pull * (&free - &targets);
+            if pull_of_changes.ncols() > 0 {
+                add(&mut pull_of_changes, 0, STATES * (k - 1), &(pull * targets.columns(n, STATES)));
+            }
         }
         for k in 0..weights.nu {
             add(&mut hessian, INPUTS * k, INPUTS * k, &r);
@@ -132,14 +157,23 @@ impl Condensed {
             } else {
                 add(&mut gradient, 0, n + STATES + INPUTS, &-&r2);
             }
+            if pull_of_changes.ncols() > 0 {
+                add(&mut pull_of_changes, INPUTS * k, STATES * k, &(&r * inputs.columns(n, STATES)));
+            }
         }
-        let gain = -factor(&hessian)?.solve(&gradient);
-        if gain.iter().chain(&course.free).chain(&course.forced).all(|x| x.is_finite()) {
+        let factor = factor(&hessian)?;
+        let gain = Gain { given: -factor.solve(&gradient), changes: factor.solve(&pull_of_changes) };
+        if gain.given.iter().chain(&course.free).chain(&course.forced).all(|x| x.is_finite()) {
             Ok(Self { hessian, gain, course })
         } else {
             Err(singular_hessian())
         }
     }
+}
+
+/// Number of the changes of the reference over the horizon, 7Np: 0 without a preview.
+pub fn change_count(scenario: &Scenario) -> usize {
+    if scenario.guidance.preview_s > 0.0 { STATES * scenario.mpc.np } else { 0 }
 }
 
 /// Weights `Q` and `P` of a model, n x n.
@@ -199,8 +233,8 @@ fn singular_hessian() -> ScenarioError {
 }
 
 /// Gain of the linear-quadratic regulator, the same cost over an infinite horizon without constraints:
-/// `u = gain (x; r; d; v)`, 4 x (n + 15).
-pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<DMatrix<f64>, ScenarioError> {
+/// `u = gain (x; r; d; v)`, 4 x (n + 15). It does not preview.
+pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<Gain, ScenarioError> {
     let (q, r) = stage_weights(model.states(), weights);
     let s = dare(model, &q, &r)?;
     let bs = model.b.transpose() * s;
@@ -210,7 +244,8 @@ pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<DMatrix<f64>,
     let mut gain = &k * targets(model, &inputs) + inputs;
     let mut on_state = gain.columns_mut(0, n);
     on_state -= &k;
-    if gain.iter().all(|x| x.is_finite()) { Ok(gain) } else { Err(singular_hessian()) }
+    let is_finite = gain.iter().all(|x| x.is_finite());
+    if is_finite { Ok(Gain { given: gain, changes: DMatrix::zeros(INPUTS, 0) }) } else { Err(singular_hessian()) }
 }
 
 /// Targets of the states by `(x; r; d; v)`, n x (n + 15): `r` for the seven, those of the inputs for the lag states.

@@ -11,7 +11,7 @@
 //! state, has the age of the original.
 
 use bytemuck::{Pod, Zeroable};
-use contract::message::{Reference, State, guidance_flags};
+use contract::message::{Ahead, PREVIEW, Reference, State, guidance_flags};
 use contract::snapshot::OptionalTick;
 
 /// Age below which a reference is followed \[ns\].
@@ -33,17 +33,21 @@ pub struct Goal {
     pub attitude_rad: [f64; 3],
     /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
+    /// Time from one element of `preview` to the next, and to the first \[ns\]; 0 = no preview.
+    pub preview_step_ns: u64,
+    /// Changes of `w_mps` and `attitude_rad` at these times after `tick`.
+    pub preview: [Ahead; PREVIEW],
 }
 
 impl Goal {
     /// Returns the goal of `reference`, or `self` if the reference is missing or a repetition.
     #[must_use]
     pub fn renewed(&self, reference: &Reference) -> Self {
-        let Reference { stamp, w_mps, attitude_rad, rates_radps, flags, .. } = *reference;
+        let Reference { stamp, w_mps, attitude_rad, rates_radps, flags, preview_step_ns, preview, .. } = *reference;
         if stamp.sequence == 0 || guidance_flags::repeated(flags) {
             return *self;
         }
-        Self { tick: OptionalTick::some(stamp.tick), w_mps, attitude_rad, rates_radps }
+        Self { tick: OptionalTick::some(stamp.tick), w_mps, attitude_rad, rates_radps, preview_step_ns, preview }
     }
 
     /// Returns the goal at `tick` by its age, with samples of `sample_ns`, for a measured `state`.
@@ -55,7 +59,8 @@ impl Goal {
         }
         let heading_rad = if self.tick.get().is_some() { self.attitude_rad[2] } else { state.measured.attitude_rad[2] };
         let w_mps = if age_ns < LEVELLED_NS { 0.0 } else { DESCENT_MPS };
-        Self { tick: self.tick, w_mps, attitude_rad: [roll_trim_rad, 0.0, heading_rad], rates_radps: [0.0; 3] }
+        let attitude_rad = [roll_trim_rad, 0.0, heading_rad];
+        Self { tick: self.tick, w_mps, attitude_rad, ..Self::default() }
     }
 }
 

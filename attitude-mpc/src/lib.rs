@@ -26,6 +26,7 @@
 //! | [`indi`] | incremental nonlinear dynamic inversion | |
 //! | [`level`] | attitude errors and rigid body of these two | |
 //! | [`goal`] | the goal, also without references | |
+//! | [`preview`] | its changes over the horizon | |
 //! | [`memory`] | state kept from tick to tick | |
 //! | `node` | its ports, the same in every mode | |
 //!
@@ -54,6 +55,7 @@ pub mod memory;
 pub mod model;
 mod node;
 pub mod pid;
+pub mod preview;
 pub mod riccati;
 pub mod schedule;
 pub mod solver;
@@ -69,9 +71,9 @@ use contract::Scenario;
 use contract::message::{Controls, Kinematics, Reference, SolveStatus, State};
 use contract::scenario::{DelayCompensation, DelayName, Fault, Law, Model, ScenarioError};
 use contract::snapshot::{self, OptionalTick, Snapshot};
-use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
+use nalgebra::{DVector, DVectorView, Vector4};
 
-use condensed::Condensed;
+use condensed::{Condensed, Gain};
 use constrained::{Account, Constrained};
 use coupling::Coupling;
 use delay::{Delay, Switch};
@@ -106,9 +108,9 @@ pub struct AttitudeMpc {
 /// Control law without the actuators' limits.
 enum UnconstrainedLaw {
     /// Gain of `U = gain (x; r; d; v)`: the unconstrained plan, or the one move of the regulator.
-    Gain(DMatrix<f64>),
+    Gain(Gain),
     /// Plan by a gain, with the coupling term in the prediction behind the estimate.
-    Coupled(DMatrix<f64>, Coupling),
+    Coupled(Gain, Coupling),
     /// One gain for each of several flight conditions.
     Scheduled(Box<Schedule>),
     /// Problem of the model of this sample.
@@ -168,6 +170,8 @@ struct Work {
     term: DVector<f64>,
     /// Given numbers `(x; r; d; v)`, n + 15.
     given: DVector<f64>,
+    /// Changes of the reference over the horizon, 7Np, or none.
+    changes: DVector<f64>,
     /// Unconstrained plan, 4Nu, or the one move of another law.
     unconstrained: DVector<f64>,
     /// Plan to follow, 4Nu, or the one move.
@@ -191,7 +195,7 @@ impl AttitudeMpc {
         };
         let (unconstrained, constrained) = match weights.law {
             Law::Mpc => {
-                let Condensed { hessian, gain, course } = Condensed::new(&model, weights)?;
+                let Condensed { hessian, gain, course } = Condensed::new(&model, scenario)?;
                 let constrained = Constrained::new(scenario, hessian, &course, model.trim.roll_rad);
                 let law = match weights.model {
                     Model::Hover | Model::Coupled => of_gain(gain),
@@ -207,7 +211,8 @@ impl AttitudeMpc {
             }
             Law::Indi => (UnconstrainedLaw::Indi(Indi::new(level(), &weights.indi, sample_s)), None),
         };
-        let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
+        let (moves, changes) =
+            if weights.law == Law::Mpc { (weights.nu, condensed::change_count(scenario)) } else { (1, 0) };
         Ok(Self {
             memory: Memory::new(states, model.trim.actuation),
             work: Work {
@@ -216,8 +221,9 @@ impl AttitudeMpc {
                 start: DVector::zeros(states),
                 term: DVector::zeros(states),
                 given: DVector::zeros(states + condensed::GIVEN),
-                unconstrained: DVector::zeros(moves),
-                plan: DVector::zeros(moves),
+                changes: DVector::zeros(changes),
+                unconstrained: DVector::zeros(INPUTS * moves),
+                plan: DVector::zeros(INPUTS * moves),
             },
             law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, sample_s),
             delay_compensation: scenario.mpc.delay_compensation,
@@ -273,6 +279,8 @@ impl AttitudeMpc {
         };
         let mut integral = self.memory.integral;
         self.predict(tick, &input, &delay, &disturbance);
+        let age_ns = goal.tick.get().map_or(0, |of| tick.saturating_sub(of)) as f64 * self.sample_ns as f64;
+        preview::write_changes(&goal, age_ns + self.delay_ns(&delay), self.sample_ns, &mut self.work.changes);
         let unfollowed = input - self.memory.demand();
         self.optimise(&goal, &disturbance, &unfollowed, &mut integral);
         if !self.work.unconstrained.iter().all(|u| u.abs() < MAX_PLAN) {
@@ -377,6 +385,17 @@ impl AttitudeMpc {
         }
     }
 
+    /// Time over which [`predict`](Self::predict) predicts \[ns\].
+    fn delay_ns(&self, delay: &Delay) -> f64 {
+        match self.delay_compensation {
+            DelayCompensation::Sample(compensated) => f64::from(u8::from(compensated)) * self.sample_ns as f64,
+            DelayCompensation::Named(DelayName::Measured) => {
+                let (whole, rest_ns) = delay.samples(self.sample_ns);
+                (whole as u64 * self.sample_ns) as f64 + rest_ns
+            }
+        }
+    }
+
     /// Computes the unconstrained plan from the state at which the demand takes effect. `unfollowed` is the input of
     /// the command in force less the demand published last.
     fn optimise(
@@ -386,7 +405,7 @@ impl AttitudeMpc {
         unfollowed: &Vector4<f64>,
         integral: &mut Vector4<f64>,
     ) {
-        let Work { x, start, given, unconstrained, .. } = &mut self.work;
+        let Work { x, start, given, changes, unconstrained, .. } = &mut self.work;
         let n = self.model.states();
         let attitude_rad = [x[1], x[2]]; // where guidance made the reference
         let mut r = self.model.deviation(goal.w_mps, &goal.attitude_rad, &goal.rates_radps);
@@ -397,10 +416,11 @@ impl AttitudeMpc {
         given.rows_mut(n + STATES + INPUTS, INPUTS).copy_from(&self.memory.demand());
         match &mut self.unconstrained {
             UnconstrainedLaw::Gain(gain) | UnconstrainedLaw::Coupled(gain, _) => {
-                unconstrained.gemv(1.0, gain, given, 0.0); // (5)
+                unconstrained.fill(0.0);
+                gain.add_plan(1.0, given, changes, unconstrained);
             }
-            UnconstrainedLaw::Scheduled(schedule) => schedule.plan(given, &attitude_rad, unconstrained),
-            UnconstrainedLaw::Ltv(ltv) => ltv.plan(given, &attitude_rad, unconstrained),
+            UnconstrainedLaw::Scheduled(schedule) => schedule.plan(given, changes, &attitude_rad, unconstrained),
+            UnconstrainedLaw::Ltv(ltv) => ltv.plan(given, changes, &attitude_rad, unconstrained),
             UnconstrainedLaw::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, unfollowed, integral)),
             UnconstrainedLaw::Geometric(geometric) => {
                 unconstrained.copy_from(&geometric.step(&start.as_view(), &r, unfollowed, integral));

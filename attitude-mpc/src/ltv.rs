@@ -12,7 +12,7 @@ use airframe::{FlightPoint, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
 use contract::scenario::{Mpc, ScenarioError};
-use nalgebra::{Cholesky, DMatrix, DVector, Matrix4, Vector4};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix4, SVector, Vector4};
 
 use crate::at_speed::FlightModel;
 use crate::condensed;
@@ -38,10 +38,11 @@ pub struct Ltv {
     hessian: DMatrix<f64>,
     /// Given numbers `(x; r; d; v)`, converted to the model.
     given: DVector<f64>,
-    /// States without a move, of a sample and of the next; then their deviation from `target`.
+    /// Changes of the reference, converted likewise.
+    changes: DVector<f64>,
+    /// States without a move, of a sample and of the next; then their deviation from the target.
     free: DVector<f64>,
     free_next: DVector<f64>,
-    target: DVector<f64>,
 }
 
 impl Ltv {
@@ -64,9 +65,9 @@ impl Ltv {
             pull: DMatrix::zeros(n, moves),
             hessian: DMatrix::zeros(moves, moves),
             given: DVector::zeros(n + condensed::GIVEN),
+            changes: DVector::zeros(condensed::change_count(scenario)),
             free: DVector::zeros(n),
             free_next: DVector::zeros(n),
-            target: DVector::zeros(n),
             flight,
         })
     }
@@ -77,19 +78,22 @@ impl Ltv {
         self.flight.move_to(&FlightPoint { velocity_mps, roll_rad, pitch_rad, rates_radps });
     }
 
-    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being a reference made at the measured
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v) and the `changes` of r, a reference made at the measured
     /// `attitude_rad`. Fills the plan with NaN if the Hessian is not positive definite.
-    pub fn plan(&mut self, given: &DVector<f64>, attitude_rad: &[f64; 2], plan: &mut DVector<f64>) {
+    pub fn plan(
+        &mut self,
+        given: &DVector<f64>,
+        changes: &DVector<f64>,
+        attitude_rad: &[f64; 2],
+        plan: &mut DVector<f64>,
+    ) {
         let n = self.free.len();
         self.given.copy_from(given);
         self.flight.put_into(&mut self.given, n, attitude_rad);
+        self.changes.copy_from(changes);
+        self.flight.lean_on_changes(&mut self.changes);
         let d = self.given.fixed_rows::<INPUTS>(n + STATES).into_owned();
         let last = self.given.fixed_rows::<INPUTS>(n + STATES + INPUTS).into_owned();
-        let held = self.input_target(&d);
-        self.target.rows_mut(0, STATES).copy_from(&self.given.rows(n, STATES));
-        if n > STATES {
-            self.target.rows_mut(STATES, INPUTS).copy_from(&held);
-        }
         for (weight, at_hover) in [(&mut self.q, &self.stage), (&mut self.p, &self.terminal)] {
             weight.copy_from(at_hover);
             self.flight.lean_on(weight);
@@ -118,11 +122,16 @@ impl Ltv {
                     self.hessian[(column, row)] += self.pull.column(row).dot(&forced); // (4), its lower triangle
                 }
             }
-            self.free_next.copy_from(&self.target);
+            let (reference, held) = self.target(k, &d);
+            self.free_next.rows_mut(0, STATES).copy_from(&reference);
+            if n > STATES {
+                self.free_next.rows_mut(STATES, INPUTS).copy_from(&held);
+            }
             self.free_next -= &self.free;
             plan.rows_mut(0, moved).gemv_tr(1.0, &self.pull.columns(0, moved), &self.free_next, 1.0);
         }
         for first in (0..plan.len()).step_by(INPUTS) {
+            let (_, held) = self.target(first / INPUTS + 1, &d);
             for i in 0..INPUTS {
                 let (r, r2) = (self.weights.r[i], self.weights.r_rate[i]);
                 self.hessian[(first + i, first + i)] += r + r2;
@@ -145,18 +154,24 @@ impl Ltv {
         }
     }
 
-    /// Target `u_s` of the inputs, which holds the vehicle at the reference against the disturbance: see [`condensed`].
-    fn input_target(&self, d: &Vector4<f64>) -> Vector4<f64> {
+    /// Reference of sample `k`, and the target `u_s` of the input before it, which holds the vehicle there against the
+    /// disturbance: see [`condensed`].
+    fn target(&self, k: usize, d: &Vector4<f64>) -> (SVector<f64, STATES>, Vector4<f64>) {
         let n = self.free.len();
         let model = &self.flight.model;
+        let mut reference = self.given.fixed_rows::<STATES>(n).into_owned();
+        if !self.changes.is_empty() {
+            reference += self.changes.fixed_rows::<STATES>(STATES * (k - 1));
+        }
         let driven = Matrix4::from_fn(|row, column| model.e[(DRIVEN[row], column)]);
         let leaving = Vector4::from_fn(|row, _| {
             let row = DRIVEN[row];
             let angles_and_w =
-                (0..condensed::RATES).map(|i| (f64::from(u8::from(i == row)) - model.a[(row, i)]) * self.given[n + i]);
+                (0..condensed::RATES).map(|i| (f64::from(u8::from(i == row)) - model.a[(row, i)]) * reference[i]);
             angles_and_w.sum()
         });
-        driven.try_inverse().map_or(Vector4::repeat(f64::NAN), |inverse| inverse * leaving) - d
+        let held = driven.try_inverse().map_or(Vector4::repeat(f64::NAN), |inverse| inverse * leaving) - d;
+        (reference, held)
     }
 }
 

@@ -72,7 +72,7 @@ pub struct Whole {
 }
 
 impl Layout for Whole {
-    const NAME: [u8; 8] = *b"attmpc 3";
+    const NAME: [u8; 8] = *b"attmpc 4";
 }
 
 impl Memory {

@@ -13,10 +13,10 @@ use airframe::{FlightPoint, LevelFlight};
 use contract::Scenario;
 use contract::message::Kinematics;
 use contract::scenario::ScenarioError;
-use nalgebra::{DMatrix, DVector, DVectorView, Rotation3, Vector3, Vector4};
+use nalgebra::{DVector, DVectorView, Rotation3, Vector3, Vector4};
 
 use crate::at_speed::FlightModel;
-use crate::condensed::Condensed;
+use crate::condensed::{Condensed, Gain};
 
 /// Number of grid velocities ahead, and to the right: from -15 to 15 m/s.
 const PER_AXIS: usize = 7;
@@ -31,13 +31,14 @@ pub struct Schedule {
     around: [(usize, f64); 4],
     /// Given numbers `(x; r; d; v)`, converted to one condition.
     given: DVector<f64>,
+    /// Changes of the reference, converted likewise.
+    changes: DVector<f64>,
 }
 
 /// Flight condition.
 struct Condition {
     model: FlightModel,
-    /// Gain of `U = gain (x; r; d; v)`, 4Nu x (n + 15).
-    gain: DMatrix<f64>,
+    gain: Gain,
 }
 
 impl Schedule {
@@ -47,8 +48,9 @@ impl Schedule {
         let conditions = (0..PER_AXIS * PER_AXIS)
             .map(|i| Condition::new(scenario, [velocity(i / PER_AXIS), velocity(i % PER_AXIS)]))
             .collect::<Result<Vec<_>, _>>()?;
-        let columns = conditions[0].gain.ncols();
-        let mut schedule = Self { conditions, around: [(0, 0.0); 4], given: DVector::zeros(columns) };
+        let [given, changes] =
+            [&conditions[0].gain.given, &conditions[0].gain.changes].map(|gain| DVector::zeros(gain.ncols()));
+        let mut schedule = Self { conditions, around: [(0, 0.0); 4], given, changes };
         schedule.look_up([0.0; 2]);
         Ok(schedule)
     }
@@ -84,15 +86,24 @@ impl Schedule {
         }
     }
 
-    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being made at the measured `attitude_rad`.
-    pub fn plan(&mut self, given: &DVector<f64>, attitude_rad: &[f64; 2], plan: &mut DVector<f64>) {
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v) and the `changes` of r, which is made at the measured
+    /// `attitude_rad`.
+    pub fn plan(
+        &mut self,
+        given: &DVector<f64>,
+        changes: &DVector<f64>,
+        attitude_rad: &[f64; 2],
+        plan: &mut DVector<f64>,
+    ) {
         let n = given.len() - STATES - 2 * INPUTS;
         plan.fill(0.0);
         for &(i, share) in &self.around {
             let Condition { model, gain } = &self.conditions[i];
             self.given.copy_from(given);
             model.put_into(&mut self.given, n, attitude_rad);
-            plan.gemv(share, gain, &self.given, 1.0);
+            self.changes.copy_from(changes);
+            model.lean_on_changes(&mut self.changes);
+            gain.add_plan(share, &self.given, &self.changes, plan);
         }
     }
 }
@@ -111,7 +122,7 @@ impl Condition {
             )
         })?;
         let model = FlightModel::new(scenario, &FlightPoint::from(&level));
-        let gain = Condensed::at_speed(&model, &scenario.mpc)?.gain;
+        let gain = Condensed::at_speed(&model, scenario)?.gain;
         Ok(Self { model, gain })
     }
 }

@@ -107,7 +107,7 @@ fn val_problems_of_the_independent_simulator() {
         assert_eq!(controls.status, status as u64, "{name}");
         assert_eq!(controls.active_constraints > 0, *active, "{name}");
 
-        let hessian = Condensed::new(&mpc.model, &scenario.mpc).unwrap().hessian;
+        let hessian = Condensed::new(&mpc.model, &scenario).unwrap().hessian;
         let (ours, unconstrained) = (&mpc.work.plan, &mpc.work.unconstrained);
         let value = (&hessian * (ours * 0.5 - unconstrained)).dot(ours);
         let miss = ((value - objective) / objective).abs();

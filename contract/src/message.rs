@@ -35,6 +35,9 @@ const MAX_DEMAND: f64 = 1e6;
 /// Largest number of commands that the plant accepts between two samples; it ignores any further ones.
 pub const MAX_ARRIVALS: usize = 4;
 
+/// Number of later times for which a reference has a preview.
+pub const PREVIEW: usize = 8;
+
 /// Makes the types of the table, with their fields.
 macro_rules! define {
     (parts { $($(#[$about:meta])* $part:ident { $($fields:tt)* })* }
@@ -160,6 +163,14 @@ impl Content for Reference {
         within(&self.attitude_rad, MAX_ANGLE_RAD)
             && within(&self.rates_radps, MAX_RATE_RADPS)
             && within(&[self.w_mps], MAX_POSITION_M_VELOCITY_MPS)
+            && self.preview.iter().all(Ahead::plausible)
+    }
+}
+
+impl Ahead {
+    /// Returns whether the change is one between two plausible references.
+    fn plausible(&self) -> bool {
+        within(&self.attitude_rad, 2.0 * MAX_ANGLE_RAD) && within(&[self.w_mps], 2.0 * MAX_POSITION_M_VELOCITY_MPS)
     }
 }
 

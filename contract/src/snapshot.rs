@@ -14,7 +14,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::integrity::checksum_of;
 
 /// Words of a snapshot: room for the largest memory, that of attitude-mpc, and the two words before it.
-pub const SNAPSHOT_WORDS: usize = 200;
+pub const SNAPSHOT_WORDS: usize = 240;
 
 /// Largest number of words in the memory of the plant; their meaning is private to the plant.
 pub const PLANT_WORDS: usize = 1024;

@@ -18,6 +18,9 @@
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
 //! off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
+//! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction by
+//! PID and observer stays, as if the vehicle kept its place beside the trajectory.
+//!
 //! Without a usable state of the tick the last reference is repeated, and integrators and observer do not change. The
 //! integrators count the time before the next state as one period, so that the reference does not jump after a silence;
 //! after a long one it is limited too ([`reentry`]). The observer counts a short gap in full and a silence as one
@@ -37,7 +40,7 @@ pub mod trajectory;
 
 use airframe::{Trim, angle};
 use contract::Scenario;
-use contract::message::{Reference, State, guidance_flags};
+use contract::message::{Ahead, PREVIEW, Reference, State, guidance_flags};
 use contract::scenario::{Derivative, Guidance as Settings, RateReference, RollReference};
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -59,6 +62,18 @@ pub struct Guidance {
     roll_trim_rad: f64,
     g_mps2: f64,
     memory: Memory,
+}
+
+/// What one sample says about the references of its moment and of later ones.
+#[derive(Debug, Clone, Copy)]
+struct Correction {
+    /// Proportional, integral and derivative errors, NED \[m, m s, m/s\].
+    errors: [Vector3<f64>; 3],
+    /// Disturbance ahead and to the right \[m/s2\].
+    disturbance_mps2: Vector2<f64>,
+    /// Turn from NED to the heading frame, if errors and feed-forward are turned \[rad\].
+    heading_rad: Option<f64>,
+    limits: Limits,
 }
 
 /// Time since the last sample used.
@@ -159,16 +174,49 @@ impl Guidance {
             believed_periods: if is_silence || self.memory.cut == 1 { 1 } else { periods },
         };
         let setpoint = self.trajectory.at(t_s);
-        let heading_rad = self.heading.at(t_s);
         let attitude = Vector3::from(state.measured.attitude_rad);
         let [phi, theta, psi] = state.measured.attitude_rad;
         let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);
-        let frame_rad = if self.settings.heading_frame { psi } else { 0.0 };
-
         let (errors, integral_clamped) = self.errors(&setpoint, state, &velocity_ned, lapse);
+        let correction = Correction {
+            errors,
+            disturbance_mps2: self.disturbance(&velocity_ned, &attitude, lapse),
+            heading_rad: self.settings.heading_frame.then_some(psi),
+            limits: self.limits(state.stamp.tick),
+        };
+        let heading_rad = self.heading.at(t_s);
+        let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
+        let (w_mps, attitude_ref) = self.aim(&correction, &setpoint, [heading_rad, 0.0], state, &mut flags);
+        let mut reference = Reference {
+            position_m: setpoint.position_m,
+            velocity_mps: setpoint.velocity_mps,
+            w_mps,
+            attitude_rad: attitude_ref.into(),
+            rates_radps: self.rates(&attitude_ref, &attitude, elapsed_s).into(),
+            disturbance_mps2: correction.disturbance_mps2.into(),
+            flags,
+            ..Reference::default()
+        };
+        self.look_ahead(t_s, &correction, state, &mut reference);
+        reference
+    }
+
+    /// Returns the references of w \[m/s\] and of phi, theta, psi \[rad\] at `setpoint`, with the heading
+    /// `heading_rad`, in whose direction the vehicle still turns by `turn_rad`; adds the limits that they reach to
+    /// `flags`.
+    fn aim(
+        &self,
+        correction: &Correction,
+        setpoint: &Setpoint,
+        [heading_rad, turn_rad]: [f64; 2],
+        state: &State,
+        flags: &mut u64,
+    ) -> (f64, Vector3<f64>) {
+        let Correction { errors, disturbance_mps2, limits, .. } = *correction;
+        let frame_rad = correction.heading_rad.map_or(0.0, |psi| psi + turn_rad);
         let wanted = pid::wanted(&self.settings, &errors.map(|e| to_heading_frame(&e, frame_rad)));
         let acceleration = to_heading_frame(&Vector3::from(setpoint.acceleration_mps2), frame_rad);
-        let disturbance = self.disturbance(&velocity_ned, &attitude, lapse);
+        let disturbance = to_heading_frame(&disturbance_mps2.push(0.0), turn_rad);
 
         let mut angles = Vector2::new(wanted.phi_rad, wanted.theta_rad);
         if self.settings.acceleration_feedforward {
@@ -180,27 +228,37 @@ impl Guidance {
             climb_mps += setpoint.velocity_mps[2];
         }
 
-        let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
-        let limits = self.limits(state.stamp.tick);
-        let phi_ref = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, &mut flags);
-        let theta_ref = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, &mut flags);
-        let climb_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, &mut flags);
+        let phi_ref = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, flags);
+        let theta_ref = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, flags);
+        let climb_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, flags);
         let w_mps = if self.settings.exact_w { pid::exact_w(climb_mps, state) } else { climb_mps };
-        let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, &mut flags);
+        let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, flags);
         let roll_zero = match self.settings.roll_reference {
             RollReference::Trim => self.roll_trim_rad,
             RollReference::Absolute => 0.0,
         };
-        let attitude_ref = Vector3::new(phi_ref + roll_zero, theta_ref, heading_rad);
-        Reference {
-            position_m: setpoint.position_m,
-            velocity_mps: setpoint.velocity_mps,
-            w_mps,
-            attitude_rad: attitude_ref.into(),
-            rates_radps: self.rates(&attitude_ref, &attitude, elapsed_s).into(),
-            disturbance_mps2: disturbance.into(),
-            flags,
-            ..Reference::default()
+        (w_mps, Vector3::new(phi_ref + roll_zero, theta_ref, heading_rad))
+    }
+
+    /// Adds the preview to the `reference` of `t_s`: what it would be later if the correction stayed as it is.
+    fn look_ahead(&self, t_s: f64, correction: &Correction, state: &State, reference: &mut Reference) {
+        let step_s = self.settings.preview_s / PREVIEW as f64;
+        reference.preview_step_ns = (step_s * 1e9) as u64;
+        if reference.preview_step_ns == 0 {
+            return;
+        }
+        let Reference { w_mps, attitude_rad, .. } = *reference;
+        let now = Vector3::from(attitude_rad);
+        let (mut heading_rad, mut turn_rad) = (now.z, 0.0);
+        let mut at_s = t_s;
+        for ahead in &mut reference.preview {
+            at_s += step_s;
+            turn_rad += angle::difference(self.heading.at(at_s), heading_rad);
+            heading_rad = self.heading.at(at_s);
+            let setpoint = self.trajectory.at(at_s);
+            let (later_mps, later) = self.aim(correction, &setpoint, [heading_rad, turn_rad], state, &mut 0);
+            let change = later - now;
+            *ahead = Ahead { w_mps: later_mps - w_mps, attitude_rad: [change.x, change.y, turn_rad] };
         }
     }
 

@@ -30,5 +30,5 @@ pub struct Memory {
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"guidanc4";
+    const NAME: [u8; 8] = *b"guidanc5";
 }

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use crate::Guidance;
 
+mod preview;
 mod reentry;
 mod silence;
 mod trajectory;

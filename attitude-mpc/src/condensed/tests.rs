@@ -9,31 +9,41 @@ use crate::fixture;
 
 fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
     let model = PredictionModel::new(scenario);
-    let condensed = Condensed::new(&model, &scenario.mpc).unwrap();
+    let condensed = Condensed::new(&model, scenario).unwrap();
     (model, condensed)
 }
 
-/// Cost (4) as printed, by running the model.
-fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVector<f64>) -> f64 {
+/// Cost (4) as printed, by running the model; `changes` are those of the reference, or none.
+fn cost(
+    model: &PredictionModel,
+    weights: &Mpc,
+    given: &DVector<f64>,
+    changes: &DVector<f64>,
+    plan: &DVector<f64>,
+) -> f64 {
     let n = model.states();
     let (q, r) = stage_weights(n, weights);
     let p = terminal_weight(model, weights, &q, &r).unwrap();
     let d = Vector4::from_column_slice(given.rows(n + STATES, INPUTS).as_slice());
     let mut last = Vector4::from_column_slice(given.rows(n + STATES + INPUTS, INPUTS).as_slice());
     let r2 = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r_rate));
-    let mut held = -d;
-    if weights.disturbance_gain > 0.0 {
-        held[0] += 1.1 * 9.81 * model.trim.roll_rad.sin() * given[n + 1]; // m w' = -m g sin(phi_trim) phi + col
-    }
-    let mut target = DVector::zeros(n);
-    target.rows_mut(0, STATES).copy_from(&given.rows(n, STATES));
-    if model.has_lag() {
-        target.rows_mut(STATES, INPUTS).copy_from(&held);
-    }
     let mut x = given.rows(0, n).into_owned();
     let mut next = x.clone();
     let mut sum = 0.0;
     for k in 0..weights.np {
+        let mut target = DVector::zeros(n);
+        target.rows_mut(0, STATES).copy_from(&given.rows(n, STATES));
+        if !changes.is_empty() {
+            let mut reference = target.rows_mut(0, STATES);
+            reference += changes.rows(STATES * k, STATES);
+        }
+        let mut held = -d;
+        if weights.disturbance_gain > 0.0 {
+            held[0] += 1.1 * 9.81 * model.trim.roll_rad.sin() * target[1]; // m w' = -m g sin(phi_trim) phi + col
+        }
+        if model.has_lag() {
+            target.rows_mut(STATES, INPUTS).copy_from(&held);
+        }
         let newest = INPUTS * k.min(weights.nu - 1);
         let u = Vector4::from_column_slice(plan.rows(newest, INPUTS).as_slice());
         model.predict(&x, &u, &d, &mut next);
@@ -51,26 +61,31 @@ fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVe
 #[test]
 fn the_gain_minimises_the_printed_cost() {
     let r_rate = [0.2, 100.0, 30.0, 50.0];
-    for (profile, np, nu, terminal, disturbance_gain, r_rate) in [
+    let settings = [
         (Profile::Paper, 10, 5, Terminal::Zero, 0.0, [0.0; 4]),
         (Profile::Robust, 20, 5, Terminal::Dare, 0.0, r_rate),
         (Profile::Robust, 20, 5, Terminal::Dare, 0.1, [0.0; 4]),
         (Profile::Robust, 3, 3, Terminal::Q, 0.0, r_rate),
         (Profile::Paper, 1, 1, Terminal::Q, 0.1, r_rate),
-    ] {
+    ];
+    for (setting, preview_s) in settings.into_iter().flat_map(|setting| [(setting, 0.0), (setting, 0.4)]) {
+        let (profile, np, nu, terminal, disturbance_gain, r_rate) = setting;
         let mut scenario = Scenario::from(profile);
         scenario.mpc = Mpc { np, nu, terminal, disturbance_gain, r_rate, ..scenario.mpc };
+        scenario.guidance.preview_s = preview_s;
         let (model, condensed) = condensed(&scenario);
         let given = DVector::from_fn(model.states() + GIVEN, |i, _| (1.0 + i as f64).sin() * 0.3);
-        let plan = &condensed.gain * &given;
-        let least = cost(&model, &scenario.mpc, &given, &plan);
+        let changes = DVector::from_fn(change_count(&scenario), |i, _| (2.0 + 3.0 * i as f64).cos() * 0.3);
+        let mut plan = DVector::zeros(INPUTS * nu);
+        condensed.gain.add_plan(1.0, &given, &changes, &mut plan);
+        let least = cost(&model, &scenario.mpc, &given, &changes, &plan);
         for i in 0..plan.len() {
             // At a distance e from the minimum, either way, a quadratic with Hessian 2 H has grown by H_ii e^2.
             let step = (1e-2 * least / condensed.hessian[(i, i)]).sqrt();
             for e in [step, -step] {
                 let mut other = plan.clone();
                 other[i] += e;
-                let growth = cost(&model, &scenario.mpc, &given, &other) - least;
+                let growth = cost(&model, &scenario.mpc, &given, &changes, &other) - least;
                 let expected = condensed.hessian[(i, i)] * e * e;
                 assert!((growth / expected - 1.0).abs() < 1e-6, "{profile:?} {i}: {growth} is not {expected}");
             }
@@ -84,7 +99,7 @@ fn val_first_move_gains() {
     for (profile, k, kr) in [(Profile::Paper, "K_B0", "Kr_B0"), (Profile::Robust, "K_B2", "Kr_B2")] {
         let (model, condensed) = condensed(&Scenario::from(profile));
         let n = model.states();
-        let by = |from: usize, columns: usize| condensed.gain.view((0, from), (INPUTS, columns)).into_owned();
+        let by = |from: usize, columns: usize| condensed.gain.given.view((0, from), (INPUTS, columns)).into_owned();
         fixture::assert_matrix(&-by(0, n), &fixture::matrix(k));
         fixture::assert_matrix(&by(n, STATES), &fixture::matrix(kr).columns(0, STATES).into_owned());
     }
@@ -101,7 +116,7 @@ fn the_disturbance_is_cancelled_at_rest() {
             given.rows_mut(STATES, INPUTS).copy_from(&-d); // the actuators hold against it already
         }
         given.rows_mut(n + STATES, INPUTS).copy_from(&d);
-        for u in (&condensed.gain * given).as_slice().chunks_exact(INPUTS) {
+        for u in (&condensed.gain.given * given).as_slice().chunks_exact(INPUTS) {
             assert!((Vector4::from_column_slice(u) + d).amax() < 1e-9, "{profile:?}");
         }
     }
@@ -112,7 +127,7 @@ fn the_longest_horizon_is_still_finite() {
     let mut scenario = Scenario::default();
     (scenario.mpc.np, scenario.mpc.nu) = (200, 20);
     let (_, condensed) = condensed(&scenario);
-    assert!(condensed.gain.iter().all(|k| k.is_finite()));
+    assert!(condensed.gain.given.iter().all(|k| k.is_finite()));
 }
 
 #[test]
@@ -120,7 +135,7 @@ fn weights_that_rounding_makes_singular_are_refused() {
     let share = |profile: Profile, set: fn(&mut Mpc)| {
         let mut scenario = Scenario::from(profile);
         set(&mut scenario.mpc);
-        let hessian = Condensed::new(&PredictionModel::new(&scenario), &scenario.mpc).ok()?.hessian;
+        let hessian = Condensed::new(&PredictionModel::new(&scenario), &scenario).ok()?.hessian;
         let lower = hessian.clone().cholesky()?.l();
         lower.diagonal().iter().zip(&hessian.diagonal()).map(|(left, whole)| left * left / whole).reduce(f64::min)
     };

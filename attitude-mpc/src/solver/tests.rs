@@ -22,10 +22,10 @@ fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
     scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
     change(&mut scenario);
     let model = PredictionModel::new(&scenario);
-    let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario.mpc).unwrap();
+    let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario).unwrap();
     let set = PlanSet::new(&scenario, &course, model.trim.roll_rad).unwrap();
     let solver = Solver::new(&scenario, &hessian, &set);
-    SetUp { hessian, gain, set, solver }
+    SetUp { hessian, gain: gain.given, set, solver }
 }
 
 impl SetUp {

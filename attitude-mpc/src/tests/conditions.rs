@@ -94,6 +94,7 @@ fn ltv_is_the_condensed_problem_of_the_model() {
         let mut scenario = Scenario::from(profile);
         scenario.mpc.terminal = terminal;
         scenario.mpc.r_rate = [0.2, 100.0, 30.0, 50.0];
+        scenario.guidance.preview_s = 0.4;
         let measured = Kinematics {
             velocity_mps: [12.0, -6.0, -3.0],
             attitude_rad: [0.1, -0.3, 0.5],
@@ -105,15 +106,17 @@ fn ltv_is_the_condensed_problem_of_the_model() {
         let flight = FlightModel::new(&scenario, &FlightPoint { velocity_mps, roll_rad, pitch_rad, rates_radps });
         let n = flight.model.states();
         let given = DVector::from_fn(n + condensed::GIVEN, |i, _| 0.1 * (1.0 + i as f64).sin());
+        let changes = DVector::from_fn(condensed::change_count(&scenario), |i, _| 0.1 * (3.0 * i as f64).cos());
         let attitude_rad = [0.15, -0.3];
         let mut ours = DVector::zeros(4 * scenario.mpc.nu);
         let mut ltv = Ltv::new(&scenario).unwrap();
         ltv.observe(&measured);
         for _ in 0..2 {
-            ltv.plan(&given, &attitude_rad, &mut ours);
-            let mut own = given.clone();
+            ltv.plan(&given, &changes, &attitude_rad, &mut ours);
+            let (mut own, mut changed, mut theirs) = (given.clone(), changes.clone(), DVector::zeros(ours.len()));
             flight.put_into(&mut own, n, &attitude_rad);
-            let theirs = Condensed::at_speed(&flight, &scenario.mpc).unwrap().gain * own;
+            flight.lean_on_changes(&mut changed);
+            Condensed::at_speed(&flight, &scenario).unwrap().gain.add_plan(1.0, &own, &changed, &mut theirs);
             assert!((&ours - &theirs).amax() < 1e-8 * theirs.amax(), "{profile:?}: {ours} {theirs}");
         }
     }
@@ -141,10 +144,10 @@ fn a_change_of_pitch_at_constant_climb_costs_no_climb() {
 #[test]
 fn the_hessian_of_hover_serves_at_speed() {
     let scenario = scenario(Model::Scheduled);
-    let hover = Condensed::new(&PredictionModel::new(&scenario), &scenario.mpc).unwrap().hessian;
+    let hover = Condensed::new(&PredictionModel::new(&scenario), &scenario).unwrap().hessian;
     let level = LevelFlight::solve(&scenario.airframe, false, &scenario.plant.drag(), [15.0, 0.0]).unwrap();
     let flight = FlightModel::new(&scenario, &FlightPoint::from(&level));
-    let fast = Condensed::at_speed(&flight, &scenario.mpc).unwrap().hessian;
+    let fast = Condensed::at_speed(&flight, &scenario).unwrap().hessian;
     let (worst, best) = hover
         .clone()
         .cholesky()

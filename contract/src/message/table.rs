@@ -96,6 +96,14 @@ macro_rules! messages {
                     resets: u64,
                 }
 
+                /// Change of the reference until a later time.
+                Ahead {
+                    /// Change of w \[m/s\].
+                    w_mps: f64,
+                    /// Changes of phi, theta, psi, the last in the direction in which the heading turns \[rad\].
+                    attitude_rad: [f64; 3],
+                }
+
                 /// Command that the plant received, for replay.
                 Arrival {
                     /// Sequence number of the message.
@@ -108,7 +116,7 @@ macro_rules! messages {
             }
             messages {
                 /// STATE: the measured motion, the true motion, and the command in force.
-                State "trefoil.State.v6" 760 bytes {
+                State "trefoil.State.v7" 760 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim
@@ -136,7 +144,7 @@ macro_rules! messages {
                 }
 
                 /// REFERENCE: the attitude, rates and vertical velocity that the attitude loop shall follow.
-                Reference "trefoil.Reference.v6" 344 bytes {
+                Reference "trefoil.Reference.v7" 608 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Position on the trajectory, NED \[m\].
@@ -154,10 +162,14 @@ macro_rules! messages {
                     disturbance_mps2: [f64; 2],
                     /// Limits that were active, and repeated references: bits of [`guidance_flags`].
                     flags: u64,
+                    /// Time from one element of `preview` to the next, and to the first \[ns\]; 0 = no preview.
+                    preview_step_ns: u64,
+                    /// What guidance knows of the reference at later times, as its change until then.
+                    preview: [Ahead; PREVIEW],
                 }
 
                 /// CONTROLS: the demanded conventional inputs, as deviations from trim.
-                Controls "trefoil.Controls.v6" 320 bytes {
+                Controls "trefoil.Controls.v7" 320 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Demand of col, lon, lat, ped \[N, N m, N m, N m\].
@@ -177,7 +189,7 @@ macro_rules! messages {
                 }
 
                 /// ACTUATORS: the command for rotors and servo.
-                Actuators "trefoil.Actuators.v6" 256 bytes {
+                Actuators "trefoil.Actuators.v7" 256 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Command inside the actuators' limits.

@@ -29,7 +29,7 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 16] = [
+const SWITCHES: [Switch; 17] = [
     Switch {
         settings: &["mission.waypoints_m", "mission.times_s"],
         key: "mission.trajectory",
@@ -55,6 +55,12 @@ const SWITCHES: [Switch; 16] = [
         on: "\"circle\"",
     },
     Switch { settings: &["mpc.r_rate"], key: "mpc.law", is_on: |scenario| scenario.mpc.law == Law::Mpc, on: "\"mpc\"" },
+    Switch {
+        settings: &["guidance.preview_s"],
+        key: "mpc.law",
+        is_on: |scenario| scenario.mpc.law == Law::Mpc,
+        on: "\"mpc\"",
+    },
     Switch {
         settings: &["mpc.disturbance_gain"],
         key: "mpc.law",

@@ -4,7 +4,8 @@ use anyhow::Context;
 use contract::{
     Topic,
     message::{
-        ActuationMsg, Actuators, Arrival, Controls, Kinematics, MAX_ARRIVALS, Navigation, Reference, Stamp, State,
+        ActuationMsg, Actuators, Ahead, Arrival, Controls, Kinematics, MAX_ARRIVALS, Navigation, PREVIEW, Reference,
+        Stamp, State,
     },
 };
 use prost::{DecodeError, Message as _};
@@ -185,20 +186,19 @@ macro_rules! columns {
         }
     };
 }
-columns!(Arrivals { first, second, third, fourth });
 
 /// Converts between an array and a message with named fields, both ways.
 macro_rules! named_array {
-    ($([$scalar:ty; $count:literal] as $name:ident { $($field:ident),* })*) => {$(
+    ($([$element:ty; $count:expr] as $name:ident { $($field:ident),* })*) => {$(
         columns!($name { $($field),* });
-        impl From<[$scalar; $count]> for wire::$name {
-            fn from([$($field),*]: [$scalar; $count]) -> Self {
-                Self { $($field),* }
+        impl From<[$element; $count]> for wire::$name {
+            fn from([$($field),*]: [$element; $count]) -> Self {
+                Self { $($field: $field.into()),* }
             }
         }
-        impl From<wire::$name> for [$scalar; $count] {
+        impl From<wire::$name> for [$element; $count] {
             fn from(wire::$name { $($field),* }: wire::$name) -> Self {
-                [$($field),*]
+                [$($field.into()),*]
             }
         }
     )*};
@@ -215,19 +215,8 @@ named_array! {
     [f64; 3] as BodyAxes { x, y, z }
     [f64; 5] as PerSource { position, velocity, height, heading, flow }
     [u64; 5] as CountPerSource { position, velocity, height, heading, flow }
-}
-
-impl From<[Arrival; MAX_ARRIVALS]> for wire::Arrivals {
-    fn from(arrivals: [Arrival; MAX_ARRIVALS]) -> Self {
-        let [first, second, third, fourth] = arrivals.map(wire::Arrival::from);
-        Self { first, second, third, fourth }
-    }
-}
-
-impl From<wire::Arrivals> for [Arrival; MAX_ARRIVALS] {
-    fn from(wire::Arrivals { first, second, third, fourth }: wire::Arrivals) -> Self {
-        [first, second, third, fourth].map(Arrival::from)
-    }
+    [Arrival; MAX_ARRIVALS] as Arrivals { first, second, third, fourth }
+    [Ahead; PREVIEW] as Preview { first, second, third, fourth, fifth, sixth, seventh, eighth }
 }
 
 /// Converts between the types of the table and those of the schema, both ways, and lists their columns. A field that

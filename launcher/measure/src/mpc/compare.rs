@@ -89,7 +89,7 @@ impl Polygons {
     pub fn of(sequence: &Sequence) -> Result<Option<Self>, ScenarioError> {
         let scenario = sequence.scenario_for(sequence.scenario.mpc.solver);
         let model = PredictionModel::new(&scenario);
-        let Condensed { hessian, course, .. } = Condensed::new(&model, &scenario.mpc)?;
+        let Condensed { hessian, course, .. } = Condensed::new(&model, &scenario)?;
         let Some(set) = PlanSet::new(&scenario, &course, model.trim.roll_rad) else { return Ok(None) };
         let (rows, offsets) = rows(&set.moves, hessian.nrows());
         let centres = centres(sequence).map(|(controls, centre)| (controls.stamp.tick, centre)).collect();
@@ -235,7 +235,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for sequence in problems::shipped(folder.path()).unwrap() {
             let model = PredictionModel::new(&sequence.scenario);
-            let Condensed { course, .. } = Condensed::new(&model, &sequence.scenario.mpc).unwrap();
+            let Condensed { course, .. } = Condensed::new(&model, &sequence.scenario).unwrap();
             let set = PlanSet::new(&sequence.scenario, &course, model.trim.roll_rad).unwrap();
             let (mut explicit, mut solved) = (0, 0);
             for (controls, centre) in centres(&sequence) {

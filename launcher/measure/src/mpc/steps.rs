@@ -150,7 +150,8 @@ pub fn clock_ns() -> u64 {
 /// Time of the bare matrix-vector product of the explicit path \[ns\].
 pub fn floor_ns(sequence: &Sequence) -> anyhow::Result<f64> {
     const PRODUCTS: u32 = 1000;
-    let Condensed { gain, .. } = Condensed::new(&PredictionModel::new(&sequence.scenario), &sequence.scenario.mpc)?;
+    let Condensed { gain, .. } = Condensed::new(&PredictionModel::new(&sequence.scenario), &sequence.scenario)?;
+    let gain = gain.given;
     let (given, mut plan) = (DVector::from_element(gain.ncols(), 0.5), DVector::zeros(gain.nrows()));
     let mut batch = || {
         for _ in 0..PRODUCTS {

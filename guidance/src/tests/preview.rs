@@ -1,0 +1,82 @@
+//! The preview against the references of later ticks.
+
+use airframe::angle;
+use contract::message::PREVIEW;
+use contract::scenario::Heading;
+use nalgebra::{Rotation3, Vector3};
+
+use super::*;
+use crate::heading::HeadingCommand;
+use crate::trajectory::Trajectory;
+
+const STEP_TICKS: u64 = 5;
+
+fn turning(trajectory: TrajectoryKind) -> Scenario {
+    let mut scenario = scenario(Profile::Robust, trajectory);
+    scenario.mission.heading_deg = Heading::Steps(vec![(1.0, 120.0), (6.0, -120.0), (11.0, 30.0)]);
+    scenario.guidance.heading_rate_limit_dps = 60.0;
+    scenario.guidance.preview_s = 0.01 * (STEP_TICKS * PREVIEW as u64) as f64;
+    scenario
+}
+
+/// Reference at `tick` of a level vehicle that is, moves and points as the reference says, `east_m` beside it.
+fn beside(scenario: &Scenario, tick: u64, east_m: f64) -> Reference {
+    let t_s = tick as f64 * scenario.sample_s();
+    let (setpoint, psi) = (Trajectory::new(&scenario.mission).at(t_s), HeadingCommand::new(scenario).at(t_s));
+    let mut state = hovering(tick);
+    let [x, y, z] = setpoint.position_m;
+    state.measured.position_m = [x, y + east_m, z];
+    state.measured.attitude_rad = [0.0, 0.0, psi];
+    let to_body = Rotation3::from_euler_angles(0.0, 0.0, psi).inverse();
+    state.measured.velocity_mps = (to_body * Vector3::from(setpoint.velocity_mps)).into();
+    Guidance::new(scenario).step(tick, &state)
+}
+
+#[test]
+fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
+    for (trajectory, east_m) in
+        [(TrajectoryKind::Survey, 0.0), (TrajectoryKind::Survey, 0.3), (TrajectoryKind::Circle, -0.2)]
+    {
+        let mut scenario = turning(trajectory);
+        scenario.guidance.ki_phi = 0.0; // the integral grows meanwhile
+        scenario.guidance.ki_theta = 0.0;
+        let mut largest = [0.0_f64; 4];
+        for tick in (0..1500).step_by(7) {
+            let now = beside(&scenario, tick, east_m);
+            assert_eq!(now.preview_step_ns, STEP_TICKS * 10_000_000);
+            for (ahead, number) in now.preview.iter().zip(1..) {
+                let later = beside(&scenario, tick + number * STEP_TICKS, east_m);
+                let w_miss = ahead.w_mps - (later.w_mps - now.w_mps);
+                assert!(w_miss.abs() < 1e-9, "{trajectory:?} at {tick}, element {number}: w {w_miss}");
+                for i in 0..3 {
+                    let change = later.attitude_rad[i] - now.attitude_rad[i];
+                    let miss = angle::wrapped(ahead.attitude_rad[i] - change);
+                    assert!(miss.abs() < 1e-9, "{trajectory:?} at {tick}, element {number}: angle {i} {miss}");
+                    largest[i] = largest[i].max(ahead.attitude_rad[i].abs());
+                }
+                largest[3] = largest[3].max(ahead.w_mps.abs());
+            }
+        }
+        assert!(largest.iter().all(|change| *change > 0.01), "there was something to see: {largest:?}");
+    }
+}
+
+#[test]
+fn a_heading_that_turns_past_south_turns_on_in_the_preview() {
+    let mut scenario = turning(TrajectoryKind::Hover);
+    scenario.mission.heading_deg = Heading::Steps(vec![(0.0, 170.0), (5.0, -170.0)]);
+    let ahead = beside(&scenario, 495, 0.0).preview;
+    let turned: Vec<f64> = ahead.iter().map(|ahead| ahead.attitude_rad[2].to_degrees()).collect();
+    for (degrees, number) in turned.iter().zip(0..) {
+        let expected = f64::min(3.0 * f64::from(number), 20.0); // 60 degrees/s from the first element on
+        assert!((degrees - expected).abs() < 1e-6, "{turned:?}");
+    }
+}
+
+#[test]
+fn without_the_setting_nothing_is_said() {
+    let mut scenario = turning(TrajectoryKind::Survey);
+    scenario.guidance.preview_s = 0.0;
+    let reference = beside(&scenario, 100, 0.0);
+    assert_eq!((reference.preview_step_ns, reference.preview), (0, Reference::default().preview));
+}
