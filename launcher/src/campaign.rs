@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder};
 use campaign::layout::MAX_SHARDS;
-use campaign::page::{self, Page, promises, under_way};
+use campaign::page::{self, Page, differences, promises, under_way};
 use campaign::row::{self, Standing};
 use campaign::table::{Cell, Table};
 use campaign::{Campaign, OwnController, Plan, Rate, local, seeds, slurm};
@@ -338,6 +338,7 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     );
     let page = Page::new(plan, &flights);
     text += &rates(&page);
+    text += &differences::text(&page);
     let targets = promises::targets(&page);
     for target in &targets {
         text += &(target.line().trim_end().to_owned() + "\n");

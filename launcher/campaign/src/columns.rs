@@ -25,6 +25,12 @@ pub fn of_the_outcome() -> Vec<(String, Kind)> {
     columns
 }
 
+/// Columns of the outcome that are numbers.
+pub fn metrics() -> Vec<String> {
+    let is_number = |(name, kind)| matches!(kind, Kind::Real | Kind::Int).then_some(name);
+    of_the_outcome().into_iter().filter_map(is_number).collect()
+}
+
 /// Lists metrics and counts of the solver by column name; each is a number or null.
 pub fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
     let mut measured = vec![];

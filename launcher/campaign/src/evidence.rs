@@ -12,7 +12,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
 
-use crate::difference::Difference;
+use crate::difference::{Difference, MetricDifference};
 use crate::file::SEED;
 use crate::plan::{Axis, Plan};
 use crate::rate::Rate;
@@ -108,6 +108,18 @@ impl Evidence {
         }
         let draws: Vec<(i64, usize)> = draws.into_values().collect();
         (self.is_sample() && !draws.is_empty()).then(|| Difference::over(&draws))
+    }
+
+    /// Computes the difference of a metric of two controllers over flights that both have flown, each given by its number
+    /// and the first controller's metric less the second's. `None` if the flights are no sample, or too few.
+    pub fn metric_difference(&self, flights: impl Iterator<Item = (u64, f64)>) -> Option<MetricDifference> {
+        let mut draws: BTreeMap<u64, (f64, f64)> = BTreeMap::new();
+        for (number, more) in flights {
+            let draw = draws.entry(self.draw(number)).or_default();
+            *draw = (draw.0 + more, draw.1 + 1.0);
+        }
+        let means: Vec<f64> = draws.into_values().map(|(sum, count)| sum / count).collect();
+        self.is_sample().then(|| MetricDifference::over(&means)).flatten()
     }
 
     /// Returns the draw of a flight; 0 if nothing is drawn.

@@ -23,6 +23,7 @@
 //! [controller.lqr]                   # each flight is flown under each controller
 //! mpc.law = "lqr"
 //!
+//! [compare]                          # metrics in which the controllers are compared: see `compare`
 //! [[promise]]                        # what must hold of the results: see `promise`
 //! figure = "flights of lqr lost"
 //! controllers = ["lqr"]
@@ -46,6 +47,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use toml::{Table, Value};
 
+use crate::compare::Compare;
 use crate::hex::hex;
 use crate::named::Named;
 use crate::own_controller::OwnController;
@@ -126,6 +128,9 @@ pub(crate) struct File {
     /// Search of gains by `launcher tune`. It is left out of the campaign's hash, because it changes no flight.
     #[serde(skip_serializing)]
     tune: Option<Tune>,
+    /// Metrics in which the controllers are compared. It changes no flight either.
+    #[serde(skip_serializing)]
+    compare: Option<Compare>,
     /// Statements that must hold of the flights. They change no flight either.
     #[serde(default, skip_serializing)]
     promise: Vec<Promise>,
@@ -268,6 +273,11 @@ impl Campaign {
         self.file.tune.as_ref()
     }
 
+    /// Returns `[compare]`, if the file has it.
+    pub fn compare(&self) -> Option<&Compare> {
+        self.file.compare.as_ref()
+    }
+
     /// Returns the promises of the file.
     pub fn promises(&self) -> &[Promise] {
         &self.file.promise
@@ -373,6 +383,7 @@ impl Campaign {
         let cases: Vec<&str> = self.cases().collect();
         let listed = self.factors.iter().filter(|factor| matches!(factor.values, Values::Listed(_)));
         let listed: Vec<&str> = listed.map(|factor| factor.key.as_str()).collect();
+        self.compare().map_or(Ok(()), |compare| compare.check(&controllers))?;
         self.promises().iter().try_for_each(|promise| promise.check(&controllers, &cases, &listed))
     }
 }
@@ -433,7 +444,7 @@ fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::
 
 /// Returns whether a text has tables of a scenario and none of a campaign.
 fn is_scenario(text: &str) -> bool {
-    const OF_A_CAMPAIGN: [&str; 13] = [
+    const OF_A_CAMPAIGN: [&str; 14] = [
         "scenario",
         "seed",
         "seeds",
@@ -445,6 +456,7 @@ fn is_scenario(text: &str) -> bool {
         "controllers",
         CASE,
         "random_faults",
+        "compare",
         "promise",
         "tune",
     ];

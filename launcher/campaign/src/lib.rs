@@ -22,6 +22,7 @@
 //! | [`seeds`] | refuses seeds that change nothing |
 //! | [`evidence`] | the draws of a campaign, and the copies among its flights |
 //! | [`mean`], [`rate`], [`difference`] | 95 % intervals of a mean, of a share, of the difference of two controllers |
+//! | [`compare`] | metrics in which controllers are compared; `page::differences` has the table |
 //! | [`promise`] | what a campaign file promises of its flights; `page::promises` has the verdicts |
 //! | [`page`] | `campaign.html` |
 //!
@@ -31,6 +32,7 @@
 #![allow(missing_docs)]
 
 mod columns;
+pub mod compare;
 #[cfg(test)]
 mod coverage;
 pub mod difference;

@@ -27,7 +27,6 @@ use serde::Deserialize;
 use toml::Table;
 
 use crate::columns;
-use crate::table::Kind;
 
 /// One `[[promise]]` of a campaign file.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -107,9 +106,8 @@ impl Promise {
         known("controller", &self.controllers, controllers)?;
         known("case", &self.cases, cases)?;
         known("list of values of", &self.at.keys().cloned().collect::<Vec<_>>(), listed)?;
-        let metrics = columns::of_the_outcome();
-        let metrics = metrics.iter().filter(|(_, kind)| matches!(kind, Kind::Real | Kind::Int));
-        let metrics: Vec<&str> = metrics.map(|(name, _)| name.as_str()).collect();
+        let metrics = columns::metrics();
+        let metrics: Vec<&str> = metrics.iter().map(String::as_str).collect();
         known("metric", &metric.clone().into_iter().collect::<Vec<_>>(), &metrics)?;
         let is_limited = at_most.is_some() != at_least.is_some();
         let is_finite = [at_most, at_least].into_iter().flatten().all(|limit| limit.is_finite());

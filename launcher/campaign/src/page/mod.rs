@@ -6,6 +6,7 @@
 //! | `setup` | program, sampling and campaign file, common to all flights |
 //! | `promises` | verdicts on what the campaign file promises |
 //! | `pairs` | the controllers compared draw by draw |
+//! | [`differences`] | by how much they differ in metrics |
 //! | `data` | controllers, verdicts and position errors of the flights |
 //! | `overview` | the head, the share of each controller, causes of failures, reasons of invalid flights |
 //! | `bins` | the axis of a factor, with values or parts of its range |
@@ -17,6 +18,7 @@
 mod bins;
 mod bounds;
 mod data;
+pub mod differences;
 mod factors;
 mod maps;
 mod overview;
@@ -40,6 +42,7 @@ pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
         promises::section(all),
         all.controllers_section(),
         pairs::section(all),
+        differences::section(all),
         all.causes(),
         all.invalid(),
         factors::section(all),

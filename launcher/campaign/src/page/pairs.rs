@@ -121,7 +121,7 @@ fn law(page: &Page, first: usize) -> String {
 
 /// Adjusts p-values, given in rising order, so that the probability that any falls below a level by chance is at most
 /// that of one test (Holm, Scandinavian Journal of Statistics 6, 1979).
-fn holm(rising: &[f64]) -> Vec<f64> {
+pub fn holm(rising: &[f64]) -> Vec<f64> {
     let step = |(i, p): (usize, &f64)| ((rising.len() - i) as f64 * p).min(1.0);
     let stepped = rising.iter().enumerate().map(step);
     stepped

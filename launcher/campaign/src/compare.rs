@@ -1,0 +1,48 @@
+//! `[compare]`: by how much the controllers of a campaign differ from one of them, in metrics of the same flights.
+//!
+//! ```toml
+//! [compare]
+//! with = "pid"                            # the other controllers less this one
+//! metrics = ["rms_position_error_m"]      # columns of the table of flights
+//! ```
+//!
+//! Only pairs of flights that both pass are compared: a lost flight has no tracking error. How many pairs are left out
+//! stands beside each difference, because a controller that loses its worst flights looks better without them.
+
+use anyhow::ensure;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::columns;
+
+/// `[compare]` of a campaign file.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Compare {
+    /// Controller that the others are compared with.
+    pub with: String,
+    /// Columns of the table of flights.
+    pub metrics: Vec<String>,
+}
+
+impl Compare {
+    /// Checks the names against those of the campaign's controllers.
+    ///
+    /// # Errors
+    /// A controller or a column that the campaign does not have, or nothing to compare.
+    pub fn check(&self, controllers: &[&str]) -> anyhow::Result<()> {
+        let all = controllers.join(", ");
+        ensure!(
+            controllers.contains(&self.with.as_str()),
+            "[compare]: there is no controller {:?}; there are {all}",
+            self.with
+        );
+        ensure!(controllers.len() > 1, "[compare]: there is one controller only; give another [controller.NAME]");
+        ensure!(!self.metrics.is_empty(), "[compare]: `metrics` is empty: name a column of the table of flights");
+        let known = columns::metrics();
+        for metric in &self.metrics {
+            ensure!(known.contains(metric), "[compare]: there is no metric {metric:?}; there are {}", known.join(", "));
+        }
+        Ok(())
+    }
+}
