@@ -112,6 +112,11 @@ typedef struct {
   double rates_radps[3];
   // Reference of w, the velocity along the body z axis [m/s].
   double w_mps;
+  // Time from one element of `preview` to the next, and from the sample to the first [s]; 0 = no preview
+  // (`guidance.preview_s`).
+  double preview_step_s;
+  // Changes of the references until these times: of w [m/s] and of roll, pitch, yaw [rad].
+  double preview[8][4];
 } TrefoilReference;
 
 // Input of a step of attitude-mpc.

@@ -88,6 +88,11 @@ pub struct TrefoilReference {
     pub rates_radps: [f64; 3],
     /// Reference of w, the velocity along the body z axis \[m/s\].
     pub w_mps: f64,
+    /// Time from one element of `preview` to the next, and from the sample to the first \[s\]; 0 = no preview
+    /// (`guidance.preview_s`).
+    pub preview_step_s: f64,
+    /// Changes of the references until these times: of w \[m/s\] and of roll, pitch, yaw \[rad\].
+    pub preview: [[f64; 4]; 8],
 }
 
 /// Newest answer of attitude-mpc.

@@ -3,7 +3,9 @@
 use std::mem::offset_of;
 
 use bytemuck::Pod;
-use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, SolveStatus, State, guidance_flags};
+use contract::message::{
+    ActuationMsg, Actuators, Ahead, Controls, Message, Reference, SolveStatus, State, guidance_flags,
+};
 use contract::topic::Topic;
 use runtime::input::Input;
 use runtime::node::Inputs;
@@ -107,15 +109,25 @@ impl Protocol for AttitudeMpc {
             "rotor_speed" = sample.rotor_speed: 3, "tilt" = sample.tilt_rad: 1,
             "position_ref" = reference.position_m: 3, "velocity_ref" = reference.velocity_mps: 3,
             "attitude_ref" = reference.attitude_rad: 3, "rates_ref" = reference.rates_radps: 3,
-            "w_ref" = reference.w_mps: 1
+            "w_ref" = reference.w_mps: 1, "preview_step" = reference.preview_step_s: 1,
+            "preview" = reference.preview: 32
         }),
         places!(TrefoilAttitudeAnswer { "demand" = demand: 4 }),
     ];
 
     fn input(tick: u64, time_s: f64, (references, states): &Self::Inputs) -> Self::Input {
-        let Reference { position_m, velocity_mps, attitude_rad, rates_radps, w_mps, .. } = *references.known();
-        let age_ticks = age(tick, references.known());
-        let reference = TrefoilReference { age_ticks, position_m, velocity_mps, attitude_rad, rates_radps, w_mps };
+        let newest = references.known();
+        let Reference { position_m, velocity_mps, attitude_rad, rates_radps, w_mps, .. } = *newest;
+        let reference = TrefoilReference {
+            age_ticks: age(tick, newest),
+            position_m,
+            velocity_mps,
+            attitude_rad,
+            rates_radps,
+            w_mps,
+            preview_step_s: newest.preview_step_ns as f64 * 1e-9,
+            preview: newest.preview.map(|Ahead { w_mps, attitude_rad: [roll, pitch, yaw] }| [w_mps, roll, pitch, yaw]),
+        };
         TrefoilAttitudeInput { tick, time_s, sample: sample(tick, states.known()), reference }
     }
 

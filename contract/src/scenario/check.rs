@@ -326,6 +326,13 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         format!("`mpc.actuator_lag_model_s` = {:?} is too short to model", mpc.actuator_lag_model_s),
         "0 for no lag, or at least 0.001",
     );
+    let preview_s = scenario.guidance.preview_s;
+    found.require(
+        preview_s <= 0.0 || preview_s >= 0.01,
+        &["guidance.preview_s"],
+        format!("`guidance.preview_s` = {preview_s:?} is too short to look ahead"),
+        "0 for no preview, or at least 0.01",
+    );
     found.require(!scenario.name.trim().is_empty(), &["name"], "`name` is empty".into(), "what the run is called");
 }
 

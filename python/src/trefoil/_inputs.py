@@ -50,6 +50,8 @@ class Reference(Age):
         velocity_mps: velocity on the trajectory, north, east, down, shape (3,) [m/s].
         attitude_rad: references of roll, pitch, yaw, shape (3,) [rad].
         rates_radps: references of the body rates p, q, r, shape (3,) [rad/s].
+        preview: changes of the references of w [m/s] and of roll, pitch, yaw [rad] until eight later times, shape
+            (8, 4); zero without ``guidance.preview_s``.
     """
 
     def __init__(self, record: np.ndarray) -> None:
@@ -58,12 +60,19 @@ class Reference(Age):
         self.velocity_mps: np.ndarray = record["velocity_mps"]
         self.attitude_rad: np.ndarray = record["attitude_rad"]
         self.rates_radps: np.ndarray = record["rates_radps"]
+        self.preview: np.ndarray = record["preview"]
         self._w_mps = record["w_mps"]
+        self._preview_step_s = record["preview_step_s"]
 
     @property
     def w_mps(self) -> float:
         """Reference of w, the velocity along the body z axis [m/s]."""
         return self._w_mps.item()
+
+    @property
+    def preview_step_s(self) -> float:
+        """Time from one row of ``preview`` to the next, and from the sample to the first [s]; 0 = no preview."""
+        return self._preview_step_s.item()
 
 
 class Demand(Age):

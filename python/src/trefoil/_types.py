@@ -22,7 +22,7 @@ MOTION = [
     ("w_mps", np.float64),
 ]
 
-REFERENCE = [("age_ticks", np.uint64), *MOTION]
+REFERENCE = [("age_ticks", np.uint64), *MOTION, ("preview_step_s", np.float64), ("preview", np.float64, (8, 4))]
 
 DEMAND = [("age_ticks", np.uint64), ("demand", np.float64, 4)]
 

@@ -58,7 +58,9 @@ const SWITCHES: [Switch; 17] = [
     Switch {
         settings: &["guidance.preview_s"],
         key: "mpc.law",
-        is_on: |scenario| scenario.mpc.law == Law::Mpc,
+        is_on: |scenario| {
+            scenario.mpc.law == Law::Mpc || scenario.node.attitude_mpc.kind() != ProgramKind::Own // which may use it
+        },
         on: "\"mpc\"",
     },
     Switch {

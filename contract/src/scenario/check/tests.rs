@@ -110,6 +110,7 @@ fn settings_that_contradict_are_refused() {
         ("mpc.nu=21", "`mpc.nu` = 21 is longer than `mpc.np` = 20"),
         ("mpc.np=4", "`mpc.nu` = 5 is longer than `mpc.np` = 4"),
         ("mpc.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
+        ("guidance.preview_s=0.009", "0 for no preview, or at least 0.01"),
         ("deadline.policy=hold", "`deadline.plant_policy` cannot be hold"),
         ("deadline.guidance_policy=degrade", "it has nothing cheaper to do"),
         ("deadline.policy=late", "expected one of `send`, `skip`, `hold`, `degrade`, `stop`"),
@@ -301,6 +302,11 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
     }
     let paper = from_set(&["profile=paper", "mpc.solver=active-set"]).expect_err("nothing is solved").to_string();
     assert!(paper.contains("`mpc.constraints` = \"box\" or \"cone\" with it"), "{paper}");
+    let pid = ["mpc.law=pid", "mpc.constraints=none", "guidance.preview_s=0.2"];
+    let unseen = from_set(&pid).expect_err("only the MPC plans ahead").to_string();
+    assert!(unseen.contains("`mpc.law` = \"mpc\" with it"), "{unseen}");
+    let own = [&pid[..], &["node.attitude-mpc.exec=own.so"]].concat();
+    from_set(&own).expect("a controller of another language may plan ahead");
 }
 
 #[test]
