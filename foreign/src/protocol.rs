@@ -116,19 +116,8 @@ impl Protocol for AttitudeMpc {
     ];
 
     fn input(tick: u64, time_s: f64, (references, states): &Self::Inputs) -> Self::Input {
-        let newest = references.known();
-        let Reference { position_m, velocity_mps, attitude_rad, rates_radps, w_mps, .. } = *newest;
-        let reference = TrefoilReference {
-            age_ticks: age(tick, newest),
-            position_m,
-            velocity_mps,
-            attitude_rad,
-            rates_radps,
-            w_mps,
-            preview_step_s: newest.preview_step_ns as f64 * 1e-9,
-            preview: newest.preview.map(|Ahead { w_mps, attitude_rad: [roll, pitch, yaw] }| [w_mps, roll, pitch, yaw]),
-        };
-        TrefoilAttitudeInput { tick, time_s, sample: sample(tick, states.known()), reference }
+        let (sample, reference) = (sample(tick, states.known()), reference(tick, references.known()));
+        TrefoilAttitudeInput { tick, time_s, sample, reference }
     }
 
     /// Makes CONTROLS. A missing answer, and one to an old sample, is marked as repeated, so that the mixer falls back.
@@ -193,5 +182,38 @@ fn sample(tick: u64, state: &State) -> TrefoilSample {
         rates_radps: measured.rates_radps,
         rotor_speed: command.rotor_speed,
         tilt_rad: command.tilt_rad,
+    }
+}
+
+/// Makes the reference that a controller may see.
+fn reference(tick: u64, newest: &Reference) -> TrefoilReference {
+    let Reference { position_m, velocity_mps, attitude_rad, rates_radps, w_mps, .. } = *newest;
+    TrefoilReference {
+        age_ticks: age(tick, newest),
+        position_m,
+        velocity_mps,
+        attitude_rad,
+        rates_radps,
+        w_mps,
+        preview_step_s: newest.preview_step_ns as f64 * 1e-9,
+        preview: newest.preview.map(|Ahead { w_mps, attitude_rad: [roll, pitch, yaw] }| [w_mps, roll, pitch, yaw]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::message::Stamp;
+
+    use super::*;
+
+    #[test]
+    fn the_preview_has_a_row_for_each_time_in_the_order_w_roll_pitch_yaw() {
+        let stamp = Stamp { tick: 5, sequence: 1, ..Stamp::default() };
+        let mut newest = Reference { stamp, preview_step_ns: 25_000_000, ..Reference::default() };
+        newest.preview[7] = Ahead { w_mps: 1.0, attitude_rad: [2.0, 3.0, 4.0] };
+        let seen = reference(7, &newest);
+        assert_eq!((seen.age_ticks, seen.preview_step_s, seen.preview[7]), (2, 0.025, [1.0, 2.0, 3.0, 4.0]));
+        let place = AttitudeMpc::NAMES[0].iter().find(|place| place.name == "preview").expect("CasADi's name");
+        assert_eq!(8 * place.count, size_of_val(&seen.preview));
     }
 }

@@ -34,7 +34,9 @@ fn c_and_cpp_have_the_layout_of_rust() {
             trim_roll_rad, start_position_m, start_velocity_mps, start_attitude_rad, start_rates_radps,
         }
         TrefoilSample { age_ticks, position_m, velocity_mps, attitude_rad, rates_radps, rotor_speed, tilt_rad }
-        TrefoilReference { age_ticks, position_m, velocity_mps, attitude_rad, rates_radps, w_mps }
+        TrefoilReference {
+            age_ticks, position_m, velocity_mps, attitude_rad, rates_radps, w_mps, preview_step_s, preview,
+        }
         TrefoilDemand { age_ticks, demand }
         TrefoilGuidanceInput { tick, time_s, sample }
         TrefoilGuidanceAnswer { position_m, velocity_mps, attitude_rad, rates_radps, w_mps }
