@@ -1,4 +1,6 @@
-//! The inverse of the geometric law, in the plant's own dynamics.
+//! The inverse of the geometric law, in the plant's own dynamics, and INDI by a second implementation.
+
+use std::process::Command;
 
 use airframe::{Actuation, MixingMatrix, Trim};
 use attitude_mpc::AttitudeMpc;
@@ -8,6 +10,8 @@ use contract::scenario::{Law, PidGains, Profile};
 use plant::dynamics::{Dynamics, Surroundings, assemble};
 use plant::rotors::Condition;
 use proptest::prelude::*;
+
+use crate::harness::{fly, launcher, python_with, top};
 
 /// Gains on w and on the rates, the only errors of the test.
 const GAINS: PidGains = PidGains { kp: [4.0, 48.0, 48.0, 48.0], ki: [0.0; 4], kd: [12.0; 3] };
@@ -48,4 +52,31 @@ proptest! {
         let miss = down - GAINS.kp[0] * cos_phi * cos_theta * w_mps;
         prop_assert!(miss.abs() < 1e-9, "down: {miss:e} m/s2");
     }
+}
+
+#[test]
+fn a_second_implementation_of_indi_demands_the_same() {
+    let Some(python) = python_with(&["numpy"]) else { return };
+    let settings = [
+        "run.duration_s=4.0",
+        "mpc.law=indi",
+        "mpc.constraints=none",
+        "mpc.delay_compensation=false",
+        "mission.trajectory=hover",
+        "initial.attitude_deg=[20.0, -25.0, 40.0]",
+        "plant.airframe.mass_kg=1.15",
+        "plant.noise.rates_dps=1.0",
+        "bounds.max_position_error_m=5.0",
+    ];
+    let settings = settings.into_iter().flat_map(|setting| ["--set", setting]);
+    let outcome = fly(&["--mode", "inprocess"].into_iter().chain(settings).collect::<Vec<_>>());
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let run = outcome.out.display().to_string();
+    let exported = launcher().args(["export", &run, "--to", "csv"]).output().expect("the launcher starts");
+    assert!(exported.status.success(), "{}", String::from_utf8_lossy(&exported.stderr));
+    let second = Command::new(python).arg(top().join("tests/python/indi.py")).arg(format!("{run}/csv")).output();
+    let second = second.expect("python starts");
+    let [told, failed] = [&second.stdout, &second.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+    let shares: Vec<f64> = told.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    assert!(shares.len() == 2 && shares.iter().all(|share| *share < 1e-9), "{told}{failed}");
 }

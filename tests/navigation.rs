@@ -1,9 +1,16 @@
-//! The estimator in whole flights: its errors are as large as it says, with every error of the shipped sensors.
+//! The estimator in whole flights: its errors are as large as it says, with every error of the shipped sensors. And its
+//! filter against a second implementation.
+
+use std::fmt::Write as _;
+use std::process::Command;
 
 use contract::message::{Kinematics, Navigation, State};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use navigation::{Aiding, Filter, Imu, Noise, Source, initial_covariance};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
-use crate::harness::fly;
+use crate::harness::{fly, python_with, top};
 
 /// Numbers of an error: position and velocity NED, attitude as turns about the body axes.
 const ERRORS: usize = 9;
@@ -60,4 +67,91 @@ fn without_the_kalman_filter_nothing_is_said_of_the_errors() {
     let outcome = fly(&["scenarios/dryden.toml", "--mode", "inprocess", "--set", "run.duration_s=1"]);
     let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
     assert!(!log.states.is_empty() && log.states.iter().all(|state| state.navigation == Navigation::default()));
+}
+
+/// What the filter of the test expects; `tests/python/ekf.py` has the same numbers.
+const NOISE: Noise = Noise {
+    specific_force_mps2: 0.3,
+    rates_radps: 0.001,
+    acceleration_bias_walk: 0.002,
+    rates_bias_walk: 0.0002,
+    position_m: Vector3::new(0.15, 0.15, 0.25),
+    velocity_mps: Vector3::new(0.05, 0.05, 0.1),
+    height_m: 0.1,
+    field: 0.02,
+    flow_mps: 0.1,
+};
+const SAMPLE_S: f64 = 0.005;
+const DELAY: usize = 20;
+
+/// Sample `k` of a vehicle that turns in its place from `attitude` on, which becomes that of the end of the sample. The
+/// receiver is silent from 6 to 10 s, and has it 3 m away then, and once before.
+fn turning(k: u32, attitude: &mut UnitQuaternion<f64>, random: &mut ChaCha8Rng) -> (Imu, Aiding) {
+    let t_s = f64::from(k) * SAMPLE_S;
+    let mut noisy = |size: f64, value: Vector3<f64>| value.map(|value| value + size * (random.random::<f64>() - 0.5));
+    let rates_radps = Vector3::new(0.8 * (1.1 * t_s).cos(), 0.6 * (0.9 * t_s).cos(), 0.3);
+    let half = UnitQuaternion::from_scaled_axis(rates_radps * (SAMPLE_S / 2.0));
+    let force = (*attitude * half).inverse() * Vector3::new(0.0, 0.0, -9.81);
+    *attitude = *attitude * half * half;
+    let imu = Imu {
+        specific_force_mps2: noisy(1.0, force + Vector3::new(0.0, 0.05, 0.0)),
+        rates_radps: noisy(0.003, rates_radps),
+    };
+    let (has_fix, has_slow) = (k.is_multiple_of(20) && !(6.0..10.0).contains(&t_s), k.is_multiple_of(10));
+    let away = Vector3::new(if t_s < 10.0 && k != 600 { 0.0 } else { 3.0 }, 0.0, 0.0);
+    let aiding = Aiding {
+        position_m: has_fix.then(|| noisy(0.5, away)),
+        velocity_mps: has_fix.then(|| noisy(0.2, Vector3::zeros())),
+        height_m: has_slow.then(|| noisy(0.3, Vector3::zeros()).x),
+        field: has_slow.then(|| noisy(0.06, attitude.inverse() * Vector3::new(0.42, 0.0, 0.91))),
+        flow_mps: (has_slow && t_s < 8.0).then(|| noisy(0.3, Vector3::zeros()).xy()),
+    };
+    (imu, aiding)
+}
+
+#[test]
+fn a_second_implementation_of_the_filter_estimates_the_same() {
+    let Some(python) = python_with(&["numpy"]) else { return };
+    let state = navigation::State::default();
+    let covariance = initial_covariance(&state.attitude, &[0.1, 0.05, 0.01, 0.03, 0.05, 0.01]);
+    let mut unit = navigation::Navigation::new(Filter::new(state, covariance, NOISE, 9.81), SAMPLE_S, DELAY);
+    let (mut random, mut attitude) = (ChaCha8Rng::seed_from_u64(1), state.attitude);
+    let (mut inputs, mut outputs) = (String::new(), String::new());
+    for k in 0..4000 {
+        let (imu, aiding) = turning(k, &mut attitude, &mut random);
+        let told = |values: Option<&[f64]>, count: usize| match values {
+            Some(values) => values.iter().map(|value| format!("{value:?}")).collect::<Vec<_>>().join(","),
+            None => ",".repeat(count - 1),
+        };
+        let cells = [
+            told(Some(imu.specific_force_mps2.as_slice()), 3),
+            told(Some(imu.rates_radps.as_slice()), 3),
+            told(aiding.position_m.as_ref().map(Vector3::as_slice), 3),
+            told(aiding.velocity_mps.as_ref().map(Vector3::as_slice), 3),
+            told(aiding.height_m.as_ref().map(std::slice::from_ref), 1),
+            told(aiding.field.as_ref().map(Vector3::as_slice), 3),
+            told(aiding.flow_mps.as_ref().map(Vector2::as_slice), 2),
+        ];
+        let _ = writeln!(inputs, "{}", cells.join(","));
+        unit.update(&imu, &aiding);
+        let (estimate, _) = unit.estimate(0.0);
+        let turned = estimate.attitude.to_rotation_matrix().matrix().transpose(); // row by row
+        let mut numbers =
+            [estimate.position_m.as_slice(), estimate.velocity_mps.as_slice(), turned.as_slice()].concat();
+        numbers.extend(estimate.acceleration_bias_mps2.iter().chain(&estimate.rates_bias_radps));
+        numbers.extend(unit.filter().covariance.diagonal().iter());
+        let records = Source::ALL.map(|source| unit.filter().record(source));
+        numbers.extend(records.iter().flat_map(|record| [record.accepted, record.refused, record.resets]));
+        let _ = writeln!(outputs, "{}", told(Some(&numbers), 0));
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("inputs.csv"), inputs).expect("written");
+    std::fs::write(folder.path().join("outputs.csv"), outputs).expect("written");
+    let second = Command::new(python).arg(top().join("tests/python/ekf.py")).arg(folder.path()).output();
+    let second = second.expect("python starts");
+    let [printed, failed] = [&second.stdout, &second.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+    let numbers: Vec<f64> = printed.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    let [apart, spread, missed, refused, resets] = numbers[..] else { panic!("{printed}{failed}") };
+    assert!(apart < 1e-9 && spread < 1e-9 && missed == 0.0, "{printed}");
+    assert!(refused > 0.0 && resets > 0.0, "there was something to refuse: {printed}");
 }
