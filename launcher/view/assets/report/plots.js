@@ -109,7 +109,7 @@ function timePlots(group, figures, pathElements) {
     const u = new uPlot({
       width,
       height: (stacked ? 130 : 220) + (last ? 42 : 8),
-      padding: [10, 8, 0, 0],
+      padding: [10, 16, 0, 0],
       cursor: { sync: { key }, y: false, drag: { x: true, y: false }, points: { size: 7 } },
       scales: { x: { time: false }, y: { range: (_, low, high) => range(plot, lines, low, high) } },
       axes: [
