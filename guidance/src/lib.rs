@@ -75,12 +75,12 @@ struct Lapse {
 impl Guidance {
     /// Builds the controller of `scenario`, at rest.
     pub fn new(scenario: &Scenario) -> Self {
-        let trajectory = Trajectory::new(&scenario.mission);
+        let trajectory = Trajectory::new(scenario);
         let heading = HeadingCommand::new(scenario);
         let roll_trim_rad = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction).roll_rad;
         let hover = Reference {
             position_m: trajectory.at(0.0).position_m,
-            attitude_rad: [roll_trim_rad, 0.0, heading.at(0.0)],
+            attitude_rad: [roll_trim_rad, 0.0, heading_at(&trajectory, &heading, 0.0)],
             ..Reference::default()
         };
         Self {
@@ -159,7 +159,7 @@ impl Guidance {
             believed_periods: if is_silence || self.memory.cut == 1 { 1 } else { periods },
         };
         let setpoint = self.trajectory.at(t_s);
-        let heading_rad = self.heading.at(t_s);
+        let heading_rad = heading_at(&self.trajectory, &self.heading, t_s);
         let attitude = Vector3::from(state.measured.attitude_rad);
         let [phi, theta, psi] = state.measured.attitude_rad;
         let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);
@@ -258,6 +258,11 @@ impl Guidance {
             RateReference::Difference | RateReference::Zero => Vector3::zeros(),
         }
     }
+}
+
+/// Heading reference at `t_s` \[rad\]: that of the parts of the mission, if it has any.
+fn heading_at(trajectory: &Trajectory, heading: &HeadingCommand, t_s: f64) -> f64 {
+    trajectory.plan().map_or_else(|| heading.at(t_s), |plan| plan.heading_at(t_s))
 }
 
 /// Returns whether the command in force has no thrust.
