@@ -11,7 +11,7 @@ use crate::spline::Spline;
 
 /// Number of intervals into which a leg is divided for checks.
 pub const SAMPLES: u32 = 100;
-/// Laps that are sampled at the beginning of a figure, and as many at its end: those between are like the last of these.
+/// Laps that are sampled at the beginning of a figure, and as many at its end. Those between are like the second one.
 const SAMPLED_LAPS: f64 = 2.0;
 
 /// Kind of a curve.

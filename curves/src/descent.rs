@@ -10,7 +10,7 @@ use crate::progress::{Progress, min_jerk};
 use crate::setpoint::Setpoint;
 
 /// Depth below the ground at which the descent ends \[m\].
-pub const DEPTH_M: f64 = 0.3;
+pub const DEPTH_M: f64 = 0.2;
 /// Duration of each ramp of the sink rate \[s\].
 const RAMP_S: f64 = 1.0;
 

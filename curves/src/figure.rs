@@ -1,7 +1,6 @@
 //! Circle, helix and figure eight, from rest to rest at the point where they begin and, but for a climb, end.
 //!
-//! With the angle `a`, a turn for each lap, along `e`, the direction of the figure, and along `n`, a quarter turn to the
-//! left of it:
+//! With the angle `a`, a turn for each lap, `e` along the direction of the figure, and `n` a quarter turn to its left:
 //!
 //! ```text
 //! circle         R (1 - cos a) e + R sin a n         clockwise seen from above, centre R ahead in direction e

@@ -110,25 +110,22 @@ impl Demand {
         }
     }
 
-    /// Finds the quantity that exceeds `limits` most, in proportion; `None` if none does. NaN exceeds.
+    /// Finds the first quantity that exceeds `limits`; `None` if none does. NaN exceeds.
     pub fn excess(&self, limits: &Limits) -> Option<Excess> {
         use Quantity as Q;
         let [least, most] = self.thrust_mps2;
+        let most_of = |quantity, asked, has| (asked <= has * (1.0 + ROUNDING), Excess { quantity, asked, has });
+        let idle_mps2 = limits.thrust_mps2[0];
         let all = [
-            (Q::Speed, self.speed_mps, limits.speed_mps),
-            (Q::Acceleration, self.acceleration_mps2, limits.acceleration_mps2),
-            (Q::Vertical, self.vertical_mps, limits.vertical_mps),
-            (Q::Tilt, self.tilt_rad, limits.tilt_rad),
-            (Q::Thrust, most, limits.thrust_mps2[1]),
-            (Q::LeastThrust, least, limits.thrust_mps2[0]),
-            (Q::Turn, self.turn_radps, limits.turn_radps),
+            most_of(Q::Speed, self.speed_mps, limits.speed_mps),
+            most_of(Q::Acceleration, self.acceleration_mps2, limits.acceleration_mps2),
+            most_of(Q::Vertical, self.vertical_mps, limits.vertical_mps),
+            most_of(Q::Thrust, most, limits.thrust_mps2[1]),
+            (least >= idle_mps2 * (1.0 - ROUNDING), Excess { quantity: Q::LeastThrust, asked: least, has: idle_mps2 }),
+            most_of(Q::Tilt, self.tilt_rad, limits.tilt_rad),
+            most_of(Q::Turn, self.turn_radps, limits.turn_radps),
         ];
-        let shares = all.map(|(quantity, asked, has)| {
-            let share = if quantity == Q::LeastThrust { has / asked } else { asked / has };
-            (share, Excess { quantity, asked, has })
-        });
-        let exceeded = shares.into_iter().filter(|(share, _)| share.is_nan() || *share > 1.0 + ROUNDING);
-        exceeded.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, excess)| excess)
+        all.into_iter().find(|(fits, _)| !fits).map(|(_, excess)| excess)
     }
 }
 

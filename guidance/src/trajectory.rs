@@ -8,8 +8,8 @@
 //! | ta | trapezoid of velocity: ramps of ta, cruise at 1 / (T - ta) |
 //! | `"min-jerk"` | 10 x^3 - 15 x^4 + 6 x^5 with x = t / T (Flash and Hogan, 1985) |
 //!
-//! With `ramp_s = "spline"` one curve passes all waypoints instead: [`Spline`]. The circle is in `circle`. The curves of a
-//! mission of parts are those of its [`Plan`], which the check before the flight has built too.
+//! With `ramp_s = "spline"` one curve passes all waypoints instead: [`Spline`]. The circle is in `circle`. A mission of
+//! parts has the curves of its [`Plan`], which the check before the flight has built too.
 
 mod circle;
 

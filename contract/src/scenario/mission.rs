@@ -31,7 +31,8 @@ pub struct Mission {
     /// `circle`: number of laps. A single lap is min-jerk, from rest to rest. Several laps are flown at constant speed,
     /// except for the first and the last half lap.
     pub laps: u32,
-    /// Heading reference \[deg\], from north over east: one value, or steps `[[t_s, deg], ...]`. `parts` have their own.
+    /// Heading reference \[deg\], from north over east: one value, or steps `[[t_s, deg], ...]`. The parts of `parts`
+    /// have their own.
     pub heading_deg: Heading,
     /// `parts`: limits of the curves.
     pub limits: MissionLimits,

@@ -56,8 +56,8 @@ pub struct Part {
     #[schemars(range(min = 0.1, max = 10))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sink_mps: Option<f64>,
-    /// Heading \[deg\], from north over east: one value, one per point of `waypoints`, `"along-track"`, or `"centre"` of
-    /// a figure; absent = the heading stays.
+    /// Heading \[deg\], from north over east, -360 to 360: one value, one per point of `waypoints`, `"along-track"`, or
+    /// `"centre"` of a figure; absent = the heading stays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heading_deg: Option<PartHeading>,
 }

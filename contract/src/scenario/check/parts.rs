@@ -194,7 +194,7 @@ fn check_place(scenario: &Scenario, i: usize, found: &mut Found) {
     );
 }
 
-/// Requires that no curve asks for more than the vehicle has, leaves the space of the plant, or goes through the ground.
+/// Requires that no curve asks for more than the vehicle has, leaves the space of the plant, or enters the ground.
 fn check_curves(scenario: &Scenario, found: &mut Found) {
     let (plan, limits) = (plan::build(scenario), plan::limits(scenario));
     for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
@@ -270,6 +270,7 @@ fn describe(Excess { quantity, asked, has }: &Excess, g_mps2: f64) -> String {
         Quantity::Vertical => {
             format!("{asked:.1} m/s up or down, the vehicle has {has:.1} (`guidance.climb_limit_mps`)")
         }
+        Quantity::Tilt if deg(asked) > 90.0 => "an acceleration down that gravity does not have".into(),
         Quantity::Tilt => {
             format!("a tilt of {:.1} deg, the vehicle has {:.1} (`guidance.angle_limit_deg`)", deg(asked), deg(has))
         }

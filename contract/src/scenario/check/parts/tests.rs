@@ -116,14 +116,15 @@ fn a_demand_beyond_the_vehicle_names_the_leg_the_limit_and_the_time_that_suffice
         (
             "{kind='circle', radius_m=5, period_s=3}".to_owned(),
             "guidance.angle_limit_deg=30",
-            "`mission.part[0]`: a lap asks for a tilt of 82.7 deg, the vehicle has 30.0 (`guidance.angle_limit_deg`); \
-             give it ",
+            "g of thrust, the vehicle has 4.00; give it ",
         ),
         (
-            waypoints("[4, 5, 9]"),
+            "{kind='circle', radius_m=5, period_s=9}".to_owned(),
             "guidance.angle_limit_deg=30",
-            "`mission.part[0]`: the leg to point 0 asks for a tilt of ",
+            "`mission.part[0]`: a lap asks for a tilt of 41.1 deg, the vehicle has 30.0 (`guidance.angle_limit_deg`); \
+             give it 11.1 s or more",
         ),
+        (waypoints("[4, 5, 9]"), "guidance.angle_limit_deg=30", "`mission.part[0]`: the leg to point 0 asks for "),
         (waypoints("[10, 20, 30]"), "mission.limits.speed_mps=1", "`mission.limits.speed_mps` is 1.0; give it "),
         (
             waypoints("[10, 20, 30]"),
@@ -133,7 +134,7 @@ fn a_demand_beyond_the_vehicle_names_the_leg_the_limit_and_the_time_that_suffice
         (
             "{kind='takeoff', height_m=100, duration_s=5}".to_owned(),
             "guidance.climb_limit_mps=1000",
-            "g of thrust, the vehicle has 4.00; give it ",
+            "`mission.part[0]`: it asks for an acceleration down that gravity does not have; give it 7.8 s or more",
         ),
     ] {
         let message = of(&parts, &[more]).expect_err(&parts);
