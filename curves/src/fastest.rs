@@ -70,11 +70,12 @@ const MIN_ALONE_S: f64 = 0.1;
 
 /// Time that a straight way takes from rest to rest at constant acceleration \[s\].
 fn alone_s(way: &Vector3<f64>, limits: &Limits) -> f64 {
-    let [least, most] = limits.thrust_mps2;
-    let sideways_mps2 = limits.acceleration_mps2.min(limits.g_mps2 * libm::tan(limits.tilt_rad));
-    let vertical_mps2 = limits.acceleration_mps2.min(most - limits.g_mps2).min(limits.g_mps2 - least);
-    let vertical_mps = limits.speed_mps.min(limits.vertical_mps);
-    let sideways_s = rest_to_rest_s(libm::hypot(way.x, way.y), limits.speed_mps, sideways_mps2);
+    let (g, has) = (limits.g_mps2, &limits.most);
+    let [least, most] = has.thrust_mps2;
+    let sideways_mps2 = has.acceleration_mps2.min(g * libm::tan(has.tilt_rad));
+    let vertical_mps2 = has.acceleration_mps2.min(most - g).min(g - least);
+    let vertical_mps = has.speed_mps.min(has.vertical_mps);
+    let sideways_s = rest_to_rest_s(libm::hypot(way.x, way.y), has.speed_mps, sideways_mps2);
     sideways_s.max(rest_to_rest_s(way.z.abs(), vertical_mps, vertical_mps2)).max(MIN_ALONE_S)
 }
 

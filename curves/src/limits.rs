@@ -26,7 +26,7 @@ const ROUNDING: f64 = 1e-9;
 /// Stretch beyond which no bracket is looked for.
 const MAX_STRETCH: f64 = 1e9;
 
-/// Limits of a vehicle.
+/// Limits of a vehicle, and what its demands depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Acceleration of gravity \[m/s2\].
@@ -35,18 +35,8 @@ pub struct Limits {
     pub drag_linear_1ps: f64,
     /// Quadratic drag per mass \[1/m\].
     pub drag_quadratic_1pm: f64,
-    /// Largest speed \[m/s\].
-    pub speed_mps: f64,
-    /// Largest acceleration \[m/s2\].
-    pub acceleration_mps2: f64,
-    /// Largest vertical speed, up or down \[m/s\].
-    pub vertical_mps: f64,
-    /// Largest tilt of the thrust \[rad\], below a quarter turn.
-    pub tilt_rad: f64,
-    /// Least and largest thrust per mass \[m/s2\], around gravity.
-    pub thrust_mps2: [f64; 2],
-    /// Largest rate at which the thrust turns \[rad/s\].
-    pub turn_radps: f64,
+    /// Largest demands. The range of the thrust is around gravity, and the tilt is below a quarter turn.
+    pub most: Demand,
 }
 
 /// Quantity that has a limit.
@@ -68,7 +58,7 @@ pub enum Quantity {
     Turn,
 }
 
-/// Largest demand of each quantity; of the least thrust the smallest.
+/// Largest value of each quantity, and the least thrust.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Demand {
     /// Speed \[m/s\].
@@ -113,17 +103,16 @@ impl Demand {
     /// Finds the first quantity that exceeds `limits`; `None` if none does. NaN exceeds.
     pub fn excess(&self, limits: &Limits) -> Option<Excess> {
         use Quantity as Q;
-        let [least, most] = self.thrust_mps2;
+        let (has, [least, most], [idle, full]) = (&limits.most, self.thrust_mps2, limits.most.thrust_mps2);
         let most_of = |quantity, asked, has| (asked <= has * (1.0 + ROUNDING), Excess { quantity, asked, has });
-        let idle_mps2 = limits.thrust_mps2[0];
         let all = [
-            most_of(Q::Speed, self.speed_mps, limits.speed_mps),
-            most_of(Q::Acceleration, self.acceleration_mps2, limits.acceleration_mps2),
-            most_of(Q::Vertical, self.vertical_mps, limits.vertical_mps),
-            most_of(Q::Thrust, most, limits.thrust_mps2[1]),
-            (least >= idle_mps2 * (1.0 - ROUNDING), Excess { quantity: Q::LeastThrust, asked: least, has: idle_mps2 }),
-            most_of(Q::Tilt, self.tilt_rad, limits.tilt_rad),
-            most_of(Q::Turn, self.turn_radps, limits.turn_radps),
+            most_of(Q::Speed, self.speed_mps, has.speed_mps),
+            most_of(Q::Acceleration, self.acceleration_mps2, has.acceleration_mps2),
+            most_of(Q::Vertical, self.vertical_mps, has.vertical_mps),
+            most_of(Q::Thrust, most, full),
+            (least >= idle * (1.0 - ROUNDING), Excess { quantity: Q::LeastThrust, asked: least, has: idle }),
+            most_of(Q::Tilt, self.tilt_rad, has.tilt_rad),
+            most_of(Q::Turn, self.turn_radps, has.turn_radps),
         ];
         all.into_iter().find(|(fits, _)| !fits).map(|(_, excess)| excess)
     }
@@ -134,14 +123,15 @@ impl Limits {
     /// Speed and acceleration are the user's, and stay.
     #[must_use]
     pub fn share(self, share: f64) -> Self {
-        let g = self.g_mps2;
-        Self {
-            vertical_mps: self.vertical_mps * share,
-            tilt_rad: self.tilt_rad * share,
-            thrust_mps2: self.thrust_mps2.map(|thrust| g + (thrust - g) * share),
-            turn_radps: self.turn_radps * share,
-            ..self
-        }
+        let (g, has) = (self.g_mps2, self.most);
+        let most = Demand {
+            vertical_mps: has.vertical_mps * share,
+            tilt_rad: has.tilt_rad * share,
+            thrust_mps2: has.thrust_mps2.map(|thrust| g + (thrust - g) * share),
+            turn_radps: has.turn_radps * share,
+            ..has
+        };
+        Self { most, ..self }
     }
 
     /// Computes the demand of all `legs` together.

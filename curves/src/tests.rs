@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use crate::curve::SAMPLES;
 use crate::figure::Shape;
 use crate::heading::{Rule, SLOW_MPS};
+use crate::limits::Demand;
 use crate::plan::{Least, Start};
 use crate::{Limits, Motion, Part, Plan, Planned, Setpoint};
 
@@ -17,12 +18,14 @@ const VEHICLE: Limits = Limits {
     g_mps2: 9.81,
     drag_linear_1ps: 0.0,
     drag_quadratic_1pm: 0.0,
-    speed_mps: f64::INFINITY,
-    acceleration_mps2: f64::INFINITY,
-    vertical_mps: 4.0,
-    tilt_rad: PI / 6.0,
-    thrust_mps2: [0.5, 39.0],
-    turn_radps: TAU,
+    most: Demand {
+        speed_mps: f64::INFINITY,
+        acceleration_mps2: f64::INFINITY,
+        vertical_mps: 4.0,
+        tilt_rad: PI / 6.0,
+        thrust_mps2: [0.5, 39.0],
+        turn_radps: TAU,
+    },
 };
 const AT: [f64; 3] = [3.0, -2.0, -5.0];
 
@@ -134,13 +137,15 @@ proptest! {
         points in points(), least in least(), speed_mps in prop::option::of(1.0..10.0_f64), drag in 0.0..0.3_f64,
     ) {
         let limits = Limits {
-            speed_mps: speed_mps.unwrap_or(f64::INFINITY), drag_linear_1ps: drag, ..VEHICLE
+            most: Demand { speed_mps: speed_mps.unwrap_or(f64::INFINITY), ..VEHICLE.most },
+            drag_linear_1ps: drag,
+            ..VEHICLE
         };
         let plan = Plan::new(&start(limits), &[Part { motion: through(points, least), heading: Rule::Keep }]);
         let Planned { curve, .. } = &plan.parts()[0];
         let legs = curve.legs(SAMPLES);
         let demand = |stretch: f64| {
-            legs.iter().map(|leg| limits.demand(leg, stretch)).reduce(crate::limits::Demand::and).unwrap()
+            legs.iter().map(|leg| limits.demand(leg, stretch)).reduce(Demand::and).unwrap()
         };
         prop_assert_eq!(demand(1.0).excess(&limits), None);
         prop_assert!(demand(0.99).excess(&limits).is_some());
@@ -150,9 +155,9 @@ proptest! {
             let here = curve.at(t_s);
             let (velocity, acceleration) = (Vector3::from(here.velocity_mps), Vector3::from(here.acceleration_mps2));
             let thrust = limits.thrust(&velocity, &acceleration);
-            prop_assert!(!above(velocity.norm(), limits.speed_mps) && !above(velocity.z.abs(), limits.vertical_mps));
-            prop_assert!(!above(thrust.xy().norm().atan2(-thrust.z), limits.tilt_rad), "{t_s}");
-            prop_assert!(!above(thrust.norm(), limits.thrust_mps2[1]) && thrust.norm() > 0.99 * limits.thrust_mps2[0]);
+            prop_assert!(!above(velocity.norm(), limits.most.speed_mps) && !above(velocity.z.abs(), limits.most.vertical_mps));
+            prop_assert!(!above(thrust.xy().norm().atan2(-thrust.z), limits.most.tilt_rad), "{t_s}");
+            prop_assert!(!above(thrust.norm(), limits.most.thrust_mps2[1]) && thrust.norm() > 0.99 * limits.most.thrust_mps2[0]);
         }
     }
 
@@ -208,11 +213,11 @@ fn a_fastest_climb_and_circle_touch_their_limits() {
         },
     ]);
     let [climb, circle] = [0, 1].map(|i| plan.parts()[i].demand(&limits));
-    assert!((climb.vertical_mps / limits.vertical_mps - 1.0).abs() < 1e-9, "{climb:?}");
-    assert!((circle.tilt_rad / limits.tilt_rad - 1.0).abs() < 1e-9, "{circle:?}");
+    assert!((climb.vertical_mps / limits.most.vertical_mps - 1.0).abs() < 1e-9, "{climb:?}");
+    assert!((circle.tilt_rad / limits.most.tilt_rad - 1.0).abs() < 1e-9, "{circle:?}");
     // From rest to rest at the speed of a min-jerk climb, and at that of a circle with this tilt.
     assert!((plan.parts()[0].curve.duration_s() - 1.875 * 10.0 / 2.8).abs() < 1e-6);
-    assert!(circle.speed_mps > 0.9 * (5.0 * 9.81 * limits.tilt_rad.tan()).sqrt(), "{circle:?}");
+    assert!(circle.speed_mps > 0.9 * (5.0 * 9.81 * limits.most.tilt_rad.tan()).sqrt(), "{circle:?}");
 }
 
 #[test]

@@ -245,7 +245,9 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     scenarios::tell(Kind::Scenario, scenario);
     let merged = settings::load(Some(scenario), set)?;
     print(&scenario::to_toml(&merged));
-    mission::describe(&merged).iter().for_each(|parts| eprint_line(parts.trim_end()));
+    if let Some(parts) = mission::describe(&merged) {
+        eprint_line(parts.trim_end());
+    }
     mission::tell_end(&merged);
     eprint_line(&format!("{}: fine", scenario.display()));
     Ok(exit::FLOWN)

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use contract::Scenario;
 use contract::scenario::plan;
+use contract::scenario::plan::Demand;
 use guidance::Trajectory;
 use runtime::console::eprint_line;
 
@@ -12,9 +13,8 @@ const COLUMNS: [&str; 8] = ["begins s", "takes s", "m/s", "up, down m/s", "m/s2"
 
 /// Describes the parts of the mission, and the limits of the vehicle, as a table; `None` for any other trajectory.
 pub fn describe(scenario: &Scenario) -> Option<String> {
-    let (trajectory, has) = (Trajectory::new(scenario), plan::limits(scenario));
+    let (trajectory, limits) = (Trajectory::new(scenario), plan::limits(scenario));
     let plan = trajectory.plan()?;
-    let uses = has.share(scenario.mission.limits.share);
     let mut text = format!("mission of {:.1} s:\n", plan.duration_s());
     let mut line = |name: &str, cells: [String; 8]| {
         // Writing to a String cannot fail.
@@ -22,45 +22,34 @@ pub fn describe(scenario: &Scenario) -> Option<String> {
         cells.iter().zip(COLUMNS).for_each(|(cell, column)| _ = write!(text, "  {cell:>0$}", column.len().max(9)));
         text.push('\n');
     };
-    line("", COLUMNS.map(str::to_owned));
-    let g = |thrust_mps2: [f64; 2]| {
-        let [least, most] = thrust_mps2.map(|thrust| thrust / has.g_mps2);
-        format!("{least:.2}-{most:.2}")
-    };
-    for (name, limits) in [("the vehicle has", has), ("curves may use", uses)] {
-        let cells = [
-            String::new(),
-            String::new(),
-            number(limits.speed_mps),
-            number(limits.vertical_mps),
-            number(limits.acceleration_mps2),
-            number(limits.tilt_rad.to_degrees()),
-            g(limits.thrust_mps2),
-            number(limits.turn_radps.to_degrees()),
-        ];
-        line(name, cells);
-    }
-    for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
-        let demand = planned.demand(&has);
-        let cells = [
-            number(planned.begins_s),
-            number(planned.curve.duration_s()),
+    let sizes = |[begins, takes]: [String; 2], demand: Demand| {
+        let [least, most] = demand.thrust_mps2.map(|thrust| thrust / limits.g_mps2);
+        [
+            begins,
+            takes,
             number(demand.speed_mps),
             number(demand.vertical_mps),
             number(demand.acceleration_mps2),
             number(demand.tilt_rad.to_degrees()),
-            g(demand.thrust_mps2),
+            format!("{least:.2}-{most:.2}"),
             number(demand.turn_radps.to_degrees()),
-        ];
-        line(&format!("{i} {}", part.kind.name()), cells);
+        ]
+    };
+    line("", COLUMNS.map(str::to_owned));
+    line("the vehicle has", sizes(Default::default(), limits.most));
+    line("curves may use", sizes(Default::default(), limits.share(scenario.mission.limits.share).most));
+    for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
+        let times = [planned.begins_s, planned.curve.duration_s()].map(number);
+        line(&format!("{i} {}", part.kind.name()), sizes(times, planned.demand(&limits)));
     }
     Some(text)
 }
 
 /// Says on stderr that the flight ends before its mission does, if that is so.
 pub fn tell_end(scenario: &Scenario) {
-    let mission_s = Trajectory::new(scenario).plan().map_or(0.0, |plan| plan.duration_s());
-    let flight_s = scenario.run.duration_s;
+    let trajectory = Trajectory::new(scenario);
+    let Some(plan) = trajectory.plan() else { return };
+    let (mission_s, flight_s) = (plan.duration_s(), scenario.run.duration_s);
     if flight_s < mission_s {
         eprint_line(&format!(
             "note: the mission takes {mission_s:.1} s, and the flight ends at {flight_s:.1} s (`run.duration_s`)"

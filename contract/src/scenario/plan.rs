@@ -12,6 +12,7 @@
 
 use airframe::Trim;
 use curves::heading::Rule;
+pub use curves::limits::Demand;
 use curves::plan::{Least, Start};
 use curves::{Limits, Motion, Plan, figure};
 
@@ -32,12 +33,14 @@ pub fn limits(scenario: &Scenario) -> Limits {
         g_mps2: vehicle.g_mps2,
         drag_linear_1ps: drag_nspm / vehicle.mass_kg,
         drag_quadratic_1pm: plant.drag_quadratic_ns2pm2 / vehicle.mass_kg,
-        speed_mps: own.speed_mps.unwrap_or(f64::INFINITY),
-        acceleration_mps2: own.acceleration_mps2.unwrap_or(f64::INFINITY),
-        vertical_mps: scenario.guidance.climb_limit_mps,
-        tilt_rad: scenario.guidance.angle_limit_deg.to_radians(),
-        thrust_mps2: scenario.limits().thrust_range(&trim).map(|share| share * vehicle.g_mps2),
-        turn_radps: roll_dps.min(pitch_dps).to_radians(),
+        most: Demand {
+            speed_mps: own.speed_mps.unwrap_or(f64::INFINITY),
+            acceleration_mps2: own.acceleration_mps2.unwrap_or(f64::INFINITY),
+            vertical_mps: scenario.guidance.climb_limit_mps,
+            tilt_rad: scenario.guidance.angle_limit_deg.to_radians(),
+            thrust_mps2: scenario.limits().thrust_range(&trim).map(|share| share * vehicle.g_mps2),
+            turn_radps: roll_dps.min(pitch_dps).to_radians(),
+        },
     }
 }
 
