@@ -1,5 +1,11 @@
 //! One case per way to break a rule of a mission of parts.
 
+use std::collections::BTreeMap;
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::select;
+
 use crate::scenario::tests::from_set;
 use crate::scenario::{from_merged, plan, to_toml};
 
@@ -25,7 +31,7 @@ fn each_kind_flies_with_the_keys_it_needs() {
 
 #[test]
 fn keys_that_a_part_needs_or_does_not_use_are_named() {
-    let long = format!("[{}]", vec!["[1, 2, -3]"; 101].join(", "));
+    let long = format!("[{}]", ["[1, 2, -3]"; 101].join(", "));
     for (parts, expected) in [
         ("", "`mission.trajectory` = \"parts\" with 0 parts"),
         ("{kind='takeoff'}", "`mission.part[0]`: a takeoff without `height_m`"),
@@ -150,4 +156,56 @@ fn the_place_of_a_wrong_part_is_shown() {
                 [[mission.part]]\nkind = \"circle\"\nradius_m = 5\nperiod_s = 2\n";
     let message = from_merged(text, "wrong.toml").unwrap_err().to_string();
     assert!(message.contains("wrong.toml:9:"), "{message}");
+}
+
+fn part() -> impl Strategy<Value = String> {
+    let number = || prop_oneof![-1.0..50.0_f64, Just(0.0), Just(f64::NAN), -1e9..1e9_f64, Just(1e300)];
+    let key = select(vec![
+        "height_m",
+        "radius_m",
+        "period_s",
+        "climb_m",
+        "direction_deg",
+        "duration_s",
+        "sink_mps",
+        "heading_deg",
+    ]);
+    let numbers = vec((key, number()), 0..4);
+    let points = vec([number(), number(), number()], 0..4);
+    let kind = select(vec!["takeoff", "waypoints", "circle", "figure-eight", "helix", "loiter", "landing"]);
+    (kind, numbers, points, vec(number(), 0..4), 0..5_u32).prop_map(|(kind, numbers, points, times, more)| {
+        let mut keys: BTreeMap<&str, String> = numbers.into_iter().map(|(key, x)| (key, format!("{x:?}"))).collect();
+        match kind {
+            "takeoff" => _ = keys.entry("height_m").or_insert("5.0".into()),
+            "loiter" => _ = keys.entry("duration_s").or_insert("5.0".into()),
+            "waypoints" => _ = keys.insert("points_m", format!("{points:?}")),
+            "landing" => {}
+            _ => _ = keys.entry("radius_m").or_insert("5.0".into()),
+        }
+        if more == 0 {
+            keys.insert("times_s", format!("{times:?}"));
+        }
+        let keys: String = keys.iter().map(|(key, value)| format!(", {key}={value}")).collect();
+        format!("{{kind='{kind}'{keys}}}").to_lowercase()
+    })
+}
+
+proptest! {
+    /// Each part alone is refused by its name, or flies a finite curve within the limits of the vehicle.
+    #[test]
+    fn any_part_is_refused_or_has_a_finite_plan(part in part(), wild in prop::bool::ANY) {
+        let more: &[&str] = if wild { &["guidance.climb_limit_mps=1e-9", "mission.limits.share=0.1"] } else { &[] };
+        match of(&part, more) {
+            Err(message) => prop_assert!(message.contains("mission.part") || message.contains("parts of the mission"), "{message}"),
+            Ok(scenario) => {
+                let plan = plan::build(&scenario);
+                for share in [0.0, 0.01, 0.5, 0.99, 1.0] {
+                    let here = plan.at(share * plan.duration_s());
+                    let all = [here.position_m, here.velocity_mps, here.acceleration_mps2];
+                    prop_assert!(all.as_flattened().iter().all(|x| x.is_finite()), "{part}: {here:?}");
+                    prop_assert!(plan.heading_at(share * plan.duration_s()).is_finite(), "{part}");
+                }
+            }
+        }
+    }
 }
