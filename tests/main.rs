@@ -27,6 +27,7 @@ mod live;
 mod lockstep;
 mod mavlink;
 mod measure;
+mod missions;
 mod navigation;
 mod new;
 mod observer;

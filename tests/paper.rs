@@ -69,8 +69,8 @@ fn the_robust_profile_follows_within_six_centimetres() {
 
 #[test]
 fn every_shipped_scenario_flies_inside_its_bounds() {
-    let folders =
-        ["scenarios", "scenarios/aggressive", "scenarios/faults"].map(|name| crate::harness::top().join(name));
+    let folders = ["scenarios", "scenarios/aggressive", "scenarios/faults", "scenarios/missions"]
+        .map(|name| crate::harness::top().join(name));
     let entries = folders.iter().flat_map(|folder| std::fs::read_dir(folder).expect("a folder"));
     for path in entries.map(|entry| entry.expect("an entry").path()).filter(|path| path.is_file()) {
         let outcome = fly(&[path.to_str().expect("a plain name"), "--mode", "inprocess", "--no-log"]);

@@ -22,6 +22,7 @@ pub fn sources() -> Vec<(PathBuf, String)> {
     for member in [
         "qp",
         "airframe",
+        "curves",
         "contract",
         "runtime",
         "plant",

@@ -29,6 +29,15 @@ impl Limits {
         Self { rotor_speed_min, rotor_speed_max: trim.map(|omega| max_ratio * omega), tilt_max_rad }
     }
 
+    /// Least and largest thrust with which the moments still vanish, as shares of the thrust of the hover `trim`: the
+    /// squared rotor speeds are then in proportion to those of hover.
+    pub fn thrust_range(&self, trim: &Actuation) -> [f64; 2] {
+        let share = |limit: f64, omega: f64| (limit / omega) * (limit / omega);
+        let least = trim.rotor_speed.map(|omega| share(self.rotor_speed_min, omega));
+        let most = [0, 1, 2].map(|i| share(self.rotor_speed_max[i], trim.rotor_speed[i]));
+        [least.into_iter().fold(0.0, f64::max), most.into_iter().fold(f64::INFINITY, f64::min)]
+    }
+
     /// Returns the nearest position inside the limits; a NaN becomes the lower limit, a NaN tilt zero.
     pub fn clip(&self, command: &Actuation) -> Actuation {
         let mut rotor_speed = command.rotor_speed;

@@ -90,23 +90,27 @@ struct Lapse {
 impl Guidance {
     /// Builds the controller of `scenario`, at rest.
     pub fn new(scenario: &Scenario) -> Self {
-        let trajectory = Trajectory::new(&scenario.mission);
-        let heading = HeadingCommand::new(scenario);
         let roll_trim_rad = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction).roll_rad;
-        let hover = Reference {
-            position_m: trajectory.at(0.0).position_m,
-            attitude_rad: [roll_trim_rad, 0.0, heading.at(0.0)],
-            ..Reference::default()
-        };
-        Self {
+        let mut guidance = Self {
             settings: scenario.guidance.clone(),
             sample_s: scenario.sample_s(),
-            trajectory,
-            heading,
+            trajectory: Trajectory::new(scenario),
+            heading: HeadingCommand::new(scenario),
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
-            memory: Memory { reference: hover, ..Memory::default() },
-        }
+            memory: Memory::default(),
+        };
+        guidance.memory.reference = Reference {
+            position_m: guidance.trajectory.at(0.0).position_m,
+            attitude_rad: [roll_trim_rad, 0.0, guidance.heading_at(0.0)],
+            ..Reference::default()
+        };
+        guidance
+    }
+
+    /// Heading reference at `t_s`: that of the plan, if the mission has parts \[rad\].
+    fn heading_at(&self, t_s: f64) -> f64 {
+        self.trajectory.plan().map_or_else(|| self.heading.at(t_s), |plan| plan.heading_at(t_s))
     }
 
     /// Computes REFERENCE at `tick` for the newest `state`.
@@ -184,7 +188,7 @@ impl Guidance {
             heading_rad: self.settings.heading_frame.then_some(psi),
             limits: self.limits(state.stamp.tick),
         };
-        let heading_rad = self.heading.at(t_s);
+        let heading_rad = self.heading_at(t_s);
         let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
         let (w_mps, attitude_ref) = self.aim(&correction, &setpoint, [heading_rad, 0.0], state, &mut flags);
         let mut reference = Reference {
@@ -253,8 +257,9 @@ impl Guidance {
         let mut at_s = t_s;
         for ahead in &mut reference.preview {
             at_s += step_s;
-            turn_rad += angle::difference(self.heading.at(at_s), heading_rad);
-            heading_rad = self.heading.at(at_s);
+            let later_rad = self.heading_at(at_s);
+            turn_rad += angle::difference(later_rad, heading_rad);
+            heading_rad = later_rad;
             let setpoint = self.trajectory.at(at_s);
             let (later_mps, later) = self.aim(correction, &setpoint, [heading_rad, turn_rad], state, &mut 0);
             let change = later - now;

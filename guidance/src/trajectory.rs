@@ -8,21 +8,21 @@
 //! | ta | trapezoid of velocity: ramps of ta, cruise at 1 / (T - ta) |
 //! | `"min-jerk"` | 10 x^3 - 15 x^4 + 6 x^5 with x = t / T (Flash and Hogan, 1985) |
 //!
-//! With `ramp_s = "spline"` one curve passes all waypoints instead: `spline`. The circle is in `circle`.
+//! With `ramp_s = "spline"` one curve passes all waypoints instead: [`Spline`]. The circle is in `circle`. A mission of
+//! parts has the curves of its [`Plan`], which the check before the flight has built too.
 
 mod circle;
-mod progress;
-mod setpoint;
-mod spline;
 
-pub use setpoint::Setpoint;
+pub use curves::Setpoint;
 
-use contract::scenario::{Mission, Ramp, RampName, TrajectoryKind};
+use contract::Scenario;
+use contract::scenario::{Ramp, RampName, TrajectoryKind, plan};
+use curves::Plan;
+use curves::progress::{min_jerk, trapezoid};
+use curves::spline::Spline;
 use nalgebra::Vector3;
 
 use circle::Circle;
-use progress::{min_jerk, trapezoid};
-use spline::Spline;
 
 /// Waypoints of the surveillance square: up 8 m, around, down.
 const SURVEY_M: [[f64; 3]; 7] = [
@@ -50,11 +50,13 @@ enum Path {
         at_s: f64,
     },
     Circle(Circle),
+    Parts(Plan),
 }
 
 impl Trajectory {
-    /// Builds the trajectory of `mission`.
-    pub fn new(mission: &Mission) -> Self {
+    /// Builds the trajectory of the mission of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        let mission = &scenario.mission;
         let through = |points: &[[f64; 3]], times: &mut dyn Iterator<Item = f64>| {
             let waypoints: Vec<_> = times.zip(points.iter().map(|p| Vector3::from(*p))).collect();
             match mission.ramp_s {
@@ -69,7 +71,16 @@ impl Trajectory {
             TrajectoryKind::Hover => Path::Step { to: [0.0; 3], at_s: 0.0 },
             TrajectoryKind::Step => Path::Step { to: mission.step_m, at_s: mission.step_at_s },
             TrajectoryKind::Circle => Path::Circle(Circle::new(mission)),
+            TrajectoryKind::Parts => Path::Parts(plan::build(scenario)),
         })
+    }
+
+    /// Plan of a mission of parts, which has the headings too; `None` for any other trajectory.
+    pub fn plan(&self) -> Option<&Plan> {
+        match &self.0 {
+            Path::Parts(plan) => Some(plan),
+            _ => None,
+        }
     }
 
     /// Reference at `t_s`; before the first waypoint and after the last it rests there.
@@ -79,6 +90,7 @@ impl Trajectory {
             Path::Spline(spline) => spline.at(t_s),
             Path::Step { to, at_s } => Setpoint::at_rest(if t_s >= *at_s { *to } else { [0.0; 3] }),
             Path::Circle(circle) => circle.at(t_s),
+            Path::Parts(plan) => plan.at(t_s),
         }
     }
 }

@@ -21,8 +21,8 @@ use view::{report, trace};
 use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
 use crate::{
-    campaign, command, compare, doctor, export, fly, help, manage, manual, mavlink, new, replay, runs, scenarios, swap,
-    tune, web,
+    campaign, command, compare, doctor, export, fly, help, manage, manual, mavlink, mission, new, replay, runs,
+    scenarios, swap, tune, web,
 };
 
 #[derive(Parser)]
@@ -245,6 +245,10 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     scenarios::tell(Kind::Scenario, scenario);
     let merged = settings::load(Some(scenario), set)?;
     print(&scenario::to_toml(&merged));
+    if let Some(parts) = mission::describe(&merged) {
+        eprint_line(parts.trim_end());
+    }
+    mission::tell_end(&merged);
     eprint_line(&format!("{}: fine", scenario.display()));
     Ok(exit::FLOWN)
 }

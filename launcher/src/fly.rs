@@ -14,6 +14,7 @@ use contract::scenario::{self, Mode};
 use rustix::process::{Resource, getrlimit};
 
 use crate::mavlink::Beside;
+use crate::mission;
 use crate::progress::Progress;
 use crate::web::{self, Page, TokenArgs};
 use flight::event::name;
@@ -124,6 +125,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
         args.mavlink.is_none() || scenario.run.mode != Mode::Inprocess,
         "--mavlink shows a flight through processes; fly with --mode realtime or lockstep"
     );
+    mission::tell_end(&scenario);
     let interrupts = catch_interrupts()?;
     let page = page(&scenario, args)?;
     let out = Folder::prepare(args.out.as_deref(), &scenario).map_err(with_file_limit)?;

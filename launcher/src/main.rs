@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `cli` | the commands |
 //! | `fly` | `fly`: one flight from scenario to report |
+//! | `mission` | the parts of a mission, for `check` |
 //! | `doctor` | `doctor`: what this machine gives a flight in real time |
 //! | `progress` | the line shown while flying |
 //! | `manage` | `status` and `stop` |
@@ -33,6 +34,7 @@ mod help;
 mod manage;
 mod manual;
 mod mavlink;
+mod mission;
 mod new;
 mod progress;
 #[cfg(test)]

@@ -4,6 +4,7 @@ mod faults;
 mod found;
 mod idle;
 mod inertia;
+mod parts;
 mod programs;
 mod ranges;
 mod swaps;
@@ -46,6 +47,7 @@ pub fn violations(
         ranges::check(&settings, &mut found);
         check_vehicle(scenario, &mut found);
         check_mission(&scenario.mission, &mut found);
+        parts::check(scenario, &mut found);
         check_controller(scenario, &mut found);
         check_deadlines(scenario, &mut found);
         programs::check(scenario, &mut found);
@@ -250,7 +252,7 @@ fn check_mission(mission: &Mission, found: &mut Found) {
         // Times that do not rise have been reported already.
         TrajectoryKind::Waypoints if !rises => f64::INFINITY,
         TrajectoryKind::Waypoints => times_s.windows(2).map(|leg| leg[1] - leg[0]).fold(f64::INFINITY, f64::min),
-        TrajectoryKind::Hover | TrajectoryKind::Step | TrajectoryKind::Circle => f64::INFINITY,
+        TrajectoryKind::Hover | TrajectoryKind::Step | TrajectoryKind::Circle | TrajectoryKind::Parts => f64::INFINITY,
     };
     let keys = ["mission.ramp_s", "mission.times_s", "mission.trajectory"];
     match mission.ramp_s {

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::part::{MissionLimits, Part};
+
 /// Trajectory and heading reference, `[mission]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -29,8 +31,13 @@ pub struct Mission {
     /// `circle`: number of laps. A single lap is min-jerk, from rest to rest. Several laps are flown at constant speed,
     /// except for the first and the last half lap.
     pub laps: u32,
-    /// Heading reference \[deg\], from north over east: one value, or steps `[[t_s, deg], ...]`.
+    /// Heading reference \[deg\], from north over east: one value, or steps `[[t_s, deg], ...]`. The parts of `parts`
+    /// have their own.
     pub heading_deg: Heading,
+    /// `parts`: limits of the curves.
+    pub limits: MissionLimits,
+    /// `parts`: parts in order.
+    pub part: Vec<Part>,
 }
 
 /// Kind of trajectory, `mission.trajectory`.
@@ -47,6 +54,8 @@ pub enum TrajectoryKind {
     Circle,
     /// The scenario's own waypoints.
     Waypoints,
+    /// The parts of `[[mission.part]]`, one after the other, from the initial position on.
+    Parts,
 }
 
 /// Shape of the velocity, `mission.ramp_s`: seconds of ramp (0 = constant velocity), `"min-jerk"` or `"spline"`.

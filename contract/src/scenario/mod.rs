@@ -9,6 +9,8 @@
 //! | `run` | the whole scenario, `[run]`, `[bounds]` |
 //! | `timing` | `[realtime]`, `[deadline]` |
 //! | `mission` | `[mission]`, `[initial]` |
+//! | `part` | `[mission.limits]`, `[[mission.part]]` |
+//! | [`plan`] | the curves of these parts |
 //! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
 //! | `sensors` | `[plant.sensors]` |
 //! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
@@ -29,6 +31,8 @@ pub mod file;
 mod given;
 mod load;
 mod mission;
+mod part;
+pub mod plan;
 mod profile;
 mod program;
 mod report;
@@ -50,6 +54,7 @@ pub use load::{
     candidate, candidate_from, check_fault, check_sizes, check_swaps, from_merged, load, load_from, load_text, to_toml,
 };
 pub use mission::*;
+pub use part::*;
 pub use program::{NodeProgram, Nodes, ProgramKind, any_table, find_programs};
 pub use report::{ScenarioError, Source};
 pub use run::*;

@@ -7,9 +7,9 @@ use airframe::{Parameters, Preset, projection};
 
 use super::{
     Battery, Bounds, Constraints, Deadline, DelayCompensation, Derivative, FlownAirframe, Ground, Guidance, Heading,
-    IndiGains, Initial, Late, Law, Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise, PidGains, Plant,
-    Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors, Solver,
-    StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
+    IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise,
+    PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors,
+    Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
 };
 
 /// Returns all defaults of a profile.
@@ -174,6 +174,8 @@ fn survey() -> Mission {
         period_s: 40.0,
         laps: 1,
         heading_deg: Heading::Constant(0.0),
+        limits: MissionLimits::default(),
+        part: vec![],
     }
 }
 

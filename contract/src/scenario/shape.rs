@@ -9,8 +9,8 @@ use toml::{Spanned, Table, Value};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
-    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, NodeProgram, NodeRealtime,
-    Nodes, Plant, Policy, Profile, Realtime, Scenario, Swap, SwapNode, Wrong,
+    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, MissionLimits, NodeProgram,
+    NodeRealtime, Nodes, Part, PartKind, Plant, Policy, Profile, Realtime, Scenario, Swap, SwapNode, Wrong,
 };
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
@@ -68,7 +68,12 @@ fn example() -> Table {
         settings: [("gain".into(), 0.5.into())].into_iter().collect(),
     };
     let all = Scenario {
-        mission: Mission { heading_deg: Heading::Steps(vec![(0.0, 0.0), (15.0, 90.0)]), ..robust.mission },
+        mission: Mission {
+            heading_deg: Heading::Steps(vec![(0.0, 0.0), (15.0, 90.0)]),
+            limits: MissionLimits { speed_mps: Some(8.0), acceleration_mps2: Some(4.0), ..robust.mission.limits },
+            part: vec![Part { height_m: Some(5.0), ..Part::new(PartKind::Takeoff) }],
+            ..robust.mission
+        },
         plant: Plant {
             wind_ned_mps: vec![(15.0, [5.0, 0.0, 0.0])],
             disturbance: vec![(10.0, [0.0, 0.0, 1.0], [0.0, 0.1, 0.0])],
@@ -239,11 +244,17 @@ fn surplus(path: &str, given: &Value, kept: &Value) -> Option<(String, usize, us
     }
 }
 
-/// Bytes of the value of a dotted key.
+/// Bytes of the value of a dotted key; a number in it is the index of an array element, from 0.
 fn span_of(tree: &DeTable, key: &str) -> Option<Range<usize>> {
-    match key.split_once('.') {
-        None => tree.get(key).map(Spanned::span),
-        Some((table, rest)) => span_of(tree.get(table)?.get_ref().as_table()?, rest),
+    let Some((name, rest)) = key.split_once('.') else { return tree.get(key).map(Spanned::span) };
+    match tree.get(name)?.get_ref() {
+        DeValue::Table(inner) => span_of(inner, rest),
+        DeValue::Array(all) => {
+            let (number, rest) = rest.split_once('.').map_or((rest, None), |(number, rest)| (number, Some(rest)));
+            let element = all.get(number.parse::<usize>().ok()?)?;
+            rest.map_or(Some(element.span()), |rest| span_of(element.get_ref().as_table()?, rest))
+        }
+        _ => None,
     }
 }
 

@@ -148,7 +148,9 @@ fn files_that_cannot_be_read_are_named() {
 
 #[test]
 fn shipped_and_reference_scenarios_load_and_are_read_back_exactly() {
-    for (folder, at_least) in [("scenarios", 6), ("scenarios/aggressive", 5), ("tests/reference/cases", 9)] {
+    let folders =
+        [("scenarios", 6), ("scenarios/aggressive", 5), ("scenarios/missions", 2), ("tests/reference/cases", 9)];
+    for (folder, at_least) in folders {
         let entries = fs::read_dir(Path::new(REPOSITORY).join(folder)).unwrap();
         let files: Vec<_> = entries.map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
         assert!(files.len() >= at_least, "{folder}: only {} files", files.len());

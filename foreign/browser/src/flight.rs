@@ -69,7 +69,7 @@ struct Course {
 impl Course {
     fn new(scenario: &Scenario) -> Self {
         Self {
-            trajectory: Trajectory::new(&scenario.mission),
+            trajectory: Trajectory::new(scenario),
             sample_s: scenario.sample_s(),
             count: Count::default(),
             hash: StateHash::default(),

@@ -6,8 +6,6 @@ use contract::scenario::Heading;
 use nalgebra::{Rotation3, Vector3};
 
 use super::*;
-use crate::heading::HeadingCommand;
-use crate::trajectory::Trajectory;
 
 const STEP_TICKS: u64 = 5;
 
@@ -21,15 +19,15 @@ fn turning(trajectory: TrajectoryKind) -> Scenario {
 
 /// Reference at `tick` of a level vehicle that is, moves and points as the reference says, `east_m` beside it.
 fn beside(scenario: &Scenario, tick: u64, east_m: f64) -> Reference {
-    let t_s = tick as f64 * scenario.sample_s();
-    let (setpoint, psi) = (Trajectory::new(&scenario.mission).at(t_s), HeadingCommand::new(scenario).at(t_s));
+    let (mut guidance, t_s) = (Guidance::new(scenario), tick as f64 * scenario.sample_s());
+    let (setpoint, psi) = (guidance.trajectory.at(t_s), guidance.heading_at(t_s));
     let mut state = hovering(tick);
     let [x, y, z] = setpoint.position_m;
     state.measured.position_m = [x, y + east_m, z];
     state.measured.attitude_rad = [0.0, 0.0, psi];
     let to_body = Rotation3::from_euler_angles(0.0, 0.0, psi).inverse();
     state.measured.velocity_mps = (to_body * Vector3::from(setpoint.velocity_mps)).into();
-    Guidance::new(scenario).step(tick, &state)
+    guidance.step(tick, &state)
 }
 
 #[test]

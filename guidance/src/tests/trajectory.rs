@@ -7,10 +7,15 @@ use proptest::prelude::*;
 use super::scenario;
 use crate::Trajectory;
 
+/// Trajectory of a mission.
+fn of(mission: Mission) -> Trajectory {
+    Trajectory::new(&Scenario { mission, ..Scenario::default() })
+}
+
 #[test]
 fn val_survey_reference() {
     let s = Scenario::from(Profile::Paper);
-    let trajectory = Trajectory::new(&s.mission);
+    let trajectory = Trajectory::new(&s);
     // Reference position of the independent simulator at 0.1 s and, by symmetry, halfway up.
     assert!((trajectory.at(0.1).position_m[2] + 0.003_137_254_9).abs() < 1e-10);
     assert!((trajectory.at(5.0).position_m[2] + 4.0).abs() < 1e-12);
@@ -21,7 +26,7 @@ fn val_survey_reference() {
 #[test]
 fn val_ramps_begin_at_their_instant() {
     // The independent simulator's feed-forward, theta_ref = -a_x / g, changes on the very sample a ramp begins.
-    let trajectory = Trajectory::new(&Scenario::from(Profile::Paper).mission);
+    let trajectory = Trajectory::new(&Scenario::from(Profile::Paper));
     let full = 8.0 / 8.5 / 1.5;
     for (t, expected) in [(10.0, full), (11.49, full), (11.5, 0.0), (18.49, 0.0), (18.5, -full), (20.0, 0.0)] {
         assert!((trajectory.at(t).acceleration_mps2[0] - expected).abs() < 1e-12, "at {t} s");
@@ -34,7 +39,7 @@ fn without_ramps_the_velocity_is_constant() {
     let mut mission = scenario(Profile::Robust, TrajectoryKind::Waypoints).mission;
     mission.ramp_s = Ramp::Seconds(0.0);
     (mission.waypoints_m, mission.times_s) = (vec![[1.0, 0.0, 0.0], [3.0, 0.0, -4.0]], vec![0.1, 0.3]);
-    let trajectory = Trajectory::new(&mission);
+    let trajectory = of(mission);
     for t in [0.1, 0.2, 0.3f64.next_down()] {
         let here = trajectory.at(t);
         assert!((here.velocity_mps[0] - 10.0).abs() < 1e-12 && (here.velocity_mps[2] + 20.0).abs() < 1e-12);
@@ -48,7 +53,7 @@ fn without_ramps_the_velocity_is_constant() {
 
 #[test]
 fn a_step_is_at_rest_before_and_after() {
-    let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Step).mission);
+    let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Step));
     for (t, x) in [(0.0, 0.0), (0.99, 0.0), (1.0, 10.0), (60.0, 10.0)] {
         let here = trajectory.at(t);
         assert!((here.position_m[0] - x).abs() < 1e-12 && here.velocity_mps[0].abs() < 1e-12);
@@ -57,7 +62,7 @@ fn a_step_is_at_rest_before_and_after() {
 
 #[test]
 fn the_circle_goes_clockwise_around_its_centre_5_m_to_the_east_and_closes() {
-    let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Circle).mission);
+    let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Circle));
     for t in [0.0, 60.0, 70.0] {
         assert!(trajectory.at(t).position_m.iter().all(|x| x.abs() < 1e-9), "at the origin at {t} s");
     }
@@ -75,7 +80,7 @@ fn the_circle_goes_clockwise_around_its_centre_5_m_to_the_east_and_closes() {
 /// Circle of 40 m radius.
 fn wide_circle(laps: u32, period_s: f64) -> Trajectory {
     let mission = scenario(Profile::Robust, TrajectoryKind::Circle).mission;
-    Trajectory::new(&Mission { radius_m: 40.0, height_m: 20.0, period_s, laps, ..mission })
+    of(Mission { radius_m: 40.0, height_m: 20.0, period_s, laps, ..mission })
 }
 
 #[test]
@@ -121,14 +126,14 @@ fn laps_take_their_period_on_average_and_one_lap_is_min_jerk() {
 /// Spline through `waypoints_m` at `times_s`.
 fn spline(waypoints_m: Vec<[f64; 3]>, times_s: Vec<f64>) -> Trajectory {
     let mission = scenario(Profile::Robust, TrajectoryKind::Waypoints).mission;
-    Trajectory::new(&Mission { waypoints_m, times_s, ramp_s: Ramp::Named(RampName::Spline), ..mission })
+    of(Mission { waypoints_m, times_s, ramp_s: Ramp::Named(RampName::Spline), ..mission })
 }
 
 #[test]
 fn a_spline_through_points_of_a_min_jerk_leg_is_that_leg() {
     let leg = [[1.0, -2.0, 0.0], [81.0, 30.0, -20.0]];
     let mission = scenario(Profile::Robust, TrajectoryKind::Waypoints).mission;
-    let min_jerk = Trajectory::new(&Mission {
+    let min_jerk = of(Mission {
         waypoints_m: leg.to_vec(),
         times_s: vec![2.0, 12.0],
         ramp_s: Ramp::Named(RampName::MinJerk),
@@ -198,7 +203,7 @@ proptest! {
         }
         let named = [RampName::MinJerk, RampName::Spline].map(Ramp::Named);
         mission.ramp_s = [Ramp::Seconds(1.5), Ramp::Seconds(4.0), named[0], named[1]][ramp];
-        let trajectory = Trajectory::new(&mission);
+        let trajectory = of(mission);
         let h = 1e-4;
         let (before, here, after) = (trajectory.at(t - h), trajectory.at(t), trajectory.at(t + h));
         for i in 0..3 {

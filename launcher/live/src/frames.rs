@@ -124,7 +124,7 @@ impl Frames {
     pub fn flight(&self) -> Value {
         let scenario = &self.scenario;
         let (run, vehicle) = (&scenario.run, scenario.flown_airframe());
-        let trajectory = Trajectory::new(&scenario.mission);
+        let trajectory = Trajectory::new(scenario);
         let at = |i: u32| trajectory.at(run.duration_s * f64::from(i) / f64::from(COURSE_POINTS)).position_m;
         json!({
             "name": scenario.name,

@@ -113,7 +113,7 @@ fn position_error_m(scenario: &Scenario) -> f64 {
     };
     let mission = &scenario.mission;
     let step_m = if mission.trajectory == TrajectoryKind::Step { distance_m([0.0; 3], mission.step_m) } else { 0.0 };
-    let begins_m = Trajectory::new(mission).at(0.0).position_m;
+    let begins_m = Trajectory::new(scenario).at(0.0).position_m;
     let Initial { position_m, velocity_mps, attitude_deg, rates_radps, .. } = scenario.initial;
     let hovers = [velocity_mps, attitude_deg, rates_radps] == [[0.0; 3]; 3];
     let upset_m = if hovers { 0.0 } else { UPSET_M };

@@ -51,7 +51,7 @@ pub struct Summary {
 impl Summary {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
-            trajectory: Trajectory::new(&scenario.mission),
+            trajectory: Trajectory::new(scenario),
             sample_s: scenario.sample_s(),
             metrics: Metrics {
                 max_altitude_error_horizontal_m: f64::NAN,

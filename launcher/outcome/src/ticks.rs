@@ -75,7 +75,7 @@ pub struct Ticks<T> {
 impl<T: Default> Ticks<T> {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
-            trajectory: Trajectory::new(&scenario.mission),
+            trajectory: Trajectory::new(scenario),
             sample_s: scenario.sample_s(),
             period_ns: scenario.sample_ns(),
             last: scenario.ticks(),

@@ -83,6 +83,8 @@ const PURE: &[&str] = &[
     "run.seed",
     "run.command_drop_probability",
     "mission.laps",
+    "mission.part[].laps",
+    "mission.limits.share",
     "plant.rotor_speed_max_ratio",
     "plant.rotor_effectiveness",
     "plant.sensors.imu.scale",

@@ -82,7 +82,7 @@ impl Trial {
             bounds: swap.bounds,
             ticks,
             scale: Scale::new(scenario, topic),
-            trajectory: Trajectory::new(&scenario.mission),
+            trajectory: Trajectory::new(scenario),
             sample_s: scenario.sample_s(),
             answers: VecDeque::new(),
             sampled: VecDeque::new(),

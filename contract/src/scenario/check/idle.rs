@@ -29,7 +29,7 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 17] = [
+const SWITCHES: [Switch; 19] = [
     Switch {
         settings: &["mission.waypoints_m", "mission.times_s"],
         key: "mission.trajectory",
@@ -53,6 +53,18 @@ const SWITCHES: [Switch; 17] = [
         key: "mission.trajectory",
         is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Circle,
         on: "\"circle\"",
+    },
+    Switch {
+        settings: &["mission.part", "mission.limits"],
+        key: "mission.trajectory",
+        is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Parts,
+        on: "\"parts\"",
+    },
+    Switch {
+        settings: &["mission.heading_deg"],
+        key: "mission.trajectory",
+        is_on: |scenario| scenario.mission.trajectory != TrajectoryKind::Parts,
+        on: "a trajectory other than \"parts\", which have a `heading_deg` each,",
     },
     Switch { settings: &["mpc.r_rate"], key: "mpc.law", is_on: |scenario| scenario.mpc.law == Law::Mpc, on: "\"mpc\"" },
     Switch {

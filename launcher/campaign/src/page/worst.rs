@@ -84,7 +84,7 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     let (flights, number) = (page.flights, page.numbers[row]);
     let flight = page.plan.flight(number);
     let Ok(scenario) = &flight.scenario else { return Ok(String::new()) };
-    let trajectory = Trajectory::new(&scenario.mission);
+    let trajectory = Trajectory::new(scenario);
     let every = (scenario.ticks() / POINTS).max(1);
     let mut values = ["error", "roll", "pitch", "tilt"].map(|name| (name, vec![]));
     let happened = row::fly_again(&flight, flights, row, |record| {

@@ -259,7 +259,7 @@ impl Scene {
 
     /// Points of the mission's course, each apart from the one before.
     fn course(&self) -> Vec<Pose> {
-        let trajectory = Trajectory::new(&self.scenario.mission);
+        let trajectory = Trajectory::new(&self.scenario);
         let steps = (self.scenario.run.duration_s / COURSE_STEP_S).min(1e6) as u64;
         let mut points: Vec<[f64; 3]> = vec![];
         for step in 0..=steps {

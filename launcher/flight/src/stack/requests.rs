@@ -6,7 +6,6 @@ use contract::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
 use contract::guard::Refusal;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, SwapNode, check_fault, check_swaps};
 use contract::topic::Topic;
-use guidance::Trajectory;
 use runtime::domain::Domain;
 use runtime::realtime::{now_ns, phase};
 use serde_json::{Value, json};
@@ -98,7 +97,7 @@ fn status(run: &Run) -> Value {
 /// Distance of the vehicle from its trajectory at the newest sample \[m\]; `None` before the first one.
 fn position_error_m(run: &Run) -> Option<f64> {
     let Some(Record::State(state)) = &run.newest[Topic::State as usize] else { return None };
-    let wanted = Trajectory::new(&run.scenario.mission).at(run.time_s(state.stamp.tick)).position_m;
+    let wanted = run.trajectory.at(run.time_s(state.stamp.tick)).position_m;
     let squares = wanted.iter().zip(state.actual.position_m).map(|(wanted, is)| (wanted - is) * (wanted - is));
     Some(squares.sum::<f64>().sqrt())
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use contract::Scenario;
 use contract::scenario::{Mode, candidate, to_toml};
 use contract::topic::Topic;
+use guidance::Trajectory;
 use runtime::console::eprint_line;
 use runtime::domain::Domain;
 use runtime::realtime::ControlPage;
@@ -28,6 +29,7 @@ pub struct Run {
     pub driver: Box<dyn Driver>,
     /// Settings as they are now, with the faults and swaps that were ordered in flight.
     pub scenario: Scenario,
+    pub trajectory: Trajectory,
     pub events: Vec<Event>,
     /// Time at which the newest message of each topic was sent \[ns\].
     pub newest_ns: [u64; Topic::COUNT],
@@ -48,6 +50,7 @@ impl Run {
             page,
             driver,
             scenario: scenario.clone(),
+            trajectory: Trajectory::new(scenario),
             events: vec![],
             newest_ns: [0; Topic::COUNT],
             newest: [None; Topic::COUNT],

@@ -75,7 +75,7 @@ impl FlightCost {
         first: u64,
         fly: impl FnOnce(&mut dyn FnMut(&Record)) -> anyhow::Result<()>,
     ) -> anyhow::Result<Self> {
-        let (mut summary, trajectory) = (Summary::new(scenario), Trajectory::new(&scenario.mission));
+        let (mut summary, trajectory) = (Summary::new(scenario), Trajectory::new(scenario));
         let (mut worst_tilt, mut error_m, mut course_m) = (0.0_f64, vec![], vec![]);
         fly(&mut |record| {
             if record.is_intact() && record.stamp().tick < first {

@@ -15,7 +15,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
-use super::setpoint::Setpoint;
+use crate::setpoint::Setpoint;
 
 /// Waypoint, with time, velocity and acceleration of the curve there.
 #[derive(Debug, Clone, Copy)]
@@ -62,6 +62,11 @@ impl Spline {
             knots[i + 1].acceleration = next.row(1).transpose();
         }
         Self(knots)
+    }
+
+    /// Times of the waypoints \[s\].
+    pub fn times_s(&self) -> impl Iterator<Item = f64> {
+        self.0.iter().map(|knot| knot.at_s)
     }
 
     /// Reference at `t_s`; before the first waypoint and after the last it rests there.

@@ -1,0 +1,311 @@
+//! Checks of a mission of parts: the keys of each part, and what its curves ask of the vehicle.
+
+use curves::curve::SAMPLES;
+use curves::{Excess, Limits, Planned, Quantity};
+
+use super::found::Found;
+use crate::scenario::{HeadingRule, Part, PartHeading, PartKind, Scenario, TrajectoryKind, plan};
+
+/// Largest number of parts, which bounds the time of the check.
+const MAX_PARTS: usize = 100;
+/// Largest number of points of one part.
+const MAX_POINTS: usize = 100;
+/// Shortest time from point to point \[s\].
+const MIN_LEG_S: f64 = 0.01;
+/// Shortest way from point to point \[m\].
+const MIN_WAY_M: f64 = 0.01;
+/// Longest mission \[s\]: a day, the longest flight.
+const MAX_MISSION_S: f64 = 86_400.0;
+/// Distance from the origin on any axis beyond which the plant ends a flight \[m\].
+const MAX_POSITION_M: f64 = 500.0;
+/// Depth of a curve below a vehicle that stands, up to which it counts as rounding \[m\].
+const GRAZE_M: f64 = 0.01;
+
+/// Ranges of the numbers of a part.
+const RANGES: [(&str, f64, f64); 9] = [
+    ("height_m", 0.1, 500.0),
+    ("points_m", -MAX_POSITION_M, MAX_POSITION_M),
+    ("radius_m", 0.1, 250.0),
+    ("period_s", 0.1, MAX_MISSION_S),
+    ("laps", 1.0, 1e4),
+    ("climb_m", -500.0, 500.0),
+    ("direction_deg", -360.0, 360.0),
+    ("duration_s", 0.1, MAX_MISSION_S),
+    ("sink_mps", 0.1, 10.0),
+];
+
+/// Finds every rule that the parts of `scenario` break. Curves are built only of parts with the right keys, and only
+/// for a vehicle that can hover.
+pub fn check(scenario: &Scenario, found: &mut Found) {
+    let mission = &scenario.mission;
+    if mission.trajectory != TrajectoryKind::Parts {
+        return;
+    }
+    let count = mission.part.len();
+    found.require(
+        (1..=MAX_PARTS).contains(&count),
+        &["mission.part", "mission.trajectory"],
+        format!("`mission.trajectory` = \"parts\" with {count} parts"),
+        &format!("1 to {MAX_PARTS} tables `[[mission.part]]`"),
+    );
+    for (i, part) in mission.part.iter().enumerate().take(MAX_PARTS) {
+        check_keys(part, &Place(i), found);
+        check_place(scenario, i, found);
+    }
+    if found.0.is_empty() {
+        check_curves(scenario, found);
+    }
+}
+
+/// Place of a part, counted from 0.
+struct Place(usize);
+
+impl Place {
+    /// Adds a violation of the part unless the rule `holds`. `key` is the most likely culprit in the part.
+    fn require(&self, found: &mut Found, holds: bool, key: &str, what: &str, allowed: &str) {
+        let part = format!("mission.part.{}", self.0);
+        let key = format!("{part}.{key}");
+        found.require(holds, &[&key, &part, "mission.part"], format!("`mission.part[{}]`: {what}", self.0), allowed);
+    }
+}
+
+/// Requires that `part` has the keys of its kind, and numbers in their ranges.
+fn check_keys(part: &Part, place: &Place, found: &mut Found) {
+    let kind = part.kind.name();
+    let [needed, possible] = part.kind.keys();
+    let given: Vec<&str> = part.given().collect();
+    for key in needed.iter().filter(|key| !given.contains(key)) {
+        place.require(found, false, "kind", &format!("a {kind} without `{key}`"), &format!("`{key}` with it"));
+    }
+    for key in given.iter().filter(|key| !needed.contains(key) && !possible.contains(key)) {
+        let all = [needed, possible, &["heading_deg"]].concat().join("`, `");
+        let what = format!("a {kind} with a `{key}` that it has no use for");
+        place.require(found, false, key, &what, &format!("without it; a {kind} uses `{all}`"));
+    }
+    for (key, least, most) in RANGES {
+        if let Some(x) = numbers(part, key).into_iter().find(|x| !(least..=most).contains(x)) {
+            place.require(
+                found,
+                false,
+                key,
+                &format!("`{key}` = {x:?} is out of range"),
+                &format!("{least} to {most}"),
+            );
+        }
+    }
+    check_points(part, place, found);
+    check_heading(part, place, found);
+}
+
+/// Numbers of `part` under `key`; none if it has no such key.
+fn numbers(part: &Part, key: &str) -> Vec<f64> {
+    let one = match key {
+        "height_m" => part.height_m,
+        "radius_m" => part.radius_m,
+        "period_s" => part.period_s,
+        "laps" => part.laps.map(f64::from),
+        "climb_m" => part.climb_m,
+        "direction_deg" => part.direction_deg,
+        "duration_s" => part.duration_s,
+        "sink_mps" => part.sink_mps,
+        _ => return part.points_m.iter().flatten().flatten().copied().collect(),
+    };
+    one.into_iter().collect()
+}
+
+/// Requires points in number, and times that rise.
+fn check_points(part: &Part, place: &Place, found: &mut Found) {
+    let Some(points_m) = &part.points_m else { return };
+    let count = points_m.len();
+    let allowed = format!("1 to {MAX_POINTS} points");
+    place.require(found, (1..=MAX_POINTS).contains(&count), "points_m", &format!("{count} points"), &allowed);
+    let Some(times_s) = &part.times_s else { return };
+    place.require(
+        found,
+        times_s.len() == count,
+        "times_s",
+        &format!("{count} points and {} times", times_s.len()),
+        "one time in `times_s` for each point, since the beginning of the part",
+    );
+    let legs = std::iter::once(&0.0).chain(times_s).zip(times_s);
+    place.require(
+        found,
+        legs.into_iter().all(|(from_s, until_s)| until_s - from_s >= MIN_LEG_S && *until_s <= MAX_MISSION_S),
+        "times_s",
+        "`times_s` does not rise from 0",
+        &format!("each time at least {MIN_LEG_S} s after the one before, the first after 0, at most {MAX_MISSION_S}"),
+    );
+}
+
+/// Requires a heading for each point, and a centre where there is one.
+fn check_heading(part: &Part, place: &Place, found: &mut Found) {
+    let is_figure = matches!(part.kind, PartKind::Circle | PartKind::FigureEight | PartKind::Helix);
+    let count = part.points_m.as_ref().map_or(0, Vec::len);
+    let (holds, what, allowed) = match &part.heading_deg {
+        None => return,
+        Some(PartHeading::Constant(deg)) => {
+            (deg.abs() <= 360.0, format!("`heading_deg` = {deg:?} is out of range"), "-360 to 360".into())
+        }
+        Some(PartHeading::Points(all)) => (
+            part.kind == PartKind::Waypoints && all.len() == count && all.iter().all(|deg| deg.abs() <= 360.0),
+            format!("{count} points and {} headings", all.len()),
+            "one heading of -360 to 360 for each of `points_m`, or one for all".to_owned(),
+        ),
+        Some(PartHeading::Named(HeadingRule::Centre)) => (
+            is_figure,
+            format!("`heading_deg` = \"centre\" on a {}, which has none", part.kind.name()),
+            "\"centre\" on a circle, figure-eight or helix".into(),
+        ),
+        Some(PartHeading::Named(HeadingRule::AlongTrack)) => (
+            is_figure || part.kind == PartKind::Waypoints,
+            format!("`heading_deg` = \"along-track\" on a {}, which has no track on the map", part.kind.name()),
+            "degrees, or without it: the heading stays".into(),
+        ),
+    };
+    place.require(found, holds, "heading_deg", &what, &allowed);
+}
+
+/// Requires a take-off first, a landing last, and ground below it.
+fn check_place(scenario: &Scenario, i: usize, found: &mut Found) {
+    let (place, kind, last) = (Place(i), scenario.mission.part[i].kind, scenario.mission.part.len() - 1);
+    let is_first = kind != PartKind::Takeoff || i == 0;
+    place.require(found, is_first, "kind", "a takeoff in flight", "takeoff first; \"waypoints\" climb later");
+    let is_last = kind != PartKind::Landing || i == last;
+    place.require(
+        found,
+        is_last,
+        "kind",
+        "a landing with parts after it",
+        "landing last: it stops the rotors for good",
+    );
+    if kind != PartKind::Landing {
+        return;
+    }
+    let ground = &scenario.plant.ground;
+    let allowed = "`plant.ground.present` = true with it";
+    place.require(found, ground.present, "kind", "a landing where there is no ground", allowed);
+    let (sink_mps, most_mps) = (scenario.mission.part[i].sink_mps.unwrap_or(0.0), ground.max_sink_mps);
+    place.require(
+        found,
+        !ground.present || sink_mps < most_mps,
+        "sink_mps",
+        &format!("a landing at {sink_mps:?} m/s, which is a crash"),
+        &format!("`sink_mps` below `plant.ground.max_sink_mps` = {most_mps:?}"),
+    );
+}
+
+/// Requires that no curve asks for more than the vehicle has, leaves the space of the plant, or enters the ground.
+fn check_curves(scenario: &Scenario, found: &mut Found) {
+    let (plan, limits) = (plan::build(scenario), plan::limits(scenario));
+    for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
+        let place = Place(i);
+        check_ways(part, planned, &place, found);
+        check_demands(part, planned, &limits, &place, found);
+        check_space(scenario, part, planned, &place, found);
+    }
+    let duration_s = plan.duration_s();
+    found.require(
+        duration_s <= MAX_MISSION_S,
+        &["mission.part"],
+        format!("the parts of the mission take {duration_s:.1} s"),
+        &format!("at most a day, {MAX_MISSION_S} s"),
+    );
+}
+
+/// Requires that each point of a curve lies away from the one before.
+fn check_ways(part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
+    let from_m = planned.curve.at(0.0).position_m;
+    let points_m = part.points_m.iter().flatten();
+    let mut ways = std::iter::once(&from_m).chain(points_m.clone()).zip(points_m).enumerate();
+    let is_near = |(from, to): (&[f64; 3], &[f64; 3])| {
+        libm::hypot(libm::hypot(to[0] - from[0], to[1] - from[1]), to[2] - from[2]) < MIN_WAY_M
+    };
+    if let Some((leg, _)) = ways.find(|(_, ends)| is_near(*ends)) {
+        let where_it_is = if leg == 0 { "where the part begins" } else { "where the point before it is" };
+        let what = format!("point {leg} of `points_m` is {where_it_is}");
+        place.require(found, false, "points_m", &what, "without it; points are counted from 0");
+    }
+}
+
+/// Requires that the vehicle has what each leg asks for.
+fn check_demands(part: &Part, planned: &Planned, limits: &Limits, place: &Place, found: &mut Found) {
+    let legs = planned.curve.legs(SAMPLES);
+    let exceeded = legs.iter().enumerate().find_map(|(leg, of)| Some((leg, limits.demand(of, 1.0).excess(limits)?)));
+    let Some((leg, excess)) = exceeded else { return };
+    let stretch = limits.least_stretch(&legs);
+    let longer = |duration_s: f64| (duration_s * stretch * 10.0).ceil() / 10.0;
+    let (key, which, advice) = match part.kind {
+        PartKind::Waypoints => {
+            let advice = format!(
+                "give it {:.1} s or more, and the other legs as much in proportion",
+                longer(legs[leg].duration_s())
+            );
+            ("times_s", format!("the leg to point {leg}"), advice)
+        }
+        PartKind::Takeoff => {
+            ("duration_s", "it".into(), format!("give it {:.1} s or more", longer(planned.curve.duration_s())))
+        }
+        PartKind::Landing => ("sink_mps", "it".into(), "give it a lower `sink_mps`".into()),
+        _ => {
+            let period_s = longer(part.period_s.unwrap_or_default());
+            ("period_s", "a lap".into(), format!("give it {period_s:.1} s or more"))
+        }
+    };
+    let what = format!("{which} asks for {}; {advice}", describe(&excess, limits.g_mps2));
+    place.require(
+        found,
+        false,
+        key,
+        &what,
+        "times within the limits of `launcher check`, or none: as fast as they allow",
+    );
+}
+
+/// Describes a demand and its limit.
+fn describe(Excess { quantity, asked, has }: &Excess, g_mps2: f64) -> String {
+    let (deg, g) = (|rad: &f64| rad.to_degrees(), |thrust: &f64| thrust / g_mps2);
+    match quantity {
+        Quantity::Speed => format!("{asked:.1} m/s, `mission.limits.speed_mps` is {has:.1}"),
+        Quantity::Acceleration => format!("{asked:.1} m/s2, `mission.limits.acceleration_mps2` is {has:.1}"),
+        Quantity::Vertical => {
+            format!("{asked:.1} m/s up or down, the vehicle has {has:.1} (`guidance.climb_limit_mps`)")
+        }
+        Quantity::Tilt if deg(asked) > 90.0 => "an acceleration down that gravity does not have".into(),
+        Quantity::Tilt => {
+            format!("a tilt of {:.1} deg, the vehicle has {:.1} (`guidance.angle_limit_deg`)", deg(asked), deg(has))
+        }
+        Quantity::Thrust => format!("{:.2} g of thrust, the vehicle has {:.2}", g(asked), g(has)),
+        Quantity::LeastThrust => {
+            format!("as little as {:.2} g of thrust, the vehicle idles at {:.2}", g(asked), g(has))
+        }
+        Quantity::Turn => {
+            format!("a turn at {:.0} deg/s, the vehicle has {:.0} (`mpc.rates_limit_dps`)", deg(asked), deg(has))
+        }
+    }
+}
+
+/// Requires that a curve stays within the space of the plant, and above the ground unless it lands.
+fn check_space(scenario: &Scenario, part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
+    let legs = planned.curve.legs(SAMPLES);
+    let culprit = if part.kind == PartKind::Waypoints { "points_m" } else { "kind" };
+    let farthest_m = legs.iter().flat_map(|leg| leg.range_m).map(|at| at.amax()).fold(0.0, f64::max);
+    place.require(
+        found,
+        farthest_m < MAX_POSITION_M,
+        culprit,
+        &format!("its curve goes {farthest_m:.0} m from the origin"),
+        &format!("below {MAX_POSITION_M:.0} m on every axis: beyond, a run counts as diverged"),
+    );
+    let lowest_m = legs.iter().map(|leg| leg.range_m[1].z).fold(f64::NEG_INFINITY, f64::max);
+    let below_m = lowest_m - plan::standing_down_m(&scenario.plant.ground);
+    place.require(
+        found,
+        !scenario.plant.ground.present || part.kind == PartKind::Landing || below_m <= GRAZE_M,
+        culprit,
+        &format!("its curve goes {below_m:.2} m below the ground"),
+        "a curve above it; one through points swings out less with more points, or as \"quintic\"",
+    );
+}
+
+#[cfg(test)]
+mod tests;

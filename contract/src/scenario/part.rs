@@ -1,0 +1,203 @@
+//! `[[mission.part]]` and `[mission.limits]`: a mission of parts, flown one after the other.
+//!
+//! Each part begins where the part before ends, at rest. The check refuses a key that its kind does not use
+//! ([`PartKind::keys`]).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// One `[[mission.part]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// Kind of the part, which decides the keys that it has.
+    pub kind: PartKind,
+    /// `takeoff`: height gained \[m\], 0.1 to 500.
+    #[schemars(range(min = 0.1, max = 500))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_m: Option<f64>,
+    /// `waypoints`: positions to pass, NED \[m\], at most 100; the curve begins where the part before ends.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points_m: Option<Vec<[f64; 3]>>,
+    /// `waypoints`: time since the beginning of the part at which each point is passed \[s\], rising; absent = as early
+    /// as the limits allow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times_s: Option<Vec<f64>>,
+    /// `waypoints`: kind of the curve; absent = min-snap.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<CurveKind>,
+    /// `circle`, `helix`: radius; `figure-eight`: length of each loop \[m\], 0.1 to 250.
+    #[schemars(range(min = 0.1, max = 250))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius_m: Option<f64>,
+    /// `circle`, `helix`, `figure-eight`: mean duration of a lap \[s\], 0.1 to 86400; absent = as short as the limits
+    /// allow.
+    #[schemars(range(min = 0.1, max = 86400))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub period_s: Option<f64>,
+    /// `circle`, `helix`, `figure-eight`: number of laps, 1 to 10000; absent = 1.
+    #[schemars(range(min = 1, max = 10000))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub laps: Option<u32>,
+    /// `helix`: height gained by all laps together \[m\], negative = down, at most 500 either way.
+    #[schemars(range(min = -500, max = 500))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub climb_m: Option<f64>,
+    /// `circle`, `helix`: direction of the centre; `figure-eight`: direction of the first loop \[deg\], from north over
+    /// east, -360 to 360; absent = 90.
+    #[schemars(range(min = -360, max = 360))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction_deg: Option<f64>,
+    /// `loiter`, `takeoff`: duration \[s\], 0.1 to 86400; a take-off without it is as fast as the limits allow.
+    #[schemars(range(min = 0.1, max = 86400))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub duration_s: Option<f64>,
+    /// `landing`: sink rate \[m/s\], 0.1 to 10; absent = 0.7.
+    #[schemars(range(min = 0.1, max = 10))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sink_mps: Option<f64>,
+    /// Heading \[deg\], from north over east, -360 to 360: one value, one per point of `waypoints`, `"along-track"`, or
+    /// `"centre"` of a figure; absent = the heading stays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heading_deg: Option<PartHeading>,
+}
+
+/// Kind of a part, `mission.part.kind`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PartKind {
+    /// Straight up, as the first part.
+    Takeoff,
+    /// One curve through points, at rest at its beginning and its end only.
+    Waypoints,
+    /// Laps of a circle.
+    Circle,
+    /// Laps of a lemniscate that begin at its crossing.
+    FigureEight,
+    /// Laps of a circle that climb.
+    Helix,
+    /// Rest.
+    Loiter,
+    /// Straight down to the ground, as the last part.
+    Landing,
+}
+
+/// Kind of a curve through points, `mission.part.curve`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CurveKind {
+    /// Curve of the seventh degree between points, of least snap.
+    #[default]
+    MinSnap,
+    /// Curve of the fifth degree between points, of least jerk.
+    Quintic,
+}
+
+/// Heading of a part, `mission.part.heading_deg`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected degrees, a list of degrees, \"along-track\" or \"centre\"")]
+pub enum PartHeading {
+    /// One heading \[deg\].
+    Constant(f64),
+    /// Heading at each point \[deg\].
+    Points(Vec<f64>),
+    /// A named rule.
+    Named(HeadingRule),
+}
+
+/// Named rules of the heading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum HeadingRule {
+    /// Direction of flight; below 0.5 m/s the next one that there is.
+    AlongTrack,
+    /// Direction to the centre of the circle, helix or figure eight.
+    Centre,
+}
+
+/// Limits of the curves of a mission, `[mission.limits]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MissionLimits {
+    /// Share of the vehicle's tilt, thrust, vertical speed and body rate beyond hover that curves without given times
+    /// use; the rest is for control. Given times may use all.
+    pub share: f64,
+    /// Largest speed \[m/s\]; absent = the vehicle's, which drag limits.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<f64>,
+    /// Largest acceleration \[m/s2\]; absent = the vehicle's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration_mps2: Option<f64>,
+}
+
+impl Default for MissionLimits {
+    fn default() -> Self {
+        Self { share: 0.7, speed_mps: None, acceleration_mps2: None }
+    }
+}
+
+impl PartKind {
+    /// Name as the file spells it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Takeoff => "takeoff",
+            Self::Waypoints => "waypoints",
+            Self::Circle => "circle",
+            Self::FigureEight => "figure-eight",
+            Self::Helix => "helix",
+            Self::Loiter => "loiter",
+            Self::Landing => "landing",
+        }
+    }
+
+    /// Keys that a part of this kind must have, and those that it may have besides `heading_deg`.
+    pub fn keys(self) -> [&'static [&'static str]; 2] {
+        match self {
+            Self::Takeoff => [&["height_m"], &["duration_s"]],
+            Self::Waypoints => [&["points_m"], &["times_s", "curve"]],
+            Self::Circle | Self::FigureEight => [&["radius_m"], &["period_s", "laps", "direction_deg"]],
+            Self::Helix => [&["radius_m", "climb_m"], &["period_s", "laps", "direction_deg"]],
+            Self::Loiter => [&["duration_s"], &[]],
+            Self::Landing => [&[], &["sink_mps"]],
+        }
+    }
+}
+
+impl Part {
+    /// Makes a part without keys.
+    pub fn new(kind: PartKind) -> Self {
+        Self {
+            kind,
+            height_m: None,
+            points_m: None,
+            times_s: None,
+            curve: None,
+            radius_m: None,
+            period_s: None,
+            laps: None,
+            climb_m: None,
+            direction_deg: None,
+            duration_s: None,
+            sink_mps: None,
+            heading_deg: None,
+        }
+    }
+
+    /// Keys that were given, except `heading_deg`.
+    pub fn given(&self) -> impl Iterator<Item = &'static str> {
+        let given = [
+            ("height_m", self.height_m.is_some()),
+            ("points_m", self.points_m.is_some()),
+            ("times_s", self.times_s.is_some()),
+            ("curve", self.curve.is_some()),
+            ("radius_m", self.radius_m.is_some()),
+            ("period_s", self.period_s.is_some()),
+            ("laps", self.laps.is_some()),
+            ("climb_m", self.climb_m.is_some()),
+            ("direction_deg", self.direction_deg.is_some()),
+            ("duration_s", self.duration_s.is_some()),
+            ("sink_mps", self.sink_mps.is_some()),
+        ];
+        given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key)
+    }
+}

@@ -1,0 +1,102 @@
+//! Plan of a mission of parts: its curves, from the initial position on, and the limits of the vehicle.
+//!
+//! | limit | from |
+//! |---|---|
+//! | tilt | `guidance.angle_limit_deg`, about trim |
+//! | thrust | rotor speeds of `[plant]`, with the moments of hover balanced: `u = s u_trim` |
+//! | vertical speed | `guidance.climb_limit_mps` |
+//! | body rate | `mpc.rates_limit_dps` of roll and pitch: the paper's bound (51) |
+//! | drag | `plant.drag_linear_nspm`, the largest of the three, and `plant.drag_quadratic_ns2pm2` |
+//!
+//! The check of a scenario and guidance build the same plan.
+
+use airframe::Trim;
+use curves::heading::Rule;
+pub use curves::limits::Demand;
+use curves::plan::{Least, Start};
+use curves::{Limits, Motion, Plan, figure};
+
+use super::{CurveKind, Ground, HeadingRule, Part, PartHeading, PartKind, Scenario};
+
+/// Sink rate of a landing that gives none \[m/s\]: the default of PX4, `MPC_LAND_SPEED`.
+const SINK_MPS: f64 = 0.7;
+/// Direction of a figure that gives none \[deg\]: east.
+const DIRECTION_DEG: f64 = 90.0;
+
+/// Limits of the vehicle on the curves of a mission, and those that `mission.limits` sets.
+pub fn limits(scenario: &Scenario) -> Limits {
+    let (vehicle, plant, own) = (&scenario.airframe, &scenario.plant, &scenario.mission.limits);
+    let trim = Trim::solve(vehicle, plant.tilt_reaction).actuation;
+    let drag_nspm = plant.drag_linear_nspm.into_iter().fold(0.0, f64::max);
+    let [roll_dps, pitch_dps, _] = scenario.mpc.rates_limit_dps;
+    Limits {
+        g_mps2: vehicle.g_mps2,
+        drag_linear_1ps: drag_nspm / vehicle.mass_kg,
+        drag_quadratic_1pm: plant.drag_quadratic_ns2pm2 / vehicle.mass_kg,
+        most: Demand {
+            speed_mps: own.speed_mps.unwrap_or(f64::INFINITY),
+            acceleration_mps2: own.acceleration_mps2.unwrap_or(f64::INFINITY),
+            vertical_mps: scenario.guidance.climb_limit_mps,
+            tilt_rad: scenario.guidance.angle_limit_deg.to_radians(),
+            thrust_mps2: scenario.limits().thrust_range(&trim).map(|share| share * vehicle.g_mps2),
+            turn_radps: roll_dps.min(pitch_dps).to_radians(),
+        },
+    }
+}
+
+/// Builds the plan of `mission.part`, from the initial position and heading on.
+pub fn build(scenario: &Scenario) -> Plan {
+    let start = Start {
+        position_m: scenario.initial.position_m,
+        heading_rad: scenario.initial.attitude_deg[2].to_radians(),
+        heading_rate_radps: scenario.guidance.heading_rate_limit_dps.to_radians(),
+        limits: limits(scenario).share(scenario.mission.limits.share),
+    };
+    let parts: Vec<_> = scenario.mission.part.iter().map(|part| read(part, scenario)).collect();
+    Plan::new(&start, &parts)
+}
+
+/// Down coordinate of a vehicle that stands on the ground \[m\].
+pub fn standing_down_m(ground: &Ground) -> f64 {
+    ground.down_m - ground.leg_m
+}
+
+/// Reads the keys of a part; missing ones, which the check refuses, are 0.
+fn read(part: &Part, scenario: &Scenario) -> curves::Part {
+    let [height_m, radius_m, climb_m, duration_s] =
+        [part.height_m, part.radius_m, part.climb_m, part.duration_s].map(Option::unwrap_or_default);
+    let figure = |shape| Motion::Figure {
+        shape,
+        radius_m,
+        period_s: part.period_s,
+        laps: part.laps.unwrap_or(1),
+        climb_m,
+        direction_rad: part.direction_deg.unwrap_or(DIRECTION_DEG).to_radians(),
+    };
+    let motion = match part.kind {
+        PartKind::Takeoff => Motion::Climb(height_m, part.duration_s),
+        PartKind::Waypoints => Motion::Through {
+            points_m: part.points_m.clone().unwrap_or_default(),
+            times_s: part.times_s.clone(),
+            least: match part.curve.unwrap_or_default() {
+                CurveKind::MinSnap => Least::Snap,
+                CurveKind::Quintic => Least::Jerk,
+            },
+        },
+        PartKind::Circle | PartKind::Helix => figure(figure::Shape::Circle),
+        PartKind::FigureEight => figure(figure::Shape::Eight),
+        PartKind::Loiter => Motion::Rest(duration_s),
+        PartKind::Landing => Motion::Land {
+            standing_down_m: standing_down_m(&scenario.plant.ground),
+            sink_mps: part.sink_mps.unwrap_or(SINK_MPS),
+        },
+    };
+    let heading = match &part.heading_deg {
+        None => Rule::Keep,
+        Some(PartHeading::Constant(deg)) => Rule::Fixed(deg.to_radians()),
+        Some(PartHeading::Points(all)) => Rule::Waypoints(all.iter().map(|deg| deg.to_radians()).collect()),
+        Some(PartHeading::Named(HeadingRule::AlongTrack)) => Rule::Track,
+        Some(PartHeading::Named(HeadingRule::Centre)) => Rule::Centre,
+    };
+    curves::Part { motion, heading }
+}

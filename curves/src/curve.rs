@@ -1,0 +1,135 @@
+//! Curve of any kind, from rest to rest, stretched in time.
+
+use nalgebra::Vector3;
+
+use crate::descent::Descent;
+use crate::figure::Figure;
+use crate::min_snap::MinSnap;
+use crate::progress::min_jerk;
+use crate::setpoint::Setpoint;
+use crate::spline::Spline;
+
+/// Number of intervals into which a leg is divided for checks.
+pub const SAMPLES: u32 = 100;
+/// Laps that are sampled at the beginning of a figure, and as many at its end. Those between are like the second one.
+const SAMPLED_LAPS: f64 = 2.0;
+
+/// Kind of a curve.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    /// Rest at a place for a time \[s\].
+    Rest(Vector3<f64>, f64),
+    /// Straight line from one place to another in a time \[s\], min-jerk.
+    Line(Vector3<f64>, Vector3<f64>, f64),
+    /// Curve of least jerk through waypoints.
+    Spline(Spline),
+    /// Curve of least snap through waypoints.
+    MinSnap(MinSnap),
+    /// Circle, helix or figure eight.
+    Figure(Figure),
+    /// Landing.
+    Descent(Descent),
+}
+
+/// Curve, `stretch` times as slow as its shape.
+#[derive(Debug, Clone)]
+pub struct Curve {
+    /// Shape, with times of its own.
+    pub shape: Shape,
+    /// Ratio of the curve's times to those of the shape.
+    pub stretch: f64,
+}
+
+/// Velocity and acceleration at equal intervals of a leg.
+#[derive(Debug, Clone)]
+pub struct Leg {
+    /// Interval \[s\].
+    pub interval_s: f64,
+    /// Velocity \[m/s\] and acceleration \[m/s2\] at each instant, with those at both ends.
+    pub samples: Vec<[Vector3<f64>; 2]>,
+    /// Range of the position, north, east, down \[m\]: lowest and highest.
+    pub range_m: [Vector3<f64>; 2],
+}
+
+impl Leg {
+    /// Duration \[s\].
+    pub fn duration_s(&self) -> f64 {
+        self.interval_s * (self.samples.len() - 1) as f64
+    }
+}
+
+impl From<Shape> for Curve {
+    fn from(shape: Shape) -> Self {
+        Self { shape, stretch: 1.0 }
+    }
+}
+
+impl Curve {
+    /// Duration \[s\].
+    pub fn duration_s(&self) -> f64 {
+        self.times_s().last().copied().unwrap_or(0.0)
+    }
+
+    /// Times at which legs begin and end \[s\]; the whole of a figure is one leg.
+    pub fn times_s(&self) -> Vec<f64> {
+        let times = match &self.shape {
+            Shape::Rest(_, duration_s) | Shape::Line(_, _, duration_s) => vec![0.0, *duration_s],
+            Shape::Spline(spline) => spline.times_s().collect(),
+            Shape::MinSnap(curve) => curve.times_s().collect(),
+            Shape::Figure(figure) => vec![0.0, figure.laps.turning_s],
+            Shape::Descent(descent) => descent.times_s().to_vec(),
+        };
+        times.into_iter().map(|t_s| t_s * self.stretch).collect()
+    }
+
+    /// Reference at `t_s`; before the beginning and after the end it rests there.
+    pub fn at(&self, t_s: f64) -> Setpoint {
+        let k = self.stretch;
+        let t_s = t_s / k;
+        let Setpoint { position_m, velocity_mps, acceleration_mps2 } = match &self.shape {
+            Shape::Rest(at, _) => Setpoint::at_rest((*at).into()),
+            Shape::Line(from, to, duration_s) => {
+                let (progress, way) = (min_jerk(t_s, *duration_s), to - from);
+                Setpoint {
+                    position_m: (from + way * progress.s).into(),
+                    velocity_mps: (way * progress.ds).into(),
+                    acceleration_mps2: (way * progress.dds).into(),
+                }
+            }
+            Shape::Spline(spline) => spline.at(t_s),
+            Shape::MinSnap(curve) => curve.at(t_s),
+            Shape::Figure(figure) => figure.at(t_s),
+            Shape::Descent(descent) => descent.at(t_s),
+        };
+        Setpoint {
+            position_m,
+            velocity_mps: velocity_mps.map(|v| v / k),
+            acceleration_mps2: acceleration_mps2.map(|a| a / (k * k)),
+        }
+    }
+
+    /// Divides each leg into `intervals`. Of a figure of many laps only the first and the last ones are sampled.
+    pub fn legs(&self, intervals: u32) -> Vec<Leg> {
+        let times_s = match &self.shape {
+            Shape::Figure(Figure { laps, .. }) => {
+                let (all, some) = (laps.laps, laps.laps.min(2.0 * SAMPLED_LAPS));
+                let lap = |i: u32| if f64::from(i) <= SAMPLED_LAPS { f64::from(i) } else { all - some + f64::from(i) };
+                (0..=some as u32).map(|i| lap(i) * laps.turning_s / all * self.stretch).collect()
+            }
+            _ => self.times_s(),
+        };
+        times_s.windows(2).map(|ends| self.leg(ends[0], ends[1], intervals)).collect()
+    }
+
+    fn leg(&self, from_s: f64, until_s: f64, intervals: u32) -> Leg {
+        let interval_s = (until_s - from_s) / f64::from(intervals);
+        let (mut samples, mut range_m) = (vec![], [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)]);
+        for i in 0..=intervals {
+            let Setpoint { position_m, velocity_mps, acceleration_mps2 } = self.at(from_s + interval_s * f64::from(i));
+            let position = Vector3::from(position_m);
+            range_m = [range_m[0].inf(&position), range_m[1].sup(&position)];
+            samples.push([velocity_mps.into(), acceleration_mps2.into()]);
+        }
+        Leg { interval_s, samples, range_m }
+    }
+}

@@ -1,0 +1,39 @@
+//! Curves: positions over time, and what they ask of a vehicle.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`setpoint`] | position, velocity and acceleration at one instant |
+//! | [`progress`] | the covered share of a way: trapezoid, min-jerk, laps |
+//! | [`spline`] | the curve of least jerk through waypoints |
+//! | [`min_snap`] | the curve of least snap through waypoints |
+//! | [`figure`] | circle, helix and figure eight |
+//! | [`descent`] | a landing at constant sink rate |
+//! | [`curve`] | any of these, from rest to rest, at any pace |
+//! | [`limits`] | the demands of a curve on a vehicle, and the shortest duration within its limits |
+//! | [`fastest`] | the times of waypoints at which the curve through them is fastest |
+//! | [`heading`] | the heading over time |
+//! | [`plan`] | parts of a mission, one after the other |
+//!
+//! Positions are NED \[m\]. Curves are built before the flight; evaluating one does not allocate.
+//! `contract` builds the plan of a scenario: the check before the flight and guidance use the same one.
+
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
+
+pub mod curve;
+pub mod descent;
+pub mod fastest;
+pub mod figure;
+pub mod heading;
+pub mod limits;
+pub mod min_snap;
+pub mod plan;
+pub mod progress;
+pub mod setpoint;
+pub mod spline;
+
+pub use limits::{Excess, Limits, Quantity};
+pub use plan::{Motion, Part, Plan, Planned};
+pub use setpoint::Setpoint;
+
+#[cfg(test)]
+mod tests;
