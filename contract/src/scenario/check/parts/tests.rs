@@ -185,7 +185,7 @@ fn part() -> impl Strategy<Value = String> {
         if more == 0 {
             keys.insert("times_s", format!("{times:?}"));
         }
-        let keys: String = keys.iter().map(|(key, value)| format!(", {key}={value}")).collect();
+        let keys = keys.iter().fold(String::new(), |all, (key, value)| all + &format!(", {key}={value}"));
         format!("{{kind='{kind}'{keys}}}").to_lowercase()
     })
 }
