@@ -9,7 +9,7 @@
 //! J = h^-7 d' R d,   d = (p, h v, h2 a, h3 j) at its start, then at its end
 //! ```
 //!
-//! with the symmetric matrix `R` of a leg of one second, [`SNAP`]. The gradient of the sum over all legs is zero where
+//! with the symmetric matrix `R` of a leg of one second, `SNAP`. The gradient of the sum over all legs is zero where
 //! the curve has continuous derivatives up to the sixth. These equations are positive definite and block tridiagonal;
 //! block elimination solves it. Each waypoint has its unknowns in units of the shorter of its two legs, so that the
 //! blocks are of the size of `R`, whatever the durations are.

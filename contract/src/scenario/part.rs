@@ -16,7 +16,7 @@ pub struct Part {
     #[schemars(range(min = 0.1, max = 500))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
-    /// `waypoints`: positions to pass, NED \[m\], at most 100; the curve begins where the part before ends.
+    /// `waypoints`: positions to pass, NED \[m\], at most 50; the curve begins where the part before ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points_m: Option<Vec<[f64; 3]>>,
     /// `waypoints`: time since the beginning of the part at which each point is passed \[s\], rising; absent = as early

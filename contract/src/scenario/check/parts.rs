@@ -8,8 +8,8 @@ use crate::scenario::{HeadingRule, Part, PartHeading, PartKind, Scenario, Trajec
 
 /// Largest number of parts, which bounds the time of the check.
 const MAX_PARTS: usize = 100;
-/// Largest number of points of one part.
-const MAX_POINTS: usize = 100;
+/// Largest number of points of one part: the search for the fastest times grows with its square.
+const MAX_POINTS: usize = 50;
 /// Shortest time from point to point \[s\].
 const MIN_LEG_S: f64 = 0.01;
 /// Shortest way from point to point \[m\].
