@@ -25,13 +25,13 @@
 //! `val_first_move_gains`.
 
 use airframe::linear::{INPUTS, STATES};
+use airframe::riccati;
 use contract::scenario::{Mpc, ScenarioError, Terminal};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::at_speed::FlightModel;
 use crate::disturbance::DRIVEN;
 use crate::model::PredictionModel;
-use crate::riccati;
 
 /// Number of given numbers beside the state: r, d, v.
 pub const GIVEN: usize = STATES + INPUTS + INPUTS;

@@ -6,10 +6,10 @@
 use airframe::{Parameters, Preset, projection};
 
 use super::{
-    Battery, Bounds, Constraints, Deadline, DelayCompensation, Derivative, FlownAirframe, Ground, Guidance, Heading,
-    IndiGains, Initial, Late, Law, Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise, PidGains, Plant,
-    Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors, Solver,
-    StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
+    Battery, Bounds, BrokenVehicle, Constraints, Deadline, DelayCompensation, Derivative, FlownAirframe, Ground,
+    Guidance, Heading, IndiGains, Initial, Late, Law, Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise,
+    PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors,
+    Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
 };
 
 /// Returns all defaults of a profile.
@@ -149,7 +149,12 @@ fn paper() -> Scenario {
             geometric: PidGains::default(),
             indi: IndiGains::default(),
         },
-        mixer: Mixer { tilt_reaction: false, projection: false, projection_weights: projection::WEIGHTS },
+        mixer: Mixer {
+            tilt_reaction: false,
+            projection: false,
+            projection_weights: projection::WEIGHTS,
+            broken_vehicle: BrokenVehicle::Cut,
+        },
         bounds: Bounds::default(),
         fault: vec![],
         node: Nodes::default(),

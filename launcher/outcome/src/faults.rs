@@ -332,7 +332,7 @@ fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
     match (target, record) {
         (T::Mpc, Record::Controls(controls)) => Some(controls.status > SolveStatus::Solved as u64),
         (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, Record::Actuators(actuators)) => {
-            Some(actuators.flags & mixer_flags::TERMINATED != 0)
+            Some(actuators.flags & (mixer_flags::TERMINATED | mixer_flags::YAW_GIVEN_UP) != 0)
         }
         (T::Actuators, Record::State(state)) => Some(state.applied_sequence == obeyed),
         (T::State | T::Reference | T::Controls | T::Position | T::Velocity | T::Attitude | T::Rates, _) => {
