@@ -29,7 +29,8 @@
 //! so the law leans against the spin, in a direction that is fixed in the body, and the further the faster it is:
 //!
 //! ```text
-//! n_y* = a min(|r| / r_0, 1) + n_y,trim max(0, 1 - |r| / r_0),      n_x* = -sign(r (Ixx - Iyy)) a min(|r| / r_0, 1)
+//! n_y* = a(r) + n_y,trim max(0, 1 - |r| / r_0),      n_x* = -sign(r (Ixx - Iyy)) a(r)
+//! a(r) = max(a_0 min(|r| / r_0, 1), min(|r| / r_1, a_max))
 //! p* = (n_x r - k (n_y - n_y*)) / n_z,      q* = (n_y r + k (n_x - n_x*)) / n_z         from dn/dt = n x w
 //! lat = Ixx c (p* - p) + (w x J w)_x,       lon = Iyy c (q* - q) + (w x J w)_y
 //! ```
@@ -55,14 +56,18 @@ const MAX_SINK_ERROR_MPS: f64 = 2.0;
 /// Shortest lag of a rotor in the model of the spin \[s\].
 const MIN_LAG_S: f64 = 1e-3;
 
-/// Lean of each axis in a fast level spin, `a`: together 16 degrees.
+/// Lean of each axis in a level spin, `a_0`: together 16 degrees, which the feet of a landing allow.
 const LEAN: f64 = 0.2;
 /// Rate from which on the vehicle leans by that, `r_0` \[rad/s\].
-const FULL_LEAN_RADPS: f64 = 8.0;
+const LEAN_RADPS: f64 = 8.0;
+/// Rate at which each axis would lean by one, `r_1` \[rad/s\]: a spin above 16 rad/s leans more.
+const STEEP_RADPS: f64 = 80.0;
+/// Largest lean of each axis, `a_max`: together 30 degrees.
+const MAX_LEAN: f64 = 0.35;
 /// Gain of the lean, `k` \[1/s\].
 const LEAN_GAIN_RADPS: f64 = 5.0;
 /// Gain of the rates, `c` \[1/s\].
-const RATE_GAIN_RADPS: f64 = 16.0;
+const RATE_GAIN_RADPS: f64 = 20.0;
 /// Largest vertical acceleration that the level spin is asked for \[m/s2\].
 const MAX_CLIMB_MPS2: f64 = 3.0;
 /// Smallest share of the thrust along the vertical that a command is computed for; less is taken for this.
@@ -131,9 +136,10 @@ impl Broken {
     fn level_spin(&self, down: &Vector3<f64>, rates: &Vector3<f64>) -> [f64; 2] {
         let Parameters { ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.vehicle;
         let (r, upright) = (rates.z, down.z.max(MIN_UPRIGHT));
-        let share = (r.abs() / FULL_LEAN_RADPS).min(1.0);
-        let lean_x = -LEAN * share * (r * (ixx - iyy)).signum();
-        let lean_y = LEAN * share + libm::sin(self.trim.roll_rad) * (1.0 - share);
+        let share = (r.abs() / LEAN_RADPS).min(1.0);
+        let lean = (LEAN * share).max((r.abs() / STEEP_RADPS).min(MAX_LEAN));
+        let lean_x = -lean * (r * (ixx - iyy)).signum();
+        let lean_y = lean + libm::sin(self.trim.roll_rad) * (1.0 - share);
         let p = (down.x * r - LEAN_GAIN_RADPS * (down.y - lean_y)) / upright;
         let q = (down.y * r + LEAN_GAIN_RADPS * (down.x - lean_x)) / upright;
         let gyroscopic = rates.cross(&Vector3::new(ixx * rates.x, iyy * rates.y, izz * rates.z));
