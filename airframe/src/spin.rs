@@ -1,9 +1,9 @@
 //! Steady spin on the two rear rotors, the hover that is left without rotor 1.
 //!
 //! Two rotors cannot lift the vehicle without a moment. A vehicle that turns at the rate `w` about the vertical, whose
-//! direction down is `n` in the body frame, needs one: the moment that keeps a tilted body turning. Mueller and D'Andrea
-//! (*Stability and control of a quadrocopter despite the complete loss of one, two, or three propellers*, ICRA 2014)
-//! call such a flight relaxed hover:
+//! direction down is `n` in the body frame, needs one: the moment that keeps a tilted body turning. Mueller and
+//! D'Andrea (*Stability and control of a quadrocopter despite the complete loss of one, two, or three propellers*, ICRA
+//! 2014) call such a flight relaxed hover:
 //!
 //! ```text
 //! M = w^2 n x J n,      F . n = -m g

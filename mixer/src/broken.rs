@@ -2,7 +2,7 @@
 //!
 //! | broken | forces and moments that are left | descent |
 //! |---|---|---|
-//! | rotor 1 | lift has a pitching moment; yaw and roll are one input | [steady spin](airframe::spin) on rotors 2 and 3 |
+//! | rotor 1 | lift has a pitching moment; yaw and roll are one input | [spin](airframe::spin) on rotors 2 and 3 |
 //! | rotor 2 or 3 | lift has a rolling moment, or is that of rotor 1 alone | none: thrust is cut |
 //! | tilt servo | lift, pitch and roll; yaw follows from them | level spin, which the vehicle's inertia slows |
 //!
@@ -11,16 +11,20 @@
 //!
 //! # Rotor 1
 //!
-//! The spin is held by a linear-quadratic regulator, from the linear model of [`airframe::spin`] and the speeds that the
-//! rotors should have. Its weights are one for a lean of 0.45 rad, rates of 2.2 rad/s and a sink rate of 2.2 m/s, and for
-//! rotor speeds 1.8 times those of the spin. The error of the sink rate is clipped, so that the vehicle recovers
-//! its attitude before its height.
+//! The spin is held by a linear-quadratic regulator, from the linear model of [`airframe::spin`] and the speeds that
+//! the rotors should have. Its weights are one for a lean of 0.45 rad, rates of 2.2 rad/s and a sink rate of 2.2 m/s,
+//! and for rotor speeds 1.8 times those of the spin. The error of the sink rate is clipped, so that the vehicle
+//! recovers its attitude before its height.
+//!
+//! Here `n` is the direction down, leaned by the wanted braking of the horizontal velocity, at most 17 degrees: the mean
+//! thrust is along the axis of the spin. Without it the vehicle keeps the speed that it gained before it spun. The level
+//! spin below has little, and its own circling would be braked.
 //!
 //! # Tilt servo
 //!
-//! At the angle `mu` lift has a yawing moment, which is zero only at the trim tilt. Differential thrust cannot balance it:
-//! the yawing moment of the rear rotors is a fixed multiple of their rolling moment, so what is given to yaw stays in roll.
-//! Only the inertia of a spinning vehicle is left. At a rate `r` a vehicle that leans by `n = (n_x, n_y)` has
+//! At the angle `mu` lift has a yawing moment, which is zero only at the trim tilt. Differential thrust cannot balance
+//! it: the yawing moment of the rear rotors is a fixed multiple of their rolling moment, so what is given to yaw stays
+//! in roll. Only the inertia of a spinning vehicle is left. At a rate `r` a vehicle that leans by `n = (n_x, n_y)` has
 //!
 //! ```text
 //! Izz dr/dt = M_z + (Ixx - Iyy) n_x n_y r^2
@@ -53,6 +57,10 @@ const SPIN_WEIGHTS: [f64; spin::STATES] = [5.0, 5.0, 0.2, 0.2, 0.2, 0.2, 1e-9, 1
 const SPIN_INPUT_WEIGHT: f64 = 0.3;
 /// Largest error of the sink rate that the spin takes in \[m/s\].
 const MAX_SINK_ERROR_MPS: f64 = 2.0;
+/// Gain of the braking of horizontal speed \[1/s\].
+const DRIFT_GAIN_RADPS: f64 = 1.5;
+/// Largest acceleration against the horizontal velocity \[m/s2\]: a lean of 17 degrees.
+const MAX_BRAKING_MPS2: f64 = 3.0;
 /// Shortest lag of a rotor in the model of the spin \[s\].
 const MIN_LAG_S: f64 = 1e-3;
 
@@ -115,7 +123,8 @@ impl Broken {
         let command = match part {
             Part::Rotor(0) => {
                 let [_, right, left] = position.rotor_speed;
-                let rear_speed = self.on_rear_rotors.as_ref()?.rear_speed(&down, &rates, faster_mps, [right, left]);
+                let axis = self.against_drift(&down, &Vector3::from(measured.velocity_mps));
+                let rear_speed = self.on_rear_rotors.as_ref()?.rear_speed(&axis, &rates, faster_mps, [right, left]);
                 Actuation { rotor_speed: [0.0, rear_speed[0], rear_speed[1]], ..self.trim.actuation }
             }
             Part::Rotor(_) => return None,
@@ -130,6 +139,14 @@ impl Broken {
         };
         let is_finite = command.rotor_speed.iter().all(|speed| speed.is_finite()) && command.tilt_rad.is_finite();
         is_finite.then_some(command)
+    }
+
+    /// Direction that the spin takes for down, in the body frame, so that its thrust brakes the horizontal velocity.
+    fn against_drift(&self, down: &Vector3<f64>, velocity_mps: &Vector3<f64>) -> Vector3<f64> {
+        let braking_mps2 = (velocity_mps - down * velocity_mps.dot(down)) * DRIFT_GAIN_RADPS;
+        let size_mps2 = braking_mps2.norm();
+        let share = if size_mps2 > MAX_BRAKING_MPS2 { MAX_BRAKING_MPS2 / size_mps2 } else { 1.0 };
+        (down * self.vehicle.g_mps2 + braking_mps2 * share).normalize()
     }
 
     /// Moments about x and y that lean the vehicle against its spin \[N m\].

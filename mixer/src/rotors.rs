@@ -26,16 +26,16 @@
 //! brings the vehicle down. A weak rotor, a push, a wrong inertia or a late command is not taken for a dead rotor: its
 //! effect differs in size, direction or duration.
 //!
-//! The yawing moment of rotor 1 is `R Omega1^2 sin(mu - psi)`, with `R = |(l1 K_F, K_M)|` and `psi` the trim tilt (27). So
-//! the angle of the servo follows from its own part of the yaw acceleration, expected and missing:
+//! The yawing moment of rotor 1 is `R Omega1^2 sin(mu - psi)`, with `R = |(l1 K_F, K_M)|` and `psi` the trim tilt (27).
+//! So the angle of the servo follows from its own part of the yaw acceleration, expected and missing:
 //!
 //! ```text
 //! sin(mu - psi) = Izz (a_1 + e)_r / (R Omega1^2)
 //! ```
 //!
-//! The servo is declared stuck if that angle is 10 degrees or more from the one it should have, for 150 ms in a row, and
-//! the missing yawing moment is larger than the missing rolling moment. A dead rotor is declared before, and a rear one
-//! leaves more roll than yaw.
+//! The servo is declared stuck if that angle is 10 degrees or more from the one it should have, for 150 ms in a row,
+//! and the missing yawing moment is larger than the missing rolling moment. A dead rotor is declared before, and a rear
+//! one leaves more roll than yaw.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, ActuatorLaw, MixingMatrix};

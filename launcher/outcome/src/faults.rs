@@ -16,7 +16,7 @@
 //! | CONTROLS | marked messages of the topic | ACTUATORS | an input that was old, missing or bad |
 //! | ACTUATORS | marked messages of the topic | STATE | still under the command of the sample before |
 //! | sensor | ticks while it acts | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
-//! | actuator | ticks while it acts | ACTUATORS | the flight is terminated |
+//! | actuator | ticks while it acts | ACTUATORS | the flight is terminated, or yaw is given up |
 //! | wind, payload | ticks while it acts | | |
 //! | mpc | ticks while it acts | CONTROLS | no optimum |
 //! | clock, host | ticks while it acts | | |

@@ -63,8 +63,8 @@ pub struct Metrics {
     #[serde(deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub tilt_max_deg: f64,
-    /// Time of the first touchdown after a flight \[s\]. This metric and the next three are NaN without a touchdown, and
-    /// in a file from before them.
+    /// Time of the first touchdown after a flight \[s\]. This metric and the next three are NaN without a touchdown,
+    /// and in a file from before them.
     #[serde(default = "nan", deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub touchdown_s: f64,
