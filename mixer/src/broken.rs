@@ -16,9 +16,12 @@
 //! and for rotor speeds 1.8 times those of the spin. The error of the sink rate is clipped, so that the vehicle
 //! recovers its attitude before its height.
 //!
-//! Here `n` is the direction down, leaned by the wanted braking of the horizontal velocity, at most 17 degrees: the mean
-//! thrust is along the axis of the spin. Without it the vehicle keeps the speed that it gained before it spun. The level
-//! spin below has little, and its own circling would be braked.
+//! Here `n` is the direction down, leaned by the wanted braking of the horizontal velocity, at most 17 degrees: the
+//! mean thrust is along the axis of the spin. Without it the vehicle keeps the speed that it gained before it spun.
+//! The level spin below has little, and its own circling would be braked.
+//!
+//! A vehicle whose rotors cannot turn it up to the spin in half a second, as the ten-inch one, tumbles to the ground
+//! before, so its thrust is cut.
 //!
 //! # Tilt servo
 //!
@@ -51,6 +54,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 use crate::damage::Part;
 use crate::fallback::{CLIMB_BANDWIDTH_RADPS, DESCENT_MPS};
 
+/// Longest time in which the yawing moment of the rear rotors must be able to reach the spin \[s\].
+const MAX_SPIN_UP_S: f64 = 0.5;
 /// Diagonal of the state weight of the spin.
 const SPIN_WEIGHTS: [f64; spin::STATES] = [5.0, 5.0, 0.2, 0.2, 0.2, 0.2, 1e-9, 1e-9];
 /// Weight of a rotor speed, times the square of its speed in the spin.
@@ -169,6 +174,10 @@ impl OnRearRotors {
     fn new(vehicle: &Parameters, law: &ActuatorLaw, sample_s: f64) -> Option<Self> {
         let [_, right, left] = law.limits.rotor_speed_max;
         let spin = Spin::solve(vehicle, right.min(left))?;
+        let most_nm = 2.0 * vehicle.km * spin.rotor_speed * spin.rotor_speed; // with the thrust on one side
+        if vehicle.izz_kgm2 * spin.rates_radps.z > MAX_SPIN_UP_S * most_nm {
+            return None;
+        }
         let (a, b) = spin.discretise(vehicle, law.rotor_lag_s.max(MIN_LAG_S), sample_s);
         let q = DMatrix::from_diagonal(&DVector::from_row_slice(&SPIN_WEIGHTS));
         let r = DMatrix::identity(spin::INPUTS, spin::INPUTS) * (SPIN_INPUT_WEIGHT / spin.rotor_speed.powi(2));

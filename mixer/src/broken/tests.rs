@@ -115,3 +115,14 @@ fn numbers_that_overflow_give_no_command() {
         assert!(command.is_none_or(|command| command.rotor_speed.iter().all(|speed| speed.is_finite())));
     }
 }
+
+#[test]
+fn only_a_vehicle_that_reaches_the_spin_soon_descends_without_rotor_1() {
+    for (preset, descends) in [(Preset::Paper, true), (Preset::TenInch, false)] {
+        let airframe = Parameters::from(preset);
+        let scenario = Scenario { airframe, ..Scenario::default() };
+        let broken = Broken::new(&scenario, MixingMatrix::new(&airframe, false), &scenario.actuator_law());
+        assert_eq!(broken.descends_without(Part::Rotor(0)), descends);
+        assert!(!broken.descends_without(Part::Rotor(1)) && broken.descends_without(Part::Tilt(0.3)));
+    }
+}
