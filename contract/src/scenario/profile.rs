@@ -149,12 +149,7 @@ fn paper() -> Scenario {
             geometric: PidGains::default(),
             indi: IndiGains::default(),
         },
-        mixer: Mixer {
-            tilt_reaction: false,
-            projection: false,
-            projection_weights: projection::WEIGHTS,
-            broken_vehicle: BrokenVehicle::Cut,
-        },
+        mixer: allocation(),
         bounds: Bounds::default(),
         fault: vec![],
         node: Nodes::default(),
@@ -162,6 +157,15 @@ fn paper() -> Scenario {
         realtime: Realtime::default(),
         deadline: Deadline::default(),
         supervision: Supervision::default(),
+    }
+}
+
+fn allocation() -> Mixer {
+    Mixer {
+        tilt_reaction: false,
+        projection: false,
+        projection_weights: projection::WEIGHTS,
+        broken_vehicle: BrokenVehicle::Cut,
     }
 }
 
