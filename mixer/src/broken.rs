@@ -180,7 +180,8 @@ impl OnRearRotors {
         }
         let (a, b) = spin.discretise(vehicle, law.rotor_lag_s.max(MIN_LAG_S), sample_s);
         let q = DMatrix::from_diagonal(&DVector::from_row_slice(&SPIN_WEIGHTS));
-        let r = DMatrix::identity(spin::INPUTS, spin::INPUTS) * (SPIN_INPUT_WEIGHT / spin.rotor_speed.powi(2));
+        let r =
+            DMatrix::identity(spin::INPUTS, spin::INPUTS) * (SPIN_INPUT_WEIGHT / (spin.rotor_speed * spin.rotor_speed));
         let s = riccati::solve(&a, &b, &q, &r)?;
         let bs = b.transpose() * s;
         let gain = (&r + &bs * &b).cholesky()?.solve(&(&bs * a));
@@ -214,7 +215,7 @@ impl Remaining {
         let (sin, cos) = libm::sincos(tilt_rad);
         let front = mixing.forward.column(0) * sin + mixing.forward.column(1) * cos;
         let columns = [front.fixed_rows::<3>(0), mixing.forward.fixed_view(0, 2), mixing.forward.fixed_view(0, 3)];
-        let inverse = Matrix3::from_columns(&columns.map(|column| column.into_owned())).try_inverse()?;
+        let inverse = Matrix3::from_columns(&columns.map(nalgebra::Matrix::into_owned)).try_inverse()?;
         let per_lift = -inverse.column(0).into_owned();
         let square = |speed: f64| speed * speed;
         let side = -mixing.forward[(0, 1)] * sin * per_lift[0];

@@ -143,7 +143,7 @@ fn a_jump_of_the_rates_is_no_dead_rotor() {
         let path: Vec<&Kinematics> = (0..40).map(|i| if (10..20).contains(&i) { &there } else { &hover }).collect();
         for pair in path.windows(2) {
             evidence = rotors.observe(&evidence, [pair[0], pair[1]], &trim, 0.01);
-            assert!(!evidence.dead_rotor().is_some());
+            assert!(evidence.dead_rotor().is_none());
         }
     }
 }
