@@ -225,7 +225,9 @@ fn a_mixer_that_takes_over_from_a_broken_vehicle_continues_its_descent_bit_for_b
         let fly = |swapped: bool| {
             let mut flight = Flight::breakable(Profile::Robust, 100);
             flight.stuck_rad = stuck_deg.map(f64::to_radians);
-            dead.into_iter().for_each(|rotor| flight.kill(rotor));
+            if let Some(rotor) = dead {
+                flight.kill(rotor);
+            }
             for tick in 0..200 {
                 flight.turn(true, &Surroundings::default());
                 if swapped && tick % 7 == 0 {
