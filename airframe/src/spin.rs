@@ -169,7 +169,7 @@ mod tests {
                 let identity = x / h;
                 let (found, expected) = (a.column(state) - identity, column - identity);
                 let size = expected.amax().max(1e-5);
-                assert!((&found - expected).amax() < 2e-3 * size, "{state}: {found} {expected}");
+                assert!((found - expected).amax() < 2e-3 * size, "{state}: {found} {expected}");
             }
             let column = (step(&SMatrix::zeros(), [1.0, 0.0]) - step(&SMatrix::zeros(), [-1.0, 0.0])) / 2.0;
             assert!((b[(6, 0)] - column[6]).abs() < 1e-3 * column[6] && b[(7, 0)] == 0.0);
