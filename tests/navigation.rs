@@ -69,7 +69,7 @@ fn without_the_kalman_filter_nothing_is_said_of_the_errors() {
     assert!(!log.states.is_empty() && log.states.iter().all(|state| state.navigation == Navigation::default()));
 }
 
-/// What the filter of the test expects; `tests/python/ekf.py` has the same numbers.
+/// Errors that the filter of the test expects; `tests/python/ekf.py` has the same numbers.
 const NOISE: Noise = Noise {
     specific_force_mps2: 0.3,
     rates_radps: 0.001,

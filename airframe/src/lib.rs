@@ -15,6 +15,8 @@
 //! | [`envelope`] | the conventional inputs that those limits allow | |
 //! | [`demand_set`] | that set as rows of an optimisation problem | |
 //! | [`projection`] | the nearest demand of that set to one outside | |
+//! | [`spin`] | steady spin on the rear rotors, without rotor 1 | |
+//! | [`riccati`] | discrete algebraic Riccati equation | |
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians, except the rotor speed:
 //! the paper prints "RPM" beside constants that only make sense in another unit, so the unit is called
@@ -36,6 +38,8 @@ pub mod linear;
 pub mod mixing;
 pub mod parameters;
 pub mod projection;
+pub mod riccati;
+pub mod spin;
 pub mod trim;
 
 pub use actuation::Actuation;

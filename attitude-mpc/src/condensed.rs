@@ -28,6 +28,7 @@
 //! `val_first_move_gains`.
 
 use airframe::linear::{INPUTS, STATES};
+use airframe::riccati;
 use contract::Scenario;
 use contract::scenario::{Mpc, ScenarioError, Terminal};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -35,7 +36,6 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use crate::at_speed::FlightModel;
 use crate::disturbance::DRIVEN;
 use crate::model::PredictionModel;
-use crate::riccati;
 
 /// Number of given numbers beside the state: r, d, v.
 pub const GIVEN: usize = STATES + INPUTS + INPUTS;

@@ -16,7 +16,6 @@
 //! | [`ltv`] | linearisation at every sample | |
 //! | [`constraints`] | set of admissible plans | (3), (49)-(51) |
 //! | [`condensed`] | cost over the horizon as a quadratic in the moves, its minimiser as a gain | (4) |
-//! | [`riccati`] | terminal weight | |
 //! | [`constrained`] | choice between explicit plan, solver and fallback | |
 //! | [`solver`] | the constrained problem, by Clarabel or the active-set method of `qp` | |
 //! | [`delay`] | demands that are still under way | |
@@ -56,7 +55,6 @@ pub mod model;
 mod node;
 pub mod pid;
 pub mod preview;
-pub mod riccati;
 pub mod schedule;
 pub mod solver;
 

@@ -78,8 +78,8 @@ impl Ltv {
         self.flight.move_to(&FlightPoint { velocity_mps, roll_rad, pitch_rad, rates_radps });
     }
 
-    /// Writes the unconstrained `plan` for `given` = (x; r; d; v) and the `changes` of r, a reference made at the measured
-    /// `attitude_rad`. Fills the plan with NaN if the Hessian is not positive definite.
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v) and the `changes` of r, a reference made at the
+    /// measured `attitude_rad`. Fills the plan with NaN if the Hessian is not positive definite.
     pub fn plan(
         &mut self,
         given: &DVector<f64>,

@@ -7,9 +7,9 @@
 //!      |-------------|-------------|-------------|-------------|      elements of the preview, straight lines between
 //! ```
 //!
-//! `x_k` follows the reference of its own moment, `r + dr_k`, also if the reference is an old one: a preview makes up for
-//! references that are late or lost, and for the delay of the demand. The rates follow the slope of the angles. After its
-//! last element the reference stays. Tests `the_gain_minimises_the_printed_cost`,
+//! `x_k` follows the reference of its own moment, `r + dr_k`, also if the reference is an old one: a preview makes up
+//! for references that are late or lost, and for the delay of the demand. The rates follow the slope of the angles.
+//! After its last element the reference stays. Tests `the_gain_minimises_the_printed_cost`,
 //! `an_old_reference_with_a_preview_is_as_good_as_a_new_one`.
 
 use airframe::linear::STATES;
@@ -19,8 +19,8 @@ use nalgebra::{DVector, SVector};
 use crate::condensed::RATES;
 use crate::goal::Goal;
 
-/// Writes the changes `dr_1..` of the reference, seven to a sample, for a horizon that begins `start_ns` after the sample
-/// of the goal.
+/// Writes the changes `dr_1..` of the reference, seven to a sample, for a horizon that begins `start_ns` after the
+/// sample of the goal.
 pub fn write_changes(goal: &Goal, start_ns: f64, sample_ns: u64, changes: &mut DVector<f64>) {
     for (change, k) in changes.as_mut_slice().chunks_exact_mut(STATES).zip(1_u32..) {
         let after_ns = start_ns + f64::from(k) * sample_ns as f64;

@@ -18,8 +18,8 @@
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
 //! off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
-//! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction by
-//! PID and observer stays, as if the vehicle kept its place beside the trajectory.
+//! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction
+//! by PID and observer stays, as if the vehicle kept its place beside the trajectory.
 //!
 //! Without a usable state of the tick the last reference is repeated, and integrators and observer do not change. The
 //! integrators count the time before the next state as one period, so that the reference does not jump after a silence;
@@ -64,7 +64,7 @@ pub struct Guidance {
     memory: Memory,
 }
 
-/// What one sample says about the references of its moment and of later ones.
+/// Part of the references of a sample and of later times that follows from the sample.
 #[derive(Debug, Clone, Copy)]
 struct Correction {
     /// Proportional, integral and derivative errors, NED \[m, m s, m/s\].

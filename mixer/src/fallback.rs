@@ -12,6 +12,9 @@
 //! Every tick selects its rung anew: the first fresh demand is used at once. Only a dead rotor ([`crate::rotors`]) and
 //! a landing ([`crate::landing`]) end the flight for good. Without a ground a descent lasts until demands come again.
 //!
+//! A vehicle that descends with a broken part ([`crate::broken`]) takes no demand, which is for a whole vehicle: its
+//! ladder begins at the fourth row, with the law for that part.
+//!
 //! ```text
 //! lon = Iyy (-a^2 theta             - 2 a q) - d_lon
 //! lat = Ixx (-a^2 (phi - phi_trim)  - 2 a p) - d_lat
@@ -31,9 +34,9 @@ use nalgebra::Vector4;
 /// Poles of roll and pitch, and of the yaw rate, `a` \[rad/s\].
 const BANDWIDTH_RADPS: f64 = 5.0;
 /// Pole of the vertical speed, `a_z` \[rad/s\]: slower than the tilt, which determines the direction of thrust.
-const CLIMB_BANDWIDTH_RADPS: f64 = 2.0;
+pub(crate) const CLIMB_BANDWIDTH_RADPS: f64 = 2.0;
 /// Vertical speed of the descent, down positive \[m/s\]: slow enough to touch down.
-const DESCENT_MPS: f64 = 0.7;
+pub(crate) const DESCENT_MPS: f64 = 0.7;
 
 /// Age below which a demand counts as new \[ns\].
 const USED_NS: u64 = 15_000_000;

@@ -5,7 +5,9 @@
 //! | [`allocation`] | demand to rotor speeds and tilt | (31)-(32), (39)-(44) |
 //! | [`fallback`] | fallback ladder for missing demands | |
 //! | [`landing`] | land detector | |
-//! | [`rotors`] | detection of a dead rotor | |
+//! | [`rotors`] | detection of a dead rotor and a stuck tilt servo | |
+//! | [`damage`] | the broken part | |
+//! | [`broken`] | descent without it | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
 //! With `mixer.projection` a demand that the actuators cannot produce is replaced by the nearest one that they can
@@ -17,6 +19,8 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
 pub mod allocation;
+pub mod broken;
+pub mod damage;
 pub mod fallback;
 pub mod landing;
 pub mod memory;
@@ -29,9 +33,12 @@ use airframe::{Actuation, DemandSet, Limits, MixingMatrix, Trim};
 use bytemuck::Zeroable;
 use contract::Scenario;
 use contract::message::{Actuators, Controls, SolveStatus, State, mixer_flags};
+use contract::scenario::BrokenVehicle;
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::Vector4;
 
+use broken::Broken;
+use damage::{Damage, Part};
 use fallback::{Level, Rung};
 use landing::{Landing, Stage};
 use memory::Memory;
@@ -46,6 +53,8 @@ pub struct Mixer {
     projection: Option<Projection>,
     level: Level,
     rotors: Rotors,
+    /// Laws of a broken vehicle; `None` if the scenario has its thrust cut.
+    broken: Option<Broken>,
     /// Speed of rotors that idle on the ground; `None` without a ground.
     idle_speed: Option<f64>,
     mass_kg: f64,
@@ -69,6 +78,8 @@ impl Mixer {
                 Projection::new(DemandSet::exact(&envelope), &scenario.mixer.projection_weights)
             }),
             level: Level::new(&scenario.airframe, trim.roll_rad),
+            broken: (scenario.mixer.broken_vehicle == BrokenVehicle::Descend)
+                .then(|| Broken::new(scenario, mixing, &scenario.actuator_law())),
             idle_speed: scenario.plant.ground.present.then(|| scenario.idle_speed()),
             mass_kg: scenario.airframe.mass_kg,
             sample_ns: scenario.sample_ns(),
@@ -90,10 +101,12 @@ impl Mixer {
     pub fn step(&mut self, tick: u64, controls: &Controls, state: &State) -> Actuators {
         self.store_demand(controls);
         let elapsed_ns = self.store_state(state);
-        let Memory { demand_tick, demand, disturbance, state_tick, measured, terminated, .. } = self.memory;
-        let rung = Rung::of(self.age_ns(tick, demand_tick), self.age_ns(tick, state_tick));
+        let Memory { demand_tick, demand, disturbance, state_tick, measured, damage, .. } = self.memory;
+        // A demand for a whole vehicle is none for a broken one.
+        let demand_ns = if damage.part().is_some() { u64::MAX } else { self.age_ns(tick, demand_tick) };
+        let rung = Rung::of(demand_ns, self.age_ns(tick, state_tick));
         let mut actuators = match (self.stage(rung, elapsed_ns), rung) {
-            _ if terminated != 0 => self.cut(mixer_flags::TERMINATED),
+            _ if damage.part().is_some_and(|part| !self.descends_without(part)) => self.cut(mixer_flags::TERMINATED),
             (Stage::Landed, _) => self.stop(mixer_flags::DISARMED),
             (Stage::Contact, _) => self.idle(mixer_flags::GROUND_CONTACT),
             (Stage::Free, Rung::Used) => self.allocate(&demand, 0),
@@ -101,9 +114,10 @@ impl Mixer {
             (Stage::Free, Rung::Levelled) => {
                 self.allocate(&(self.level.demand(&measured, false) - disturbance), mixer_flags::LEVELLED)
             }
-            (Stage::Free, Rung::Descending) => {
-                self.allocate(&(self.level.demand(&measured, true) - disturbance), mixer_flags::DESCENDING)
-            }
+            (Stage::Free, Rung::Descending) => match damage.part() {
+                None => self.allocate(&(self.level.demand(&measured, true) - disturbance), mixer_flags::DESCENDING),
+                Some(part) => self.descend_without(part),
+            },
             (Stage::Free, Rung::TrimOnly) => self.trim(mixer_flags::TRIM_ONLY),
             (Stage::Free, Rung::Cut) => self.cut(0),
         };
@@ -156,8 +170,23 @@ impl Mixer {
         self.memory.state_tick = OptionalTick::some(tick);
         self.memory.measured = *m;
         self.memory.evidence = evidence;
-        self.memory.terminated |= u64::from(evidence.is_certain());
+        self.note_damage();
         elapsed_ns
+    }
+
+    /// Notes the first damage that the evidence shows; a stuck servo only if a descent could follow.
+    fn note_damage(&mut self) {
+        let Memory { evidence, damage, .. } = self.memory;
+        let stuck = || self.rotors.stuck_tilt(&evidence).filter(|_| self.broken.is_some()).map(Part::Tilt);
+        if damage.part().is_none()
+            && let Some(part) = evidence.dead_rotor().map(Part::Rotor).or_else(stuck)
+        {
+            self.memory.damage = Damage::from(part);
+        }
+    }
+
+    fn descends_without(&self, part: Part) -> bool {
+        self.broken.as_ref().is_some_and(|broken| broken.descends_without(part))
     }
 
     /// Updates the land detector, if there is a ground, by a sample `elapsed_ns` after the one before.
@@ -201,6 +230,23 @@ impl Mixer {
         }
         if command.tilt_rad != wanted.tilt_rad {
             flags |= mixer_flags::TILT_SATURATED;
+        }
+        Actuators { command: command.into(), flags, ..Actuators::default() }
+    }
+
+    /// Command of a descent without a broken part.
+    fn descend_without(&self, part: Part) -> Actuators {
+        let Memory { measured, evidence, .. } = &self.memory;
+        let wanted = self.broken.as_ref().and_then(|broken| broken.command(part, measured, &evidence.actuation));
+        let Some(wanted) = wanted else { return self.cut(mixer_flags::YAW_GIVEN_UP) }; // a number overflowed
+        let mut command = self.limits.clip(&wanted);
+        let mut flags = mixer_flags::DESCENDING | mixer_flags::YAW_GIVEN_UP;
+        for (rotor, (got, asked)) in command.rotor_speed.iter_mut().zip(wanted.rotor_speed).enumerate() {
+            if part == Part::Rotor(rotor) {
+                *got = 0.0;
+            } else if *got != asked {
+                flags |= mixer_flags::ROTOR_SATURATED << rotor;
+            }
         }
         Actuators { command: command.into(), flags, ..Actuators::default() }
     }

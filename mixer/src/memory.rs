@@ -5,6 +5,7 @@ use contract::message::Kinematics;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::Vector4;
 
+use crate::damage::Damage;
 use crate::landing::Landing;
 use crate::rotors::Evidence;
 
@@ -22,14 +23,14 @@ pub struct Memory {
     pub state_tick: OptionalTick,
     /// Measurements of the newest usable state.
     pub measured: Kinematics,
-    /// Evidence on dead rotors.
+    /// Evidence on dead rotors and a stuck tilt servo.
     pub evidence: Evidence,
-    /// 1 once a rotor is known to be dead, which cuts the thrust for good; else 0.
-    pub terminated: u64,
+    /// First damage, which lasts.
+    pub damage: Damage,
     /// State of the land detector.
     pub landing: Landing,
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"mixer  4";
+    const NAME: [u8; 8] = *b"mixer  5";
 }

@@ -1,4 +1,5 @@
-//! Detection of a dead rotor, by comparing the measured acceleration with the one that the commands should cause.
+//! Detection of a dead rotor and of a stuck tilt servo, by comparing the measured acceleration with the one that the
+//! commands should cause.
 //!
 //! The mixer does not measure rotor speeds or thrust. From the command in force it computes the speeds that the rotors
 //! should have, the contribution `a_i` of each to the acceleration along the body's z axis and to the angular
@@ -21,8 +22,20 @@
 //! Two sensors must agree: late or wrong rates show moments that no actuator caused, but no missing lift. A failed tilt
 //! servo shows no missing lift either, because it only changes the direction of the thrust.
 //!
-//! With one rotor dead no demand can hold pitch, roll and height together, so the thrust is cut. A weak rotor, a push,
-//! a wrong inertia or a late command is not taken for a dead rotor: its effect differs in size, direction or duration.
+//! With one rotor dead no demand can hold pitch, roll and height together, so the thrust is cut, or [`crate::broken`]
+//! brings the vehicle down. A weak rotor, a push, a wrong inertia or a late command is not taken for a dead rotor: its
+//! effect differs in size, direction or duration.
+//!
+//! The yawing moment of rotor 1 is `R Omega1^2 sin(mu - psi)`, with `R = |(l1 K_F, K_M)|` and `psi` the trim tilt (27).
+//! So the angle of the servo follows from its own part of the yaw acceleration, expected and missing:
+//!
+//! ```text
+//! sin(mu - psi) = Izz (a_1 + e)_r / (R Omega1^2)
+//! ```
+//!
+//! The servo is declared stuck if that angle is 10 degrees or more from the one it should have, for 150 ms in a row,
+//! and the missing yawing moment is larger than the missing rolling moment. A dead rotor is declared before, and a rear
+//! one leaves more roll than yaw.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, ActuatorLaw, MixingMatrix};
@@ -43,6 +56,10 @@ const MIN_LIFT_MISSING: f64 = 0.5;
 const MIN_ALIGNMENT: f64 = 0.8;
 /// Smallest moment at which a rotor can be judged, as a share of its moment at hover.
 const MIN_MOMENT: f64 = 0.4;
+/// Smallest error of the tilt that counts \[rad\]: 10 degrees, twice that of a servo that is a little off.
+const MIN_TILT_ERROR_RAD: f64 = 0.175;
+/// Time for which the tilt must be wrong to be declared stuck \[s\]: longer than a dead rotor takes.
+const MIN_STUCK_S: f64 = 0.15;
 /// Longest gap between two samples that can be judged \[s\].
 const MAX_GAP_S: f64 = 0.05;
 
@@ -57,6 +74,8 @@ pub struct Rotors {
     g_mps2: f64,
     /// Squared moment `|m_i|^2` at hover.
     hover: [f64; 3],
+    /// Trim tilt psi \[rad\], and yawing moment R of rotor 1 per squared speed a quarter turn from it.
+    yaw: (f64, f64),
 }
 
 /// Evidence for dead rotors, from the samples so far.
@@ -71,6 +90,8 @@ pub struct Evidence {
     pub expected: Matrix4x3<f64>,
     /// Time for which each rotor has seemed dead \[s\].
     pub dead_s: Vector3<f64>,
+    /// Time for which the servo has seemed stuck \[s\].
+    pub stuck_s: f64,
 }
 
 impl Rotors {
@@ -79,7 +100,10 @@ impl Rotors {
         let vehicle = &scenario.airframe;
         let inertia_kgm2 = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
         let (mass_kg, g_mps2) = (vehicle.mass_kg, vehicle.g_mps2);
-        let mut rotors = Self { mixing, law: scenario.actuator_law(), inertia_kgm2, mass_kg, g_mps2, hover: [0.0; 3] };
+        let yaw =
+            (libm::atan2(vehicle.km, vehicle.l1_m * vehicle.kf), libm::hypot(vehicle.l1_m * vehicle.kf, vehicle.km));
+        let law = scenario.actuator_law();
+        let mut rotors = Self { mixing, law, inertia_kgm2, mass_kg, g_mps2, hover: [0.0; 3], yaw };
         let hover = rotors.expected(trim);
         rotors.hover = std::array::from_fn(|rotor| hover.fixed_view::<3, 1>(1, rotor).norm_squared());
         rotors
@@ -92,6 +116,7 @@ impl Rotors {
             unexplained: Vector4::zeros(),
             expected: Matrix4x3::zeros(),
             dead_s: Vector3::zeros(),
+            stuck_s: 0.0,
         }
     }
 
@@ -116,6 +141,7 @@ impl Rotors {
             actuation,
             unexplained: before.unexplained + (unexplained - before.unexplained) * share,
             expected: before.expected + (expected - before.expected) * share,
+            stuck_s: 0.0,
             dead_s: before.dead_s,
         };
         if elapsed_s > MAX_GAP_S || !evidence.unexplained.iter().all(|e| e.is_finite()) {
@@ -125,7 +151,32 @@ impl Rotors {
             let seems_dead = self.seems_dead(&evidence, rotor);
             evidence.dead_s[rotor] = if seems_dead { before.dead_s[rotor] + elapsed_s } else { 0.0 };
         }
+        let seems_stuck = self.seems_stuck(&evidence);
+        evidence.stuck_s = if seems_stuck { before.stuck_s + elapsed_s } else { 0.0 };
         evidence
+    }
+
+    /// Angle of the servo \[rad\], once it is declared stuck.
+    pub fn stuck_tilt(&self, evidence: &Evidence) -> Option<f64> {
+        (evidence.stuck_s >= MIN_STUCK_S).then(|| self.apparent_tilt(evidence))
+    }
+
+    /// Angle of the servo that explains the yaw acceleration, at most a quarter turn from trim \[rad\].
+    fn apparent_tilt(&self, evidence: &Evidence) -> f64 {
+        let (trim_rad, moment) = self.yaw;
+        let square = evidence.actuation.rotor_speed[0] * evidence.actuation.rotor_speed[0];
+        let yaw_nm = self.inertia_kgm2.z * (evidence.expected[(3, 0)] + evidence.unexplained[3]);
+        trim_rad + libm::asin((yaw_nm / (moment * square)).clamp(-1.0, 1.0))
+    }
+
+    fn seems_stuck(&self, evidence: &Evidence) -> bool {
+        let [_, roll, _, yaw]: [f64; 4] = evidence.unexplained.into();
+        let has_moment =
+            evidence.expected.fixed_view::<3, 1>(1, 0).norm_squared() >= MIN_MOMENT * MIN_MOMENT * self.hover[0];
+        let error_rad = self.apparent_tilt(evidence) - evidence.actuation.tilt_rad;
+        has_moment
+            && error_rad.abs() >= MIN_TILT_ERROR_RAD
+            && self.inertia_kgm2.z * yaw.abs() >= self.inertia_kgm2.x * roll.abs()
     }
 
     fn seems_dead(&self, evidence: &Evidence, rotor: usize) -> bool {
@@ -170,9 +221,9 @@ impl Rotors {
 }
 
 impl Evidence {
-    /// Returns whether a rotor is declared dead.
-    pub fn is_certain(&self) -> bool {
-        self.dead_s.max() >= MIN_DEAD_S
+    /// Rotor that is declared dead, 0 to 2.
+    pub fn dead_rotor(&self) -> Option<usize> {
+        (self.dead_s.max() >= MIN_DEAD_S).then(|| self.dead_s.imax())
     }
 }
 

@@ -5,7 +5,7 @@
 use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Controls, Kinematics, Stamp, State, mixer_flags as flags};
-use contract::scenario::Profile;
+use contract::scenario::{BrokenVehicle, Profile};
 use mixer::Mixer;
 use nalgebra::Vector3;
 use plant::dynamics::{self, Dynamics, StateVector, Surroundings};
@@ -19,6 +19,8 @@ struct Flight {
     vehicle: Dynamics,
     x: StateVector,
     command: Actuation,
+    /// Angle at which the tilt servo is stuck \[rad\].
+    stuck_rad: Option<f64>,
     tick: u64,
 }
 
@@ -27,6 +29,18 @@ impl Flight {
     fn start(profile: Profile, rate_hz: u32, attitude_rad: [f64; 3], rates_radps: [f64; 3]) -> Self {
         let mut scenario = Scenario::from(profile);
         scenario.run.rate_hz = rate_hz;
+        Self::of(scenario, attitude_rad, rates_radps)
+    }
+
+    /// Starts as above, with a vehicle that descends when it is broken.
+    fn breakable(profile: Profile, rate_hz: u32) -> Self {
+        let mut scenario = Scenario::from(profile);
+        scenario.run.rate_hz = rate_hz;
+        scenario.mixer.broken_vehicle = BrokenVehicle::Descend;
+        Self::of(scenario, [0.0; 3], [0.0; 3])
+    }
+
+    fn of(scenario: Scenario, attitude_rad: [f64; 3], rates_radps: [f64; 3]) -> Self {
         let Trim { roll_rad, actuation } = Trim::solve(&scenario.airframe, false);
         let mut motion = Kinematics { attitude_rad, rates_radps, ..Kinematics::default() };
         motion.attitude_rad[0] += roll_rad;
@@ -35,6 +49,7 @@ impl Flight {
             vehicle: Dynamics::new(&scenario),
             x: dynamics::assemble(&motion, &actuation),
             command: actuation,
+            stuck_rad: None,
             tick: 0,
             scenario,
         }
@@ -48,7 +63,8 @@ impl Flight {
         let heard = Controls { stamp: stamp(if hover { self.tick } else { 0 }), ..Controls::default() };
         let actuators = self.mixer.step(self.tick, &heard, &state);
         self.command = actuators.command.into();
-        let clipped = self.vehicle.clip(&self.command);
+        let mut clipped = self.vehicle.clip(&self.command);
+        clipped.tilt_rad = self.stuck_rad.unwrap_or(clipped.tilt_rad);
         let steps = self.scenario.sample_ns() / self.scenario.substep_ns();
         for _ in 0..steps {
             let whole = Condition::default();
@@ -151,5 +167,77 @@ fn a_dead_rotor_ends_the_flight_within_300_ms_and_for_good() {
             flight.mixer = candidate;
             assert_eq!(flight.turn(true, &Surroundings::default()).flags, flags::CUT | flags::TERMINATED);
         }
+    }
+}
+
+/// Flies on until the vehicle has sunk by 8 m, 15 s at most; returns the flags of the last command.
+fn sink_by_8_m(flight: &mut Flight) -> u64 {
+    let until_s = flight.time_s() + 15.0;
+    loop {
+        let flags = flight.turn(true, &Surroundings::default()).flags;
+        if dynamics::kinematics(&flight.x).position_m[2] >= 8.0 || flight.time_s() >= until_s {
+            return flags;
+        }
+    }
+}
+
+#[test]
+fn without_rotor_1_the_vehicle_comes_down_in_a_spin_at_a_fraction_of_the_speed_of_a_fall() {
+    for profile in PROFILES {
+        let mut flight = Flight::breakable(profile, 100);
+        flight.kill(0);
+        let flags = sink_by_8_m(&mut flight);
+        assert_eq!(flags & !0b111, flags::DESCENDING | flags::YAW_GIVEN_UP, "{profile:?}");
+        assert!(flight.down_mps() < 3.0, "{profile:?}: {} m/s", flight.down_mps());
+        assert!(flight.tilt_deg() < 30.0, "{profile:?}: {} deg", flight.tilt_deg());
+        assert!(dynamics::kinematics(&flight.x).rates_radps[2] > 15.0, "{profile:?}");
+        let [north_mps, east_mps, _] = dynamics::kinematics(&flight.x).velocity_ned_mps();
+        assert!(north_mps.hypot(east_mps) < 4.0, "{profile:?}: {north_mps} {east_mps} m/s");
+    }
+}
+
+#[test]
+fn without_a_rear_rotor_thrust_is_cut_as_no_spin_has_thrust_to_spare() {
+    for rotor in [1, 2] {
+        let mut flight = Flight::breakable(Profile::Robust, 100);
+        flight.kill(rotor);
+        assert_eq!(sink_by_8_m(&mut flight), flags::CUT | flags::TERMINATED);
+    }
+}
+
+#[test]
+fn with_a_stuck_servo_the_vehicle_descends_level_and_spins_no_faster_than_its_inertia_allows() {
+    for (stuck_deg, profile) in [19.0_f64, 20.0, 41.0, 42.0].into_iter().flat_map(|deg| PROFILES.map(|p| (deg, p))) {
+        let mut flight = Flight::breakable(profile, 100);
+        flight.stuck_rad = Some(stuck_deg.to_radians());
+        let flags = sink_by_8_m(&mut flight);
+        let what = format!("{profile:?} {stuck_deg}");
+        assert_eq!(flags & !0b111, flags::DESCENDING | flags::YAW_GIVEN_UP, "{what}");
+        assert!((flight.down_mps() - 0.7).abs() < 0.3, "{what}: {} m/s", flight.down_mps());
+        assert!(flight.tilt_deg() < 26.0, "{what}: {} deg", flight.tilt_deg());
+        assert!(dynamics::kinematics(&flight.x).rates_radps[2].abs() < 30.0, "{what}");
+    }
+}
+
+#[test]
+fn a_mixer_that_takes_over_from_a_broken_vehicle_continues_its_descent_bit_for_bit() {
+    for (dead, stuck_deg) in [(Some(0), None), (None, Some(22.0_f64))] {
+        let fly = |swapped: bool| {
+            let mut flight = Flight::breakable(Profile::Robust, 100);
+            flight.stuck_rad = stuck_deg.map(f64::to_radians);
+            if let Some(rotor) = dead {
+                flight.kill(rotor);
+            }
+            for tick in 0..200 {
+                flight.turn(true, &Surroundings::default());
+                if swapped && tick % 7 == 0 {
+                    let mut candidate = Mixer::new(&flight.scenario);
+                    assert!(candidate.restore(&flight.mixer.snapshot()));
+                    flight.mixer = candidate;
+                }
+            }
+            flight.x.map(f64::to_bits)
+        };
+        assert_eq!(fly(true), fly(false));
     }
 }

@@ -148,3 +148,19 @@ fn weights_that_rounding_makes_singular_are_refused() {
         assert_eq!(alike, None);
     }
 }
+
+#[test]
+fn val_terminal_weight_of_the_robust_profile() {
+    let scenario = Scenario::default();
+    let model = PredictionModel::new(&scenario);
+    let mut q = DMatrix::identity(11, 11) * 1e-9;
+    scenario.mpc.q.iter().enumerate().for_each(|(i, weight)| q[(i, i)] += weight);
+    let r = DMatrix::from_diagonal(&DVector::from_row_slice(&scenario.mpc.r));
+    let s = riccati::solve(&model.a, &model.b, &q, &r).unwrap();
+    fixture::assert_matrix(&s, &fixture::matrix("S_dare_B2"));
+
+    let (bs, inner) = (model.b.transpose() * &s, &r + model.b.transpose() * &s * &model.b);
+    let k = inner.cholesky().unwrap().solve(&(bs * &model.a));
+    let residual = model.a.transpose() * &s * (&model.a - &model.b * k) + q - &s;
+    assert!(residual.amax() < 1e-10 * s.amax(), "residual {:e}", residual.amax());
+}

@@ -165,6 +165,8 @@ pub mod mixer_flags {
     pub const GROUND_CONTACT: u64 = 1 << 13;
     /// No thrust for good, after a landing.
     pub const DISARMED: u64 = 1 << 14;
+    /// Descent in a spin, because a part is broken: yaw is given up.
+    pub const YAW_GIVEN_UP: u64 = 1 << 15;
 
     /// Returns whether the command was computed without a demand.
     pub const fn fallback(flags: u64) -> bool {

@@ -164,7 +164,7 @@ macro_rules! messages {
                     flags: u64,
                     /// Time from one element of `preview` to the next, and to the first \[ns\]; 0 = no preview.
                     preview_step_ns: u64,
-                    /// What guidance knows of the reference at later times, as its change until then.
+                    /// Changes of the reference until these times, as far as guidance knows them.
                     preview: [Ahead; PREVIEW],
                 }
 

@@ -296,4 +296,17 @@ pub struct Mixer {
     /// Cost of an error in col \[1/N2\] and in lon, lat, ped \[1/(N m)2\] in the projection: the cheapest is given up
     /// first. The controller uses the same costs when its solver fails.
     pub projection_weights: [f64; 4],
+    /// Reaction to a dead rotor or a stuck tilt servo.
+    pub broken_vehicle: BrokenVehicle,
+}
+
+/// Reaction of the mixer to a broken vehicle, `mixer.broken_vehicle`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum BrokenVehicle {
+    /// Cut the thrust if a rotor is dead; a stuck tilt servo is not noticed.
+    #[default]
+    Cut,
+    /// Give up yaw and descend in a spin, where the rotors that are left allow it.
+    Descend,
 }

@@ -85,6 +85,7 @@ impl Fault {
             K::Burst | K::Rate => &["count"],
             K::Corrupt => &["count", "probability"],
             K::Wrong if self.target.is_an_actuator() => &["value"],
+            K::Stuck if self.target == FaultTarget::Tilt => &["value"],
             K::Wrong if self.wrong() == Wrong::Sign => &["how"],
             K::Wrong => &["how", "value"],
             K::Noise | K::Saturated | K::Mass => &["value"],

@@ -6,10 +6,10 @@
 use airframe::{Parameters, Preset, projection};
 
 use super::{
-    Battery, Bounds, Constraints, Deadline, DelayCompensation, Derivative, FlownAirframe, Ground, Guidance, Heading,
-    IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise,
-    PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors,
-    Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
+    Battery, Bounds, BrokenVehicle, Constraints, Deadline, DelayCompensation, Derivative, FlownAirframe, Ground,
+    Guidance, Heading, IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode, Model, Mpc, NodeRealtime,
+    Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario,
+    Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
 };
 
 /// Returns all defaults of a profile.
@@ -150,7 +150,7 @@ fn paper() -> Scenario {
             geometric: PidGains::default(),
             indi: IndiGains::default(),
         },
-        mixer: Mixer { tilt_reaction: false, projection: false, projection_weights: projection::WEIGHTS },
+        mixer: allocation(),
         bounds: Bounds::default(),
         fault: vec![],
         node: Nodes::default(),
@@ -158,6 +158,15 @@ fn paper() -> Scenario {
         realtime: Realtime::default(),
         deadline: Deadline::default(),
         supervision: Supervision::default(),
+    }
+}
+
+fn allocation() -> Mixer {
+    Mixer {
+        tilt_reaction: false,
+        projection: false,
+        projection_weights: projection::WEIGHTS,
+        broken_vehicle: BrokenVehicle::Cut,
     }
 }
 

@@ -16,7 +16,7 @@
 //! | CONTROLS | marked messages of the topic | ACTUATORS | an input that was old, missing or bad |
 //! | ACTUATORS | marked messages of the topic | STATE | still under the command of the sample before |
 //! | sensor | ticks while it acts | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
-//! | actuator | ticks while it acts | ACTUATORS | the flight is terminated |
+//! | actuator | ticks while it acts | ACTUATORS | the flight is terminated, or yaw is given up |
 //! | wind, payload | ticks while it acts | | |
 //! | mpc | ticks while it acts | CONTROLS | no optimum |
 //! | clock, host | ticks while it acts | | |
@@ -332,7 +332,7 @@ fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
     match (target, record) {
         (T::Mpc, Record::Controls(controls)) => Some(controls.status > SolveStatus::Solved as u64),
         (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, Record::Actuators(actuators)) => {
-            Some(actuators.flags & mixer_flags::TERMINATED != 0)
+            Some(actuators.flags & (mixer_flags::TERMINATED | mixer_flags::YAW_GIVEN_UP) != 0)
         }
         (T::Actuators, Record::State(state)) => Some(state.applied_sequence == obeyed),
         (T::State | T::Reference | T::Controls | T::Position | T::Velocity | T::Attitude | T::Rates, _) => {

@@ -63,8 +63,8 @@ pub struct Metrics {
     #[serde(deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub tilt_max_deg: f64,
-    /// Time of the first touchdown after a flight \[s\]. This metric and the next two are NaN without a touchdown, and
-    /// in a file from before them.
+    /// Time of the first touchdown after a flight \[s\]. This metric and the next three are NaN without a touchdown,
+    /// and in a file from before them.
     #[serde(default = "nan", deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub touchdown_s: f64,
@@ -72,6 +72,10 @@ pub struct Metrics {
     #[serde(default = "nan", deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub touchdown_sink_mps: f64,
+    /// Horizontal speed one sample before that touchdown \[m/s\].
+    #[serde(default = "nan", deserialize_with = "or_nan")]
+    #[schemars(with = "Option<f64>")]
+    pub touchdown_drift_mps: f64,
     /// Angle between the body z axis and the vertical at that touchdown \[deg\].
     #[serde(default = "nan", deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]

@@ -59,6 +59,7 @@ impl Summary {
                 rotor_speed_min: f64::INFINITY,
                 touchdown_s: f64::NAN,
                 touchdown_sink_mps: f64::NAN,
+                touchdown_drift_mps: f64::NAN,
                 touchdown_tilt_deg: f64::NAN,
                 ..Metrics::default()
             },
@@ -151,6 +152,8 @@ impl Summary {
         {
             m.touchdown_s = t;
             m.touchdown_sink_mps = self.last.actual.sink_mps();
+            let [north_mps, east_mps, _] = self.last.actual.velocity_ned_mps();
+            m.touchdown_drift_mps = libm::hypot(north_mps, east_mps);
             m.touchdown_tilt_deg = state.actual.tilt_rad().to_degrees();
         }
         self.square_sum_m2 += distance * distance;
@@ -239,9 +242,11 @@ mod tests {
             (state.stamp.tick, state.stamp.sequence) = (tick, tick + 1);
             summary.observe(&Record::State(state.with_checksum()));
         }
-        let Metrics { touchdown_s, touchdown_sink_mps, touchdown_tilt_deg, .. } = summary.metrics();
+        let Metrics { touchdown_s, touchdown_sink_mps, touchdown_drift_mps, touchdown_tilt_deg, .. } =
+            summary.metrics();
         assert!((touchdown_s - 0.03).abs() < 1e-12, "{touchdown_s}");
         assert!((touchdown_sink_mps - 0.5 * libm::cos(0.2)).abs() < 1e-12, "one sample before");
+        assert!((touchdown_drift_mps - 0.5 * libm::sin(0.2)).abs() < 1e-12);
         assert!((touchdown_tilt_deg - 0.3_f64.to_degrees()).abs() < 1e-9);
     }
 }

@@ -24,7 +24,7 @@ fn certain_after(does: Vector4<f64>, rate_hz: f64, ticks: usize) -> Option<f64> 
         after.velocity_mps[2] += d[0];
         (0..3).for_each(|axis| after.rates_radps[axis] += d[1 + axis]);
         evidence = rotors.observe(&evidence, [&before, &after], &trim, dt);
-        if evidence.is_certain() {
+        if evidence.dead_rotor().is_some() {
             return Some(tick as f64 * dt);
         }
         before = after;
@@ -143,7 +143,7 @@ fn a_jump_of_the_rates_is_no_dead_rotor() {
         let path: Vec<&Kinematics> = (0..40).map(|i| if (10..20).contains(&i) { &there } else { &hover }).collect();
         for pair in path.windows(2) {
             evidence = rotors.observe(&evidence, [pair[0], pair[1]], &trim, 0.01);
-            assert!(!evidence.is_certain());
+            assert!(evidence.dead_rotor().is_none());
         }
     }
 }

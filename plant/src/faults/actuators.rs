@@ -3,7 +3,7 @@
 //! | kind | rotor | tilt |
 //! |---|---|---|
 //! | off | unpowered: spins down to 0 with its lag | its spring returns it to 0 with its lag |
-//! | stuck | keeps the speed at the onset | keeps the angle at the onset |
+//! | stuck | keeps the speed at the onset | keeps the angle at the onset, or goes to `value` degrees |
 //! | wrong | has the share `value` of its thrust and torque | is `value` degrees off its command, within its range |
 //! | slow | has the lag `ms` | has the lag `ms` |
 //! | saturated | reaches the share `value` of its highest speed | reaches the share `value` of its range, either way |
@@ -57,7 +57,7 @@ struct ActuatorFault {
 #[derive(Debug, Clone, Copy)]
 enum Effect {
     Off,
-    /// Position at the onset; `None` before.
+    /// Position at the onset, or the given one; `None` before the onset.
     Stuck(Option<f64>),
     /// Factor on thrust and torque.
     Weak(f64),
@@ -137,7 +137,7 @@ impl ActuatorFault {
         let Healthy { reach, lag_s } = healthy[actuator];
         let effect = match fault.kind {
             FaultKind::Off => Effect::Off,
-            FaultKind::Stuck => Effect::Stuck(None),
+            FaultKind::Stuck => Effect::Stuck(fault.value.map(|deg| deg.to_radians().clamp(-reach, reach))),
             FaultKind::Wrong if actuator == TILT => {
                 Effect::Bias(fault.value.unwrap_or(TILT_BIAS_DEG).to_radians(), reach)
             }

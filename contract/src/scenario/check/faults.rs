@@ -100,7 +100,7 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
         ("count", _) => (1.0, MAX_MESSAGES),
         ("vector", _) => (-MAX_WIND_MPS, MAX_WIND_MPS),
         ("value", K::Mass) => (0.0, MAX_PAYLOAD_KG),
-        ("value", K::Wrong) if fault.target == FaultTarget::Tilt => (-180.0, 180.0),
+        ("value", K::Wrong | K::Stuck) if fault.target == FaultTarget::Tilt => (-180.0, 180.0),
         ("value", K::Wrong) if fault.target.is_an_actuator() => (0.0, 2.0), // as `plant.rotor_effectiveness`
         ("value", K::Noise) => (0.0, MAX_ERROR),
         _ => (-MAX_ERROR, MAX_ERROR),

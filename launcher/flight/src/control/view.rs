@@ -40,6 +40,7 @@ pub fn rung(record: &Record) -> &'static str {
         (mixer_flags::DISARMED, "disarmed"),
         (mixer_flags::CUT, "thrust cut"),
         (mixer_flags::TRIM_ONLY, "trim only"),
+        (mixer_flags::YAW_GIVEN_UP, "descending, yaw given up"),
         (mixer_flags::DESCENDING, "descending"),
         (mixer_flags::LEVELLED, "levelled"),
         (mixer_flags::HELD, "last demand held"),

@@ -45,10 +45,7 @@ pub fn solve(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f
 
 #[cfg(test)]
 mod tests {
-    use contract::Scenario;
-
     use super::*;
-    use crate::{fixture, model::PredictionModel};
 
     #[test]
     fn a_scalar_has_a_closed_form() {
@@ -61,21 +58,5 @@ mod tests {
     fn without_dynamics_only_the_stage_counts() {
         let one = DMatrix::from_element(1, 1, 1.0);
         assert_eq!(solve(&DMatrix::zeros(1, 1), &one, &one, &one), Some(one));
-    }
-
-    #[test]
-    fn val_terminal_weight_of_the_robust_profile() {
-        let scenario = Scenario::default();
-        let model = PredictionModel::new(&scenario);
-        let mut q = DMatrix::identity(11, 11) * 1e-9;
-        scenario.mpc.q.iter().enumerate().for_each(|(i, weight)| q[(i, i)] += weight);
-        let r = DMatrix::from_diagonal(&nalgebra::DVector::from_row_slice(&scenario.mpc.r));
-        let s = solve(&model.a, &model.b, &q, &r).unwrap();
-        fixture::assert_matrix(&s, &fixture::matrix("S_dare_B2"));
-
-        let (bs, inner) = (model.b.transpose() * &s, &r + model.b.transpose() * &s * &model.b);
-        let k = inner.cholesky().unwrap().solve(&(bs * &model.a));
-        let residual = model.a.transpose() * &s * (&model.a - &model.b * k) + q - &s;
-        assert!(residual.amax() < 1e-10 * s.amax(), "residual {:e}", residual.amax());
     }
 }
