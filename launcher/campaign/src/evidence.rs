@@ -110,8 +110,8 @@ impl Evidence {
         (self.is_sample() && !draws.is_empty()).then(|| Difference::over(&draws))
     }
 
-    /// Computes the difference of a metric of two controllers over flights that both have flown, each given by its number
-    /// and the first controller's metric less the second's. `None` if the flights are no sample, or too few.
+    /// Computes the difference of a metric of two controllers over flights that both have flown, each given by its
+    /// number and the first controller's metric less the second's. `None` if the flights are no sample, or too few.
     pub fn metric_difference(&self, flights: impl Iterator<Item = (u64, f64)>) -> Option<MetricDifference> {
         let mut draws: BTreeMap<u64, (f64, f64)> = BTreeMap::new();
         for (number, more) in flights {
