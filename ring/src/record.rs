@@ -21,10 +21,6 @@ macro_rules! with_message {
 
 /// One message of any topic.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a record lives for a moment, and a box would cost an allocation for each message"
-)]
 pub enum Record {
     State(State),
     Reference(Reference),
