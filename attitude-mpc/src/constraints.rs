@@ -165,7 +165,7 @@ mod tests {
 
     fn set(scenario: &Scenario) -> Option<PlanSet> {
         let model = PredictionModel::new(scenario);
-        PlanSet::new(scenario, &Condensed::new(&model, &scenario).unwrap().course, model.trim.roll_rad)
+        PlanSet::new(scenario, &Condensed::new(&model, scenario).unwrap().course, model.trim.roll_rad)
     }
 
     #[test]
