@@ -30,6 +30,11 @@ fn beside(scenario: &Scenario, tick: u64, east_m: f64) -> Reference {
     guidance.step(tick, &state)
 }
 
+/// Angles and w of a reference.
+fn numbers(reference: &Reference) -> impl Iterator<Item = f64> {
+    reference.attitude_rad.into_iter().chain([reference.w_mps])
+}
+
 #[test]
 fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
     for (trajectory, east_m) in
@@ -44,15 +49,14 @@ fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
             assert_eq!(now.preview_step_ns, STEP_TICKS * 10_000_000);
             for (ahead, number) in now.preview.iter().zip(1..) {
                 let later = beside(&scenario, tick + number * STEP_TICKS, east_m);
-                let w_miss = ahead.w_mps - (later.w_mps - now.w_mps);
-                assert!(w_miss.abs() < 1e-9, "{trajectory:?} at {tick}, element {number}: w {w_miss}");
-                for i in 0..3 {
-                    let change = later.attitude_rad[i] - now.attitude_rad[i];
-                    let miss = angle::wrapped(ahead.attitude_rad[i] - change);
-                    assert!(miss.abs() < 1e-9, "{trajectory:?} at {tick}, element {number}: angle {i} {miss}");
-                    largest[i] = largest[i].max(ahead.attitude_rad[i].abs());
+                let changes = ahead.attitude_rad.into_iter().chain([ahead.w_mps]);
+                for (((change, now), later), largest) in
+                    changes.zip(numbers(&now)).zip(numbers(&later)).zip(&mut largest)
+                {
+                    let miss = angle::wrapped(change - (later - now));
+                    assert!(miss.abs() < 1e-9, "{trajectory:?} at {tick}, element {number}: {miss}");
+                    *largest = largest.max(change.abs());
                 }
-                largest[3] = largest[3].max(ahead.w_mps.abs());
             }
         }
         assert!(largest.iter().all(|change| *change > 0.01), "there was something to see: {largest:?}");
