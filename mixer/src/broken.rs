@@ -2,7 +2,7 @@
 //!
 //! | broken | forces and moments that are left | descent |
 //! |---|---|---|
-//! | rotor 1 | lift has a pitching moment; yaw and roll are one input | [spin](airframe::spin) on rotors 2 and 3 |
+//! | rotor 1 | lift has a pitching moment; yaw and roll are one input | [spin] on rotors 2 and 3 |
 //! | rotor 2 or 3 | lift has a rolling moment, or is that of rotor 1 alone | none: thrust is cut |
 //! | tilt servo | lift, pitch and roll; yaw follows from them | level spin, which the vehicle's inertia slows |
 //!

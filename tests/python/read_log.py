@@ -23,7 +23,7 @@ TOPICS = {
     "/state": ("trefoil.v1.State", "stamp applied_sequence applied_age_ns measured actual actuators command_in_force"
                " status status_name arrivals arrived navigation"),
     "/reference": ("trefoil.v1.Reference", "stamp position_m velocity_mps w_mps attitude_rad rates_radps"
-                   " disturbance_mps2 flags"),
+                   " disturbance_mps2 flags preview_step_ns preview"),
     "/controls": ("trefoil.v1.Controls", "stamp demand disturbance status status_name iterations solve_ns"
                   " active_constraints fallbacks"),
     "/actuators": ("trefoil.v1.Actuators", "stamp command flags"),

@@ -169,6 +169,8 @@ mod tests {
             attitude_rad: [TRIM_ROLL_RAD, 0.0, 0.0],
             rates_radps: [0.0; 3],
             w_mps: 0.0,
+            preview_step_s: 0.0,
+            preview: [[0.0; 4]; 8],
         };
         let (mut x, mut before) = ([0.5, 0.2, -0.1, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; M]);
         for tick in 0..500 {
