@@ -21,6 +21,9 @@ use crate::table::{Cell, Table};
 
 /// Draws below which the page says that they are too few.
 pub const FEW: u64 = 20;
+/// Draws for each flight of a draw below which the half draw that an interval allows for what was not observed weighs
+/// so much that the interval covers more than 95 %.
+const DRAWS_PER_FLIGHT: u64 = 15;
 
 /// Relation of the draws of a campaign to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,6 +125,16 @@ impl Evidence {
         self.is_sample().then(|| MetricDifference::over(&means)).flatten()
     }
 
+    /// Returns whether intervals over draws with `each` flights of a controller cover more than 95 %.
+    pub fn is_conservative(&self, each: u64) -> bool {
+        each > 1 && self.all_draws() < DRAWS_PER_FLIGHT * each
+    }
+
+    /// Describes how often intervals over draws with `each` flights of a controller cover the truth.
+    pub fn coverage(&self, each: u64) -> &'static str {
+        if self.is_conservative(each) { "more than 95 %, with so few draws of so many flights" } else { "about 95 %" }
+    }
+
     /// Returns the draw of a flight; 0 if nothing is drawn.
     pub fn draw(&self, number: u64) -> u64 {
         self.axis.map_or(0, |axis| axis.place(number))
@@ -150,8 +163,9 @@ impl Evidence {
             }
             Draws::Independent | Draws::LatinHypercube if each > 1 => format!(
                 "The {each} flights that a controller has of each of the {all} draws are one observation. Intervals are over the \
-                 shares of the draws (Bayesian bootstrap, about 95 %); with one flight a draw, as at one listed value, they are \
-                 those of Clopper and Pearson, which cover the true share in at least 95 % of all campaigns."
+                 shares of the draws (Bayesian bootstrap, {}); with one flight a draw, as at one listed value, they are \
+                 those of Clopper and Pearson, which cover the true share in at least 95 % of all campaigns.",
+                self.coverage(each)
             ),
             Draws::Independent | Draws::LatinHypercube => format!(
                 "Intervals are those of Clopper and Pearson over the {all} draws, which cover the true share in at least 95 % of \

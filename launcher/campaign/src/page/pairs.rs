@@ -72,6 +72,7 @@ fn explained(page: &Page, pairs: usize) -> String {
     } else {
         "McNemar's test, exact, two-sided"
     };
+    let coverage = page.evidence.coverage(page.each());
     let several = if pairs > 1 {
         format!(
             " Each interval and each <i>p</i> is for one pair alone. Of {pairs} such tests some may fall below 0.05 by chance; the \
@@ -82,7 +83,7 @@ fn explained(page: &Page, pairs: usize) -> String {
     };
     format!(
         " So they are compared in pairs, draw by draw. The table has how much larger A's share of passed flights is, with its \
-         interval over the draws (Bayesian bootstrap, about 95 %), and <i>p</i>, the probability of a difference at least this \
+         interval over the draws (Bayesian bootstrap, {coverage}), and <i>p</i>, the probability of a difference at least this \
          large if the two were equally good ({test}).{several}"
     )
 }
