@@ -65,8 +65,8 @@ fn independent(rng: &mut ChaCha8Rng, evidence: &Evidence, controllers: u64, case
     (0..cases).map(one).collect()
 }
 
-/// Returns a message if an interval covers the truth in less than 93.5 % of the campaigns, or in more than 97 % although
-/// it is not said to be conservative.
+/// Returns a message if an interval covers the truth in less than 93.5 % of the campaigns, or in more than 97 %
+/// although it is not said to be conservative.
 fn outside(name: &str, what: &str, covered: u32, is_conservative: bool) -> Option<String> {
     let percent = 100.0 * f64::from(covered) / f64::from(CAMPAIGNS);
     let words = || format!("{name}: {what} covers the truth in {percent:.2} % of {CAMPAIGNS} campaigns");
