@@ -56,10 +56,14 @@ fn a_controller_that_is_late_does_without_its_solver() {
 
 #[test]
 fn the_policy_stop_ends_the_flight_with_its_own_code() {
-    let outcome = fly(&[IMPOSSIBLE, "deadline.mixer_policy=stop"]);
-    assert_eq!(outcome.code(), Some(4), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains("past its deadline of 0.001 ms"), "{}", outcome.stderr);
-    assert!(outcome.run()["ended"].as_str().is_some_and(|text| text.contains("mixer missed its deadline")));
+    for node in ["plant", "mixer"] {
+        let settings = [format!("deadline.{node}_ms=0.001"), format!("deadline.{node}_policy=stop")];
+        let outcome = fly(&settings.each_ref().map(String::as_str));
+        assert_eq!(outcome.code(), Some(4), "{}", outcome.stderr);
+        assert!(outcome.stderr.contains("past its deadline of 0.001 ms"), "{}", outcome.stderr);
+        let expected = format!("{node} missed its deadline");
+        assert!(outcome.run()["ended"].as_str().is_some_and(|text| text.contains(&expected)), "{expected}");
+    }
 }
 
 #[test]

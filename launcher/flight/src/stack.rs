@@ -304,10 +304,12 @@ impl Stack {
             match (topic, how) {
                 (None, _) => _ = archive.as_mut().map(|archive| archive.exited(run, i, tick)),
                 (Some(Topic::State), ChildExit::Well) => return Some(Ended::Flown),
-                (Some(Topic::State), how) => return Some(Ended::Lost(how.tell(name))),
-                (Some(topic), ChildExit::Late) if run.driver.nodes()[topic as usize].role.is_alone(epoch) => {
+                (Some(topic), ChildExit::Late)
+                    if topic == Topic::State || run.driver.nodes()[topic as usize].role.is_alone(epoch) =>
+                {
                     return Some(Ended::Late(name.into()));
                 }
+                (Some(Topic::State), how) => return Some(Ended::Lost(how.tell(name))),
                 (Some(topic), _) => run.on(topic, RoleInput::Exited(epoch)),
             }
             run.children.clean_up(i);
