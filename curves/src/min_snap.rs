@@ -92,13 +92,7 @@ impl MinSnap {
 
     /// Reference at `t_s`; before the first waypoint and after the last it rests there.
     pub fn at(&self, t_s: f64) -> Setpoint {
-        let Some(next) = self.0.iter().position(|knot| knot.at_s > t_s) else {
-            return Setpoint::at_rest(self.0.last().map_or([0.0; 3], |knot| knot.position.into()));
-        };
-        let Some(last) = next.checked_sub(1) else {
-            return Setpoint::at_rest(self.0[next].position.into());
-        };
-        between(&self.0[last], &self.0[next], t_s)
+        Setpoint::along(&self.0, |knot| (knot.at_s, knot.position.into()), t_s, |from, to| between(from, to, t_s))
     }
 }
 

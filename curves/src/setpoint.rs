@@ -12,6 +12,22 @@ pub struct Setpoint {
 }
 
 impl Setpoint {
+    /// Reference at `t_s` on a way through `knots`, whose times and positions `place` tells: `between` two of them, and
+    /// at rest before the first and after the last.
+    pub fn along<K>(
+        knots: &[K],
+        place: impl Fn(&K) -> (f64, [f64; 3]),
+        t_s: f64,
+        between: impl Fn(&K, &K) -> Self,
+    ) -> Self {
+        let rest = |knot: Option<&K>| Self::at_rest(knot.map_or([0.0; 3], |knot| place(knot).1));
+        match knots.iter().position(|knot| place(knot).0 > t_s) {
+            None => rest(knots.last()),
+            Some(0) => rest(knots.first()),
+            Some(next) => between(&knots[next - 1], &knots[next]),
+        }
+    }
+
     /// Reference at rest at `position_m`.
     pub fn at_rest(position_m: [f64; 3]) -> Self {
         Self { position_m, ..Self::default() }

@@ -247,7 +247,7 @@ impl Guidance {
     /// Adds the preview to the `reference` of `t_s`: what it would be later if the correction stayed as it is.
     fn look_ahead(&self, t_s: f64, correction: &Correction, state: &State, reference: &mut Reference) {
         let step_s = self.settings.preview_s / PREVIEW as f64;
-        reference.preview_step_ns = (step_s * 1e9) as u64;
+        reference.preview_step_ns = libm::round(step_s * 1e9) as u64;
         if reference.preview_step_ns == 0 {
             return;
         }

@@ -86,7 +86,10 @@ impl Trajectory {
     /// Reference at `t_s`; before the first waypoint and after the last it rests there.
     pub fn at(&self, t_s: f64) -> Setpoint {
         match &self.0 {
-            Path::Legs(waypoints, ramp_s) => along(waypoints, *ramp_s, t_s),
+            Path::Legs(waypoints, ramp_s) => {
+                let place = |(at_s, position): &(f64, Vector3<f64>)| (*at_s, (*position).into());
+                Setpoint::along(waypoints, place, t_s, |from, to| leg(*from, *to, *ramp_s, t_s))
+            }
             Path::Spline(spline) => spline.at(t_s),
             Path::Step { to, at_s } => Setpoint::at_rest(if t_s >= *at_s { *to } else { [0.0; 3] }),
             Path::Circle(circle) => circle.at(t_s),
@@ -95,15 +98,13 @@ impl Trajectory {
     }
 }
 
-/// Reference on the straight legs between `waypoints`.
-fn along(waypoints: &[(f64, Vector3<f64>)], ramp_s: Option<f64>, t_s: f64) -> Setpoint {
-    let Some(next) = waypoints.iter().position(|(at_s, _)| *at_s > t_s) else {
-        return Setpoint::at_rest(waypoints.last().map_or([0.0; 3], |(_, p)| (*p).into()));
-    };
-    let Some(last) = next.checked_sub(1) else {
-        return Setpoint::at_rest(waypoints[next].1.into());
-    };
-    let ((from_s, from), (until_s, to)) = (waypoints[last], waypoints[next]);
+/// Reference at `t_s` on the straight leg between two waypoints.
+fn leg(
+    (from_s, from): (f64, Vector3<f64>),
+    (until_s, to): (f64, Vector3<f64>),
+    ramp_s: Option<f64>,
+    t_s: f64,
+) -> Setpoint {
     let duration_s = until_s - from_s;
     let progress = match ramp_s {
         None => min_jerk(t_s - from_s, duration_s),

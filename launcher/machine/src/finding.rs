@@ -8,7 +8,7 @@ use serde::Serialize;
 pub enum Level {
     /// A flight has what it needs.
     Ok,
-    /// A flight gets what it asks for, but its timing may suffer.
+    /// A flight gets what it asks for, but its timing may be worse.
     Warn,
     /// A flight does not get what its scenario asks for.
     Bad,
