@@ -80,3 +80,28 @@ fn a_second_implementation_of_indi_demands_the_same() {
     let shares: Vec<f64> = told.split_whitespace().filter_map(|word| word.parse().ok()).collect();
     assert!(shares.len() == 2 && shares.iter().all(|share| *share < 1e-9), "{told}{failed}");
 }
+
+/// Largest position error \[m\] of an upset under INDI whose model of the actuators has a third of their lag, with `more`.
+fn error_with_a_wrong_lag_m(more: &[&str]) -> f64 {
+    let settings = [
+        "run.duration_s=8.0",
+        "mpc.law=indi",
+        "mpc.constraints=none",
+        "mission.trajectory=hover",
+        "initial.attitude_deg=[20.0, -25.0, 40.0]",
+        "plant.rotor_lag_s=0.09",
+        "plant.servo_lag_s=0.09",
+        "bounds.max_position_error_m=inf",
+    ];
+    let settings = settings.iter().chain(more).flat_map(|setting| ["--set", setting]);
+    let outcome = fly(&["--mode", "inprocess", "--no-log"].into_iter().chain(settings).collect::<Vec<_>>());
+    outcome.metric("max_position_error_m")
+}
+
+#[test]
+fn sensed_actuators_need_no_model_of_their_lag() {
+    let modelled = error_with_a_wrong_lag_m(&[]);
+    let sensed = error_with_a_wrong_lag_m(&["mpc.indi.actuators=sensed"]);
+    let known = error_with_a_wrong_lag_m(&["mpc.actuator_lag_model_s=0.09"]);
+    assert!(sensed < 0.8 * modelled, "sensed {sensed} m, modelled {modelled} m, known {known} m");
+}

@@ -16,18 +16,19 @@
 //! ```
 //!
 //! `dw/dt` is the difference of two samples of the gyro, which is the mean over the sample between them; `u_a` is the
-//! mean of the actuators at its ends. `d` is published as the disturbance. It contains the gyroscopic moment and every
+//! mean of what the actuators produce at its ends. `d` is published as the disturbance. It contains the gyroscopic moment and every
 //! error of the model. The climb is a loop of the same kind, by the acceleration of the vertical speed.
 //! The actuators' positions enter by the exact map of [`airframe::mixing`], not by its derivative.
 //!
-//! Departure from that article: rotor speeds and tilt are not sensed. The controller simulates the actuators under the
-//! command in force, with the lag `mpc.actuator_lag_model_s`. The cost of a wrong lag is not measured. Tests
-//! `the_actuators_alone_are_no_disturbance`, `a_constant_moment_leaves_no_offset`.
+//! With `mpc.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure from it:
+//! with "modelled", the default, the controller simulates them under the command in force, with the lag
+//! `mpc.actuator_lag_model_s`; docs/laws.md has what a wrong lag costs. Tests `the_actuators_alone_are_no_disturbance`,
+//! `a_constant_moment_leaves_no_offset`, `sensed_actuators_need_no_model_of_their_lag`.
 
 use airframe::Actuation;
 use bytemuck::{Pod, Zeroable};
 use contract::message::Kinematics;
-use contract::scenario::{IndiGains, PidGains};
+use contract::scenario::{IndiActuators, IndiGains, PidGains};
 use contract::snapshot::OptionalTick;
 use nalgebra::{DVectorView, Vector4};
 
@@ -42,17 +43,10 @@ pub struct Stage {
     pub tick: OptionalTick,
     /// Vertical speed of that sample, down positive \[m/s\].
     pub sink_mps: f64,
+    /// What its actuators produced: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
+    pub produced: Vector4<f64>,
     /// Output of the first low-pass on col, lon, lat, ped \[N, N m, N m, N m\].
     pub first: Vector4<f64>,
-}
-
-/// State, actuators and tick of one sample.
-#[derive(Debug, Clone, Copy)]
-pub struct Sample<'a> {
-    /// State (w, phi, theta, psi, p, q, r, ...) as deviation from trim.
-    pub x: DVectorView<'a, f64>,
-    /// Positions of the actuators.
-    pub actuation: &'a Actuation,
 }
 
 /// INDI law. The controller stores its filter.
@@ -60,6 +54,7 @@ pub struct Sample<'a> {
 pub struct Indi {
     axes: Axes,
     level: Level,
+    actuators: IndiActuators,
     sample_s: f64,
     /// Share of its error that a low-pass takes in at each sample.
     share: f64,
@@ -68,35 +63,41 @@ pub struct Indi {
 impl Indi {
     /// Builds the law of a vehicle with `gains` and a sample time \[s\].
     pub fn new(level: Level, gains: &IndiGains, sample_s: f64) -> Self {
-        let IndiGains { kp, kd, filter_radps } = *gains;
+        let IndiGains { kp, kd, filter_radps, actuators } = *gains;
         let axes = Axes::new(&PidGains { kp, ki: [0.0; 4], kd }, sample_s);
-        Self { axes, level, sample_s, share: -libm::expm1(-filter_radps * sample_s) }
+        Self { axes, level, actuators, sample_s, share: -libm::expm1(-filter_radps * sample_s) }
     }
 
-    /// Updates the filter from the sample `before` to the one `now` at `tick` with the motion `measured`, and returns
-    /// the disturbance after `d`. A gap between the samples leaves it unchanged.
+    /// Updates the filter from the state `before` to the one of `now` at `tick`, both (w, phi, theta, psi, p, q, r, ...)
+    /// as deviations from trim, with the motion `measured` and `actuators` at these positions. Returns the disturbance
+    /// after `d`. A gap between the samples leaves it unchanged.
     pub fn observe(
         &self,
         tick: u64,
-        measured: &Kinematics,
-        [before, now]: [Sample; 2],
+        (measured, actuators): (&Kinematics, &Actuation),
+        [before, now]: [DVectorView<f64>; 2],
         d: &Vector4<f64>,
         stage: &mut Stage,
     ) -> Vector4<f64> {
-        let sink_mps = sink_mps(measured);
+        let (sink_mps, produced) = (sink_mps(measured), self.level.produced(&now, actuators));
         let is_next = stage.tick.get().is_some_and(|last| last.checked_add(1) == Some(tick));
-        let last_mps = std::mem::replace(&mut stage.sink_mps, sink_mps);
-        stage.tick = OptionalTick::some(tick);
+        let last = *stage;
+        (stage.tick, stage.sink_mps, stage.produced) = (OptionalTick::some(tick), sink_mps, produced);
         if !is_next {
             return *d;
         }
-        let faster = |i: usize| (now.x[i] - before.x[i]) / self.sample_s;
-        let measured = Vector4::new((sink_mps - last_mps) / self.sample_s, faster(5), faster(4), faster(6));
-        let produced =
-            (self.level.produced(&before.x, before.actuation) + self.level.produced(&now.x, now.actuation)) * 0.5;
+        let faster = |i: usize| (now[i] - before[i]) / self.sample_s;
+        let measured = Vector4::new((sink_mps - last.sink_mps) / self.sample_s, faster(5), faster(4), faster(6));
+        let produced = (last.produced + produced) * 0.5;
         let beyond = measured - produced.component_div(&self.level.inertia());
-        stage.first += (self.level.inputs(&now.x, &beyond) - stage.first) * self.share;
+        stage.first += (self.level.inputs(&now, &beyond) - stage.first) * self.share;
         d + (stage.first - d) * self.share
+    }
+
+    /// Positions of the actuators: those `sensed`, or the `modelled` ones without telemetry.
+    pub fn actuators(&self, sensed: Actuation, modelled: Actuation) -> Actuation {
+        let is_there = sensed.rotor_speed.iter().chain([&sensed.tilt_rad]).all(|value| value.is_finite());
+        if self.actuators == IndiActuators::Sensed && is_there { sensed } else { modelled }
     }
 
     /// Computes col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q,

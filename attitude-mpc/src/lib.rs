@@ -78,7 +78,7 @@ use delay::{Delay, Switch};
 use disturbance::DisturbanceLaw;
 use geometric::Geometric;
 use goal::Goal;
-use indi::{Indi, Sample};
+use indi::Indi;
 use level::Level;
 use ltv::Ltv;
 use memory::{Memory, WarmStart, Whole};
@@ -243,8 +243,8 @@ impl AttitudeMpc {
     }
 
     /// Computes the demand at `tick` from the newest state and reference: deviations of col, lon, lat, ped from trim
-    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements and the command in force with its number and
-    /// age are used.
+    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements, the sensed actuators, and the command in force
+    /// with its number and age are used.
     ///
     /// If the state is missing or older than `tick`, or an input is not finite or huge, the last demand is repeated.
     /// [`goal`] describes what replaces an old reference. The status reports each case.
@@ -269,9 +269,9 @@ impl AttitudeMpc {
         self.unconstrained.observe(&state.measured);
         let mut stage = self.memory.stage;
         let disturbance = if let UnconstrainedLaw::Indi(indi) = &self.unconstrained {
-            let before = Sample { x: self.memory.state(), actuation: &self.memory.actuation };
-            let now = Sample { x: self.work.x.as_view(), actuation: &actuation };
-            indi.observe(tick, &state.measured, [before, now], &self.memory.disturbance, &mut stage)
+            let actuators = indi.actuators(state.sensed.into(), actuation);
+            let states = [self.memory.state(), self.work.x.as_view()];
+            indi.observe(tick, (&state.measured, &actuators), states, &self.memory.disturbance, &mut stage)
         } else {
             self.estimate(&command, samples)
         };

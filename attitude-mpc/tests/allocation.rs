@@ -5,7 +5,7 @@ use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
 use contract::scenario::{
-    Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Mode, Model, Profile, Solver,
+    Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Law, Mode, Model, Profile, Solver,
     StateConstraints,
 };
 
@@ -77,6 +77,19 @@ fn no_model_allocates() {
             }
             let (controls, allocations) = step(&mut mpc, &scenario, f64::NAN);
             assert_eq!((controls.status, allocations), (SolveStatus::BadInput as u64, 0), "{model:?}");
+        }
+    }
+}
+
+#[test]
+fn no_law_allocates() {
+    for law in [Law::Mpc, Law::Lqr, Law::Pid, Law::Geometric, Law::Indi] {
+        let mut scenario = Scenario::default();
+        scenario.mpc.law = law;
+        let mut mpc = AttitudeMpc::new(&scenario);
+        for _ in 0..3 {
+            let (controls, allocations) = step(&mut mpc, &scenario, 0.01);
+            assert_eq!((controls.status, allocations), (SolveStatus::Explicit as u64, 0), "{law:?}");
         }
     }
 }

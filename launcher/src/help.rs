@@ -112,6 +112,7 @@ pub const HELP: &[Help] = &[
     help("export", &["export runs/survey --to parquet", "export runs/survey --to csv --from 10s --for 2s"]),
     help("export fmu", &["export fmu", "export fmu wind --out wind.fmu"]),
     Help { command: "measure mpc", examples: &["measure mpc"], exits: MEASURES },
+    Help { command: "measure navigation", examples: &["measure navigation"], exits: MEASURES },
     Help { command: "measure faults", examples: &["measure faults"], exits: MEASURES },
     Help { command: "measure kills", examples: &["measure kills"], exits: MEASURES },
     Help { command: "measure laws", examples: &["measure laws"], exits: MEASURES },

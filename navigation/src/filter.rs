@@ -21,7 +21,7 @@ use crate::state::{
 /// Time without an accepted measurement of a source after which its next one resets the state \[s\].
 const RESET_AFTER_S: f64 = 2.0;
 /// Smallest horizontal share of the magnetic field that tells a heading.
-const MIN_HORIZONTAL: f64 = 0.1;
+pub(crate) const MIN_HORIZONTAL: f64 = 0.1;
 
 /// Source of measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`state`] | nominal state, and its motion over a sample of the IMU |
 //! | [`filter`] | error-state Kalman filter: covariance, measurements, gates, resets |
+//! | [`alignment`] | start of a unit that stands still |
 //!
 //! ```text
 //! IMU, position, velocity, height, field -> [ frames of the last `delay` ] -> filter at the horizon
@@ -25,6 +26,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{SVector, Vector2, Vector3};
 
+pub mod alignment;
 pub mod filter;
 pub mod state;
 

@@ -7,14 +7,14 @@ use super::*;
 use crate::filter::{Measured, SOURCES};
 use crate::state::{ACCELERATION_BIAS, Covariance, ERRORS, Error, POSITION, RATES_BIAS, VELOCITY, turn};
 
-const G_MPS2: f64 = 9.81;
+pub(crate) const G_MPS2: f64 = 9.81;
 const DT_S: f64 = 0.005;
 /// Samples of the IMU from one fix, and one height or heading, to the next.
 const FIX: u64 = 20;
 const SLOW: u64 = 10;
 const DELAY: usize = 20;
 
-const NOISE: Noise = Noise {
+pub(crate) const NOISE: Noise = Noise {
     specific_force_mps2: 0.3,
     rates_radps: 0.001,
     acceleration_bias_walk: 0.002,
@@ -119,7 +119,7 @@ impl Flight {
     }
 }
 
-fn draw(random: &mut ChaCha8Rng) -> Vector3<f64> {
+pub(crate) fn draw(random: &mut ChaCha8Rng) -> Vector3<f64> {
     Vector3::from_fn(|_, _| StandardNormal.sample(random))
 }
 
@@ -210,7 +210,7 @@ fn a_perfect_imu_gives_back_the_motion() {
 
 /// Asserts that a mean of `n` draws, each of chi-square of `freedom`, is within 4 standard deviations, or 5 % for what
 /// the linear model leaves out.
-fn check_mean(what: &str, mean: f64, freedom: f64, n: f64) {
+pub(crate) fn check_mean(what: &str, mean: f64, freedom: f64, n: f64) {
     let bound = (4.0 * (2.0 * freedom / n).sqrt()).max(0.05 * freedom);
     assert!((mean - freedom).abs() < bound, "{what}: {mean} and not {freedom} +- {bound}");
 }

@@ -13,11 +13,12 @@ use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
 use contract::scenario::{Magnetometer, Sensor as Settings};
-use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use navigation::alignment::Standstill;
 use navigation::{Aiding, Imu, Noise, State, state::turn};
 use rand_chacha::ChaCha8Rng;
 
-use crate::faults::sensors::SensorFaults;
+use crate::faults::sensors::{Readings, SENSORS};
 use crate::memory::Tape;
 use crate::random::normal;
 use crate::sensor::Sensor;
@@ -50,8 +51,8 @@ pub struct Instruments {
     period_s: f64,
     /// True attitude and velocity, NED, at the last sample of the IMU.
     before: (UnitQuaternion<f64>, Vector3<f64>),
-    /// Last measurements without faults: receiver, magnetometer, gyros.
-    readings: Kinematics,
+    /// Last measurements without faults; of the attitude stands the magnetic field.
+    readings: Readings,
 }
 
 impl Instruments {
@@ -98,7 +99,7 @@ impl Instruments {
             g_mps2: scenario.airframe.g_mps2,
             period_s: period_ns as f64 / 1e9,
             before: (truth.attitude, truth.velocity_mps),
-            readings: Kinematics::default(),
+            readings: [[0.0; 3]; SENSORS],
         }
     }
 
@@ -122,13 +123,13 @@ impl Instruments {
         }
     }
 
-    /// Measures `motion` at the end of a sample of the IMU at `now_ns`, on `tick`; `faults` change what is measured.
+    /// Measures `motion` at the end of a sample of the IMU at `now_ns`; `inject` changes what is measured.
     pub fn measure(
         &mut self,
         now_ns: u64,
         motion: &Kinematics,
         actuators: &Actuation,
-        (tick, faults): (u64, &mut SensorFaults),
+        inject: impl FnOnce(&mut Readings),
         random: &mut ChaCha8Rng,
     ) -> (Imu, Aiding) {
         let truth = state_of(motion);
@@ -151,42 +152,47 @@ impl Instruments {
         let field = self.magnetometer.as_mut().and_then(|sensor| measure(sensor, field));
         let flow = self.flow.as_mut().and_then(|sensor| measure(sensor, body));
 
-        let last = &self.readings;
-        self.readings = Kinematics {
-            position_m: position.unwrap_or(last.position_m),
-            velocity_mps: velocity.unwrap_or(last.velocity_mps),
-            attitude_rad: field.unwrap_or(last.attitude_rad),
-            rates_radps: rates.unwrap_or(last.rates_radps),
-        };
+        let height = height.map(|[_, _, down_m]| [-down_m; 3]);
+        let measured = [position, velocity, field, rates, specific_force, height, flow];
+        self.readings.iter_mut().zip(&measured).for_each(|(last, new)| *last = new.unwrap_or(*last));
         let mut readings = self.readings;
-        faults.inject(tick, &mut readings);
-        let imu = Imu {
-            specific_force_mps2: specific_force.unwrap_or([f64::NAN; 3]).into(),
-            rates_radps: readings.rates_radps.into(),
-        };
+        inject(&mut readings);
+        let new = |i: usize| measured[i].map(|_| Vector3::from(readings[i]));
+        let imu = Imu { specific_force_mps2: readings[4].into(), rates_radps: readings[3].into() };
         let aiding = Aiding {
-            position_m: position.map(|_| readings.position_m.into()),
-            velocity_mps: velocity.map(|_| readings.velocity_mps.into()),
-            height_m: height.map(|[_, _, down_m]| -down_m),
-            field: field.map(|_| readings.attitude_rad.into()),
-            flow_mps: flow.map(|[x, y, _]| Vector2::new(x, y)),
+            position_m: new(0),
+            velocity_mps: new(1),
+            height_m: new(5).map(|height| height.x),
+            field: new(2),
+            flow_mps: new(6).map(|flow| flow.xy()),
         };
         (imu, aiding)
     }
 
-    /// Writes or reads the memory.
-    pub fn remember(&mut self, tape: &mut Tape) {
+    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU; then the time of the flight begins.
+    pub fn stand(&mut self, motion: &Kinematics, samples: u64, random: &mut ChaCha8Rng) -> Standstill {
+        let (period_ns, still) = ((self.period_s * 1e9).round() as u64, Actuation::default());
+        let mut standstill = Standstill::default();
+        for sample in 1..=samples {
+            let (imu, aiding) = self.measure(sample * period_ns, motion, &still, |_| {}, random);
+            standstill.add(&imu, &aiding);
+        }
+        self.sensors().for_each(Sensor::rewind);
+        standstill
+    }
+
+    fn sensors(&mut self) -> impl Iterator<Item = &mut Sensor> {
         let Self { accelerometer, gyros, position, velocity, .. } = self;
         let aiding = [&mut self.barometer, &mut self.magnetometer, &mut self.flow].into_iter().flatten();
-        for sensor in [accelerometer, gyros, position, velocity].into_iter().chain(aiding) {
-            sensor.remember(tape);
-        }
+        [accelerometer, gyros, position, velocity].into_iter().chain(aiding)
+    }
+
+    /// Writes or reads the memory.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        self.sensors().for_each(|sensor| sensor.remember(tape));
         tape.numbers(self.before.0.as_mut_unchecked().coords.as_mut_slice());
         tape.numbers(self.before.1.as_mut_slice());
-        let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = &mut self.readings;
-        for reading in [position_m, velocity_mps, attitude_rad, rates_radps] {
-            tape.numbers(reading);
-        }
+        tape.numbers(self.readings.as_flattened_mut());
     }
 }
 

@@ -17,6 +17,7 @@
 //! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
 //! | [`filter`] | the complementary filter behind the sensors | |
 //! | [`navigation_unit`], [`instruments`] | the EKF in place of that filter, and its sensors | |
+//! | [`telemetry`] | rotor speeds and tilt as sensed | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //! | [`memory`] | state of the vehicle as words | |
@@ -51,6 +52,7 @@ pub mod rotors;
 pub mod schedule;
 pub mod sensor;
 pub mod sensors;
+pub mod telemetry;
 pub mod tricopter;
 pub mod turbulence;
 pub mod vehicle;
@@ -68,6 +70,7 @@ use navigation_unit::NavigationUnit;
 #[cfg(target_os = "linux")]
 pub use process::{run, run_with};
 use sensors::Sensors;
+use telemetry::Telemetry;
 use tricopter::Tricopter;
 use vehicle::Vehicle;
 
@@ -84,6 +87,7 @@ pub struct Plant<V: Vehicle + ?Sized = Tricopter> {
     /// Takes the place of `sensors` where there is one.
     pub(crate) navigation: Option<NavigationUnit>,
     sensor_faults: SensorFaults,
+    telemetry: Telemetry,
     sample_ns: u64,
     last_tick: u64,
     pub(crate) tick: u64,
@@ -103,6 +107,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
         let (_, actuation) = vehicle::start(scenario);
         Self {
             navigation: NavigationUnit::new(scenario, &vehicle.motion()),
+            telemetry: Telemetry::new(scenario, &vehicle.actuators()),
             vehicle,
             commands: CommandLine::new(scenario, actuation),
             arrivals: Default::default(),
@@ -160,6 +165,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             }
         }
         self.vehicle.remember(tape, self.tick);
+        self.telemetry.remember(tape, &self.vehicle.actuators());
         self.commands.remember(tape);
         self.sensors.remember(tape);
         if let Some(navigation) = &mut self.navigation {
@@ -198,6 +204,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             arrivals,
             arrived: arrived as u64,
             navigation,
+            sensed: self.telemetry.read(self.tick).into(),
         }
     }
 
@@ -231,6 +238,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             }
             now_ns = until_ns;
         }
+        (0..periods).for_each(|_| self.telemetry.observe(&self.vehicle.actuators()));
         Ok(self.status())
     }
 

@@ -9,21 +9,18 @@
 //! and the drift of receiver and barometer; the unit adds what these make of position and attitude to the deviations
 //! that it publishes. It starts near the true motion, with an error drawn from
 //! `plant.sensors.alignment`, as after an alignment on another vehicle: a flight begins in the air, where nothing tells
-//! the position before the first fix arrives.
-//!
-//! The faults of position, velocity and rates act on receiver and gyros; those of the attitude act on the magnetometer,
-//! of whose field one degree is 1/57.
+//! the position before the first fix arrives. With `standing_s` it aligns itself by its own sensors, as on the ground.
 
 use airframe::Actuation;
 use contract::Scenario;
 use contract::message::{Kinematics, Navigation as Account};
 use contract::scenario::{Filter as Choice, Magnetometer, Sensors};
 use nalgebra::Vector3;
-use navigation::state::turn;
+use navigation::state::{Covariance, turn};
 use navigation::{Filter, Navigation, Source, State, initial_covariance};
 use rand_chacha::ChaCha8Rng;
 
-use crate::faults::sensors::SensorFaults;
+use crate::faults::sensors::{Readings, SensorFaults};
 use crate::instruments::{Instruments, draw, state_of};
 use crate::memory::Tape;
 use crate::random::Stream;
@@ -78,22 +75,18 @@ impl NavigationUnit {
         }
         let period_ns = (1e9 / settings.imu.rate_hz).round() as u64;
         let mut random = Stream::Navigation.open(scenario.run.seed);
-        let instruments = Instruments::new(scenario, motion, period_ns, &mut random);
-
-        let (start, truth) = (&settings.alignment, state_of(motion));
-        let [tilt, heading] = [start.tilt_deg, start.heading_deg].map(f64::to_radians);
-        let off = draw(1.0, &mut random).component_mul(&Vector3::new(tilt, tilt, heading));
-        let state = State {
-            position_m: truth.position_m + draw(start.position_m, &mut random),
-            velocity_mps: truth.velocity_mps + draw(start.velocity_mps, &mut random),
-            attitude: turn(off) * truth.attitude,
-            ..State::default()
+        let mut instruments = Instruments::new(scenario, motion, period_ns, &mut random);
+        let noise = instruments.noise(scenario);
+        let standing = (settings.alignment.standing_s * settings.imu.rate_hz).round() as u64;
+        let (state, covariance) = if standing > 0 {
+            let standstill = instruments.stand(motion, standing, &mut random);
+            let bias_mps2 = settings.imu.acceleration_bias_mps2.max(MIN_DEVIATION);
+            let aligned = standstill.aligned(&noise, bias_mps2, scenario.airframe.g_mps2);
+            aligned.expect("the check refuses a unit without a magnetometer that tells the heading")
+        } else {
+            near(motion, settings, &mut random)
         };
-        let rates_bias = Vector3::from(settings.rates.bias).max().to_radians();
-        let deviations =
-            [start.position_m, start.velocity_mps, tilt, heading, settings.imu.acceleration_bias_mps2, rates_bias];
-        let covariance = initial_covariance(&state.attitude, &deviations.map(|least| least.max(MIN_DEVIATION)));
-        let filter = Filter::new(state, covariance, instruments.noise(scenario), scenario.airframe.g_mps2);
+        let filter = Filter::new(state, covariance, noise, scenario.airframe.g_mps2);
 
         let latency_ns = settings.position.latency_ms.max(settings.velocity.latency_ms) * 1e6;
         let delay = (latency_ns as u64).div_ceil(period_ns) as usize;
@@ -122,7 +115,8 @@ impl NavigationUnit {
     pub fn measure(&mut self, motion: &Kinematics, actuators: &Actuation, faults: &mut SensorFaults) {
         let Self { instruments, navigation, random, sample_ns, period_ns, due_ns, .. } = self;
         let tick = *due_ns / *sample_ns;
-        let (imu, aiding) = instruments.measure(*due_ns, motion, actuators, (tick, faults), random);
+        let inject = |readings: &mut Readings| faults.inject_all(tick, readings);
+        let (imu, aiding) = instruments.measure(*due_ns, motion, actuators, inject, random);
         navigation.update(&imu, &aiding);
         *due_ns += *period_ns;
     }
@@ -168,6 +162,24 @@ impl NavigationUnit {
         tape.random(&mut self.random);
         tape.word(&mut self.due_ns);
     }
+}
+
+/// Draws a start near the true `motion`, by the deviations of the settings, with its covariance.
+fn near(motion: &Kinematics, settings: &Sensors, random: &mut ChaCha8Rng) -> (State, Covariance) {
+    let (start, truth) = (&settings.alignment, state_of(motion));
+    let [tilt, heading] = [start.tilt_deg, start.heading_deg].map(f64::to_radians);
+    let off = draw(1.0, random).component_mul(&Vector3::new(tilt, tilt, heading));
+    let state = State {
+        position_m: truth.position_m + draw(start.position_m, random),
+        velocity_mps: truth.velocity_mps + draw(start.velocity_mps, random),
+        attitude: turn(off) * truth.attitude,
+        ..State::default()
+    };
+    let rates_bias = Vector3::from(settings.rates.bias).max().to_radians();
+    let deviations =
+        [start.position_m, start.velocity_mps, tilt, heading, settings.imu.acceleration_bias_mps2, rates_bias];
+    let covariance = initial_covariance(&state.attitude, &deviations.map(|least| least.max(MIN_DEVIATION)));
+    (state, covariance)
 }
 
 #[cfg(test)]

@@ -46,6 +46,8 @@ pub enum Stream {
     Turbulence,
     /// Sensors of the navigation unit.
     Navigation,
+    /// Sensors of rotor speeds and tilt.
+    Telemetry,
     /// Fault at this index in the scenario.
     Fault(usize),
 }
@@ -66,6 +68,7 @@ impl Stream {
             Self::Jitter => 3,
             Self::Turbulence => 4,
             Self::Navigation => 5,
+            Self::Telemetry => 6,
             Self::Fault(index) => FAULTS + index as u64,
         }
     }

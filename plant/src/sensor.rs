@@ -73,6 +73,11 @@ impl Sensor {
         tape.option(&mut self.newest, |tape, newest| tape.numbers(newest));
     }
 
+    /// Lets the time of the flight begin: the next measurement is due at once.
+    pub fn rewind(&mut self) {
+        self.due_ns = 0;
+    }
+
     /// Returns whether the sensor has errors.
     pub fn errs(&self) -> bool {
         let errors = [self.deviation, self.bias_deviation, self.bias_step, self.quantum];

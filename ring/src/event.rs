@@ -148,8 +148,9 @@ pub fn size_in_words(fault: &Fault) -> Option<String> {
     use FaultTarget as T;
     let unit = match fault.target {
         _ if fault.kind == FaultKind::Mass => " kg",
-        T::Position => " m",
-        T::Velocity => " m/s",
+        T::Position | T::Height => " m",
+        T::Velocity | T::Flow => " m/s",
+        T::Acceleration => " m/s2",
         T::Attitude => " deg",
         T::Rates => " deg/s",
         _ => "",

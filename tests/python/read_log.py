@@ -21,7 +21,7 @@ SAMPLE_NS = 10_000_000
 # Schema name and fields of every topic.
 TOPICS = {
     "/state": ("trefoil.v1.State", "stamp applied_sequence applied_age_ns measured actual actuators command_in_force"
-               " status status_name arrivals arrived navigation"),
+               " status status_name arrivals arrived navigation sensed"),
     "/reference": ("trefoil.v1.Reference", "stamp position_m velocity_mps w_mps attitude_rad rates_radps"
                    " disturbance_mps2 flags preview_step_ns preview"),
     "/controls": ("trefoil.v1.Controls", "stamp demand disturbance status status_name iterations solve_ns"

@@ -33,15 +33,13 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
         let [p, q, r] = measured.rates_radps;
         DVector::from_row_slice(&[measured.velocity_mps[2], 0.0, 0.0, 0.0, p, q, r])
     };
-    let mut before = (sample(&measured), at(0.0));
+    let mut before = sample(&measured);
     let mut found = vec![];
     for tick in 0..300_u64 {
         let actuation = at(tick as f64 * SAMPLE_S);
         let x = sample(&measured);
-        let samples =
-            [(&before.0, &before.1), (&x, &actuation)].map(|(x, actuation)| Sample { x: x.as_view(), actuation });
-        d = indi.observe(tick, &measured, samples, &d, &mut stage);
-        let acceleration = (&x - &before.0) / SAMPLE_S;
+        d = indi.observe(tick, (&measured, &actuation), [before.as_view(), x.as_view()], &d, &mut stage);
+        let acceleration = (&x - &before) / SAMPLE_S;
         let force = Vector4::new(acceleration[0], acceleration[5], acceleration[4], acceleration[6]);
         let share = 1.0 - (-gains.filter_radps * SAMPLE_S).exp();
         let [mut first, mut second] = slow;
@@ -49,7 +47,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
         second += (first - second) * share;
         slow = [first, second];
         found.push([d, second - mixing.deviation(&actuation)]);
-        before = (x, actuation);
+        before = x;
         for step in 0..10 {
             let inputs = mixing.deviation(&at((tick as f64 + (f64::from(step) + 0.5) / 10.0) * SAMPLE_S)) * scale;
             let faster = inputs.component_div(&inertia) * (SAMPLE_S / 10.0);
@@ -99,8 +97,8 @@ fn a_gap_in_the_samples_teaches_nothing() {
     let measured = Kinematics { attitude_rad: [trim.roll_rad, 0.0, 0.0], ..Kinematics::default() };
     for (tick, now, learns) in [(7, &still, false), (9, &fast, false), (10, &still, true)] {
         let before = d;
-        let samples = [&fast, now].map(|x| Sample { x: x.as_view(), actuation: &trim.actuation });
-        d = indi.observe(tick, &measured, samples, &d, &mut stage);
+        let states = [fast.as_view(), now.as_view()];
+        d = indi.observe(tick, (&measured, &trim.actuation), states, &d, &mut stage);
         assert_eq!(d != before, learns, "sample {tick}");
     }
 }
@@ -113,4 +111,17 @@ fn a_faster_filter_takes_in_more() {
         Indi::new(Level::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S).share
     };
     assert!(share(10.0) < share(30.0) && share(1e6) <= 1.0 && share(1e-9) > 0.0);
+}
+
+#[test]
+fn sensed_positions_are_used_where_asked_for_and_numbers() {
+    let (vehicle, trim, mixing) = parts();
+    let of = |actuators, sensed| {
+        let gains = IndiGains { actuators, ..IndiGains::default() };
+        Indi::new(Level::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S).actuators(sensed, trim.actuation)
+    };
+    let sensed = Actuation { rotor_speed: [1.0, 2.0, 3.0], tilt_rad: 0.4 };
+    assert_eq!(of(IndiActuators::Sensed, sensed), sensed);
+    assert_eq!(of(IndiActuators::Modelled, sensed), trim.actuation);
+    assert_eq!(of(IndiActuators::Sensed, Actuation { tilt_rad: f64::NAN, ..sensed }), trim.actuation);
 }

@@ -116,7 +116,7 @@ macro_rules! messages {
             }
             messages {
                 /// STATE: the measured motion, the true motion, and the command in force.
-                State "trefoil.State.v7" 760 bytes {
+                State "trefoil.State.v8" 792 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim
@@ -124,7 +124,8 @@ macro_rules! messages {
                     applied_sequence: u64,
                     /// Age of the sample behind that command when the command took effect at the actuators \[ns\].
                     applied_age_ns: u64,
-                    /// Measured motion. A controller may use only this, `command_in_force`, and its number and age.
+                    /// Measured motion. A controller may use only this, `sensed`, `command_in_force`, and its number and
+                    /// age.
                     measured: Kinematics,
                     /// True motion, for the recorder and the report.
                     actual: Kinematics,
@@ -141,10 +142,12 @@ macro_rules! messages {
                     arrived: u64,
                     /// Errors that the navigation unit expects of `measured`.
                     navigation: Navigation,
+                    /// Rotor speeds and tilt as the telemetry of the actuators gives them.
+                    sensed: ActuationMsg,
                 }
 
                 /// REFERENCE: the attitude, rates and vertical velocity that the attitude loop shall follow.
-                Reference "trefoil.Reference.v7" 608 bytes {
+                Reference "trefoil.Reference.v8" 608 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Position on the trajectory, NED \[m\].
@@ -169,7 +172,7 @@ macro_rules! messages {
                 }
 
                 /// CONTROLS: the demanded conventional inputs, as deviations from trim.
-                Controls "trefoil.Controls.v7" 320 bytes {
+                Controls "trefoil.Controls.v8" 320 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Demand of col, lon, lat, ped \[N, N m, N m, N m\].
@@ -189,7 +192,7 @@ macro_rules! messages {
                 }
 
                 /// ACTUATORS: the command for rotors and servo.
-                Actuators "trefoil.Actuators.v7" 256 bytes {
+                Actuators "trefoil.Actuators.v8" 256 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Command inside the actuators' limits.

@@ -100,6 +100,8 @@ fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
 /// Advice on how to make wind have an effect on the vehicle.
 const FEEL_AIR: &str = "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]";
 
+/// Steepest magnetic field that tells the heading of a vehicle that stands \[deg\].
+const MAX_INCLINATION_DEG: f64 = 80.0;
 /// Duration of each leg of the survey \[s\].
 const SURVEY_LEG_S: f64 = 10.0;
 /// Shortest leg of a spline \[s\]: the spline's equations contain its fourth power.
@@ -123,6 +125,21 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
         &["initial.standing", "plant.ground.present"],
         "`initial.standing` where there is no ground".into(),
         "`plant.ground.present` = true with it",
+    );
+    let (alignment, magnetometer) = (&plant.sensors.alignment, &plant.sensors.magnetometer);
+    let stands = alignment.standing_s > 0.0;
+    let moves = scenario.initial.velocity_mps != [0.0; 3] || scenario.initial.rates_radps != [0.0; 3];
+    found.require(
+        !stands || !moves,
+        &["plant.sensors.alignment.standing_s", "initial.velocity_mps", "initial.rates_radps"],
+        "`plant.sensors.alignment.standing_s` with a vehicle that starts in motion".into(),
+        "`initial.velocity_mps` and `initial.rates_radps` = [0, 0, 0] with it",
+    );
+    found.require(
+        !stands || magnetometer.rate_hz > 0.0 && magnetometer.inclination_deg.abs() <= MAX_INCLINATION_DEG,
+        &["plant.sensors.alignment.standing_s", "plant.sensors.magnetometer"],
+        "`plant.sensors.alignment.standing_s` without a magnetometer that tells the heading".into(),
+        "`plant.sensors.magnetometer.rate_hz` above 0, and an `inclination_deg` of at most 80 with it",
     );
     let steps = plant.wind_ned_mps.iter().any(|(_, wind)| *wind != [0.0; 3]);
     let blows = steps || plant.turbulence.is_on();

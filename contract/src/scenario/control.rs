@@ -202,12 +202,25 @@ pub struct IndiGains {
     pub kd: [f64; 3],
     /// Bandwidth of each of the two low-passes on acceleration and actuators \[rad/s\].
     pub filter_radps: f64,
+    /// Where the positions of the actuators come from.
+    pub actuators: IndiActuators,
+}
+
+/// Origin of the actuators' positions in the law `indi`, `mpc.indi.actuators`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum IndiActuators {
+    /// Simulated under the command in force, with the lag `mpc.actuator_lag_model_s`.
+    #[default]
+    Modelled,
+    /// As sensed, `plant.sensors.telemetry`.
+    Sensed,
 }
 
 impl Default for IndiGains {
     /// Places both poles of each angle at -6 rad/s and that of the climb at -4. The filter is five times as fast.
     fn default() -> Self {
-        Self { kp: [4.0, 36.0, 36.0, 36.0], kd: [12.0; 3], filter_radps: 30.0 }
+        Self { kp: [4.0, 36.0, 36.0, 36.0], kd: [12.0; 3], filter_radps: 30.0, actuators: IndiActuators::Modelled }
     }
 }
 

@@ -31,6 +31,8 @@ pub struct Sensors {
     pub flow: Flow,
     /// Error of the EKF at the start.
     pub alignment: Alignment,
+    /// Sensors of rotor speeds and tilt.
+    pub telemetry: Telemetry,
 }
 
 /// Preset of the sensors, `plant.sensors.preset`.
@@ -156,7 +158,7 @@ pub struct Flow {
     pub noise_density: f64,
 }
 
-/// Standard deviations of the errors with which the EKF starts, `[plant.sensors.alignment]`.
+/// Start of the EKF, `[plant.sensors.alignment]`: with an error of these standard deviations, or after standing still.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Alignment {
@@ -168,6 +170,22 @@ pub struct Alignment {
     pub tilt_deg: f64,
     /// Heading \[deg\].
     pub heading_deg: f64,
+    /// Time that the vehicle stands still before the flight, while the unit aligns itself by its own sensors \[s\], 0 to
+    /// 60; 0 = it starts with an error of the deviations above.
+    pub standing_s: f64,
+}
+
+/// Sensors of rotor speeds and tilt, as of speed controllers and servo, `[plant.sensors.telemetry]`. Only the law `indi`
+/// uses them, with `mpc.indi.actuators` = "sensed".
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Telemetry {
+    /// Standard deviation of each rotor speed, as a share of its trim speed.
+    pub rotor_speed_noise: f64,
+    /// Standard deviation of the tilt \[deg\].
+    pub tilt_noise_deg: f64,
+    /// Age of a measurement when it arrives \[ms\], rounded up to whole samples.
+    pub latency_ms: f64,
 }
 
 impl From<SensorPreset> for Sensors {
@@ -187,6 +205,7 @@ impl From<SensorPreset> for Sensors {
             magnetometer: Magnetometer::default(),
             flow: Flow::default(),
             alignment: Alignment::default(),
+            telemetry: Telemetry::default(),
         };
         if preset == SensorPreset::Ideal {
             return ideal;
@@ -230,7 +249,8 @@ impl From<SensorPreset> for Sensors {
                 declination_error_deg: 0.3,
                 ..Magnetometer::default()
             },
-            alignment: Alignment { position_m: 0.02, velocity_mps: 0.05, tilt_deg: 0.3, heading_deg: 1.0 },
+            alignment: Alignment { position_m: 0.02, velocity_mps: 0.05, tilt_deg: 0.3, heading_deg: 1.0, standing_s: 0.0 },
+            telemetry: Telemetry { rotor_speed_noise: 0.005, tilt_noise_deg: 0.3, latency_ms: 0.0 },
             ..ideal
         };
         match preset {
@@ -252,7 +272,7 @@ impl From<SensorPreset> for Sensors {
                     ..good.imu
                 },
                 magnetometer: Magnetometer { disturbance: 0.02, declination_error_deg: 0.5, ..good.magnetometer },
-                alignment: Alignment { position_m: 0.1, velocity_mps: 0.05, tilt_deg: 0.5, heading_deg: 2.0 },
+                alignment: Alignment { position_m: 0.1, velocity_mps: 0.05, tilt_deg: 0.5, heading_deg: 2.0, standing_s: 0.0 },
                 ..good
             },
         }

@@ -2,7 +2,8 @@
 //!
 //! ```toml
 //! [compare]
-//! with = "pid"                            # the other controllers less this one
+//! with = "pid"                            # other controllers less this one
+//! controllers = ["lqr", "mpc"]            # these; without it all others
 //! metrics = ["rms_position_error_m"]      # columns of the table of flights
 //! ```
 //!
@@ -19,8 +20,11 @@ use crate::columns;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Compare {
-    /// Controller that the others are compared with.
+    /// Controller that others are compared with.
     pub with: String,
+    /// Those others; absent = all of them.
+    #[serde(default)]
+    pub controllers: Option<Vec<String>>,
     /// Columns of the table of flights.
     pub metrics: Vec<String>,
 }
@@ -32,11 +36,20 @@ impl Compare {
     /// A controller or a column that the campaign does not have, or nothing to compare.
     pub fn check(&self, controllers: &[&str]) -> anyhow::Result<()> {
         let all = controllers.join(", ");
+        let others = self.controllers.iter().flatten();
+        for name in [&self.with].into_iter().chain(others.clone()) {
+            ensure!(
+                controllers.contains(&name.as_str()),
+                "[compare]: there is no controller {name:?}; there are {all}"
+            );
+        }
         ensure!(
-            controllers.contains(&self.with.as_str()),
-            "[compare]: there is no controller {:?}; there are {all}",
+            others.clone().all(|name| *name != self.with),
+            "[compare]: `controllers` has {:?}, with which it compares; leave it out",
             self.with
         );
+        let is_empty = self.controllers.as_ref().is_some_and(Vec::is_empty);
+        ensure!(!is_empty, "[compare]: `controllers` is empty: name one, or leave it out to compare all");
         ensure!(controllers.len() > 1, "[compare]: there is one controller only; give another [controller.NAME]");
         ensure!(!self.metrics.is_empty(), "[compare]: `metrics` is empty: name a column of the table of flights");
         let known = columns::metrics();
@@ -44,5 +57,10 @@ impl Compare {
             ensure!(known.contains(metric), "[compare]: there is no metric {metric:?}; there are {}", known.join(", "));
         }
         Ok(())
+    }
+
+    /// Returns whether the controller `name` is compared with the one.
+    pub fn compares(&self, name: &str) -> bool {
+        name != self.with && self.controllers.as_ref().is_none_or(|names| names.iter().any(|own| own == name))
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
+//! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by law, path and solver |
+//! | [`navigation`] | `measure navigation`: how long the navigation unit takes, and a tick of the plant |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
 //! | [`kills`] | `measure kills`: a thousand kills of any process at any moment |
 //! | [`shipped`] | shipped campaigns, which `laws` and `conditions` fly |
@@ -26,6 +27,7 @@ pub mod killer;
 pub mod kills;
 pub mod laws;
 pub mod mpc;
+pub mod navigation;
 pub mod replay;
 pub mod sensitivity;
 pub mod shipped;
@@ -35,8 +37,10 @@ use clap::Subcommand;
 
 #[derive(Subcommand)]
 pub enum Measure {
-    /// Time a step of the controller on recorded problems, by path and solver
+    /// Time a step of the controller on recorded problems, by law, path and solver
     Mpc(mpc::MpcArgs),
+    /// Time the navigation unit, and a tick of the plant with and without it
+    Navigation(navigation::NavigationArgs),
     /// Fly with every fault of the catalogue, and kill, stop and delay processes in real time
     Faults(faults::FaultsArgs),
     /// Kill any process of short flights at any moment, again and again
@@ -61,6 +65,7 @@ impl Measure {
     pub fn run(&self) -> anyhow::Result<u8> {
         match self {
             Self::Mpc(args) => mpc::measure(args),
+            Self::Navigation(args) => navigation::measure(args),
             Self::Faults(args) => faults::measure(args),
             Self::Kills(args) => kills::measure(args),
             Self::Laws(args) => laws::measure(args),

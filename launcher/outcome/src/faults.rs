@@ -335,7 +335,7 @@ fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
             Some(actuators.flags & (mixer_flags::TERMINATED | mixer_flags::YAW_GIVEN_UP) != 0)
         }
         (T::Actuators, Record::State(state)) => Some(state.applied_sequence == obeyed),
-        (T::State | T::Reference | T::Controls | T::Position | T::Velocity | T::Attitude | T::Rates, _) => {
+        _ if target.is_a_sensor() || matches!(target, T::State | T::Reference | T::Controls) => {
             let first = target.topic().unwrap_or(Topic::State); // sensor values travel in STATE
             if record.topic() as usize > first as usize { Some(reacts(record)) } else { None }
         }

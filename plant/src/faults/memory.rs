@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use super::sensors::{Readings, SENSORS};
 use crate::memory::Tape;
 
 /// First-order low-pass, exact for readings that are constant from sample to sample.
@@ -50,7 +51,7 @@ pub struct Past {
     /// Number of ticks that are kept.
     ticks: u64,
     /// Ticks and readings, oldest first. Only the first may be `ticks` old or older.
-    readings: VecDeque<(u64, [[f64; 3]; 4])>,
+    readings: VecDeque<(u64, Readings)>,
 }
 
 impl Past {
@@ -66,7 +67,7 @@ impl Past {
     }
 
     /// Stores the `readings` of sample `tick`.
-    pub fn remember(&mut self, tick: u64, readings: [[f64; 3]; 4]) {
+    pub fn remember(&mut self, tick: u64, readings: Readings) {
         // A sample taken twice replaces itself.
         if self.readings.back().is_some_and(|(at, _)| *at >= tick) {
             self.readings.pop_back();
@@ -78,9 +79,9 @@ impl Past {
     }
 
     /// Newest readings that are at least `age` ticks old at sample `tick`, else the oldest ones; NaN if there are none.
-    pub fn before(&self, tick: u64, age: u64) -> [[f64; 3]; 4] {
+    pub fn before(&self, tick: u64, age: u64) -> Readings {
         let old_enough = self.readings.partition_point(|(at, _)| at + age <= tick);
-        self.readings.get(old_enough.saturating_sub(1)).map_or([[f64::NAN; 3]; 4], |(_, readings)| *readings)
+        self.readings.get(old_enough.saturating_sub(1)).map_or([[f64::NAN; 3]; SENSORS], |(_, readings)| *readings)
     }
 }
 
@@ -118,7 +119,7 @@ mod tests {
 
     /// Stores `tick` as the reading of sample `tick` and returns the reading `age` ticks before.
     fn told(past: &mut Past, tick: u64, age: u64) -> f64 {
-        past.remember(tick, [[tick as f64; 3]; 4]);
+        past.remember(tick, [[tick as f64; 3]; SENSORS]);
         past.before(tick, age)[3][2]
     }
 

@@ -11,7 +11,8 @@
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
 //!
-//! The measurement m includes the scenario's noise and the effects of earlier faults of the same sensor.
+//! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates on the gyros, of
+//! attitude on the magnetometer, of whose field one degree is 1/57. The measurement m includes the scenario's noise and the effects of earlier faults of the same sensor.
 
 use contract::Scenario;
 use contract::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS};
@@ -48,12 +49,21 @@ const VELOCITY: Sizes = Sizes { bias: 0.5, noise: 0.2 };
 const ATTITUDE: Sizes = Sizes { bias: 5.0, noise: 2.0 };
 /// Sizes for the rates \[deg/s\].
 const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
+/// Sizes for the specific force \[m/s2\].
+const ACCELERATION: Sizes = Sizes { bias: 1.0, noise: 1.0 };
+/// Sizes for the height \[m\].
+const HEIGHT: Sizes = Sizes { bias: 1.0, noise: 0.3 };
 
 /// Random words reserved for each tick, which uses about ten.
 const WORDS_PER_TICK: u128 = 256;
 
-/// Reading of one sensor on its three axes, in the units of [`Kinematics`].
-type Reading = [f64; 3];
+/// Reading of one sensor on its three axes, in SI units.
+pub type Reading = [f64; 3];
+/// Number of sensors.
+pub const SENSORS: usize = 7;
+/// Readings of all sensors: position, velocity, attitude, rates, and of the EKF specific force, height and velocity over
+/// the ground. Of the last two only the first one and the first two numbers count.
+pub type Readings = [Reading; SENSORS];
 /// Reading without a measurement.
 const NONE: Reading = [f64::NAN; 3];
 
@@ -68,13 +78,13 @@ pub struct SensorFaults {
 
 #[derive(Debug, Clone)]
 struct SensorFault {
-    /// Index of the quantity in [`Kinematics`].
+    /// Index in [`Readings`].
     sensor: usize,
     effect: Effect,
     random: ChaCha8Rng,
 }
 
-/// Effect of a fault, in the units of [`Kinematics`].
+/// Effect of a fault, in SI units.
 #[derive(Debug, Clone)]
 enum Effect {
     Off,
@@ -132,17 +142,22 @@ impl SensorFaults {
 
     /// Stores the sample that the vehicle published at `tick` as the reading of the sensors.
     pub fn recall(&mut self, tick: u64, returned: &Kinematics) {
-        let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = *returned;
-        self.past.remember(tick, [position_m, velocity_mps, attitude_rad, rates_radps]);
+        self.past.remember(tick, readings(returned));
     }
 
-    /// Applies the faults at sample `tick` to the `measured` values.
+    /// Applies the faults at sample `tick` to a `measured` motion.
     pub fn inject(&mut self, tick: u64, measured: &mut Kinematics) {
-        let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
-        self.past.remember(tick, [*position_m, *velocity_mps, *attitude_rad, *rates_radps]);
-        let readings = [position_m, velocity_mps, attitude_rad, rates_radps];
+        let mut readings = readings(measured);
+        self.inject_all(tick, &mut readings);
+        let [position_m, velocity_mps, attitude_rad, rates_radps, ..] = readings;
+        *measured = Kinematics { position_m, velocity_mps, attitude_rad, rates_radps };
+    }
+
+    /// Applies the faults at sample `tick` to the `readings` of all sensors.
+    pub fn inject_all(&mut self, tick: u64, readings: &mut Readings) {
+        self.past.remember(tick, *readings);
         for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
-            let reading = &mut *readings[fault.sensor];
+            let reading = &mut readings[fault.sensor];
             if ticks.contains(&tick) {
                 *reading = fault.read(tick, *reading, &self.past);
             } else {
@@ -161,6 +176,9 @@ impl SensorFault {
             FaultTarget::Velocity => (1, 1.0, VELOCITY),
             FaultTarget::Attitude => (2, degree, ATTITUDE),
             FaultTarget::Rates => (3, degree, RATES),
+            FaultTarget::Acceleration => (4, 1.0, ACCELERATION),
+            FaultTarget::Height => (5, 1.0, HEIGHT),
+            FaultTarget::Flow => (6, 1.0, VELOCITY),
             _ => return None,
         };
         let effect = match (fault.kind, fault.wrong()) {
@@ -206,6 +224,12 @@ impl SensorFault {
             Effect::Noise(deviation) => measured.map(|value| value + *deviation * normal(random)),
         }
     }
+}
+
+/// Readings of the sensors of a motion; the others are 0.
+fn readings(motion: &Kinematics) -> Readings {
+    let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = *motion;
+    [position_m, velocity_mps, attitude_rad, rates_radps, [0.0; 3], [0.0; 3], [0.0; 3]]
 }
 
 /// Converts a time to whole samples, rounded up.

@@ -1,5 +1,5 @@
 use contract::message::{Actuators, Stamp};
-use contract::scenario::{Fault, FaultKind, FaultTarget, SensorPreset, Sensors};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Flow, SensorPreset, Sensors};
 use navigation::Source;
 use navigation::state::ATTITUDE;
 
@@ -55,7 +55,13 @@ fn without_errors_the_estimate_is_the_motion() {
 
 #[test]
 fn val_errors_are_as_large_as_the_covariance_says() {
-    let seeds = 60;
+    for standing_s in [0.0, 5.0] {
+        check_consistency(standing_s, 60);
+    }
+}
+
+/// Checks the NEES of `seeds` flights of 3 s, after an alignment of `standing_s`.
+fn check_consistency(standing_s: f64, seeds: u64) {
     let mut nees = 0.0;
     for seed in 0..seeds {
         let mut scenario = with(SensorPreset::Typical);
@@ -66,6 +72,7 @@ fn val_errors_are_as_large_as_the_covariance_says() {
         (sensors.position.bias_walk, sensors.barometer.bias_walk) = ([0.0; 3], 0.0);
         (sensors.magnetometer.disturbance, sensors.magnetometer.declination_error_deg) = (0.0, 0.0);
         (sensors.position.latency_ms, sensors.velocity.latency_ms) = (0.0, 0.0);
+        sensors.alignment.standing_s = standing_s;
         fly(&scenario, 300, |plant, measured, actual| {
             if plant.tick == 300 {
                 let covariance = unit(plant).navigation().filter().covariance.fixed_view::<9, 9>(0, 0).into_owned();
@@ -75,7 +82,7 @@ fn val_errors_are_as_large_as_the_covariance_says() {
         });
     }
     let bound = 4.0 * (2.0 * 9.0 / seeds as f64).sqrt();
-    assert!((nees - 9.0).abs() < bound, "{nees} and not 9 +- {bound}");
+    assert!((nees - 9.0).abs() < bound, "{standing_s} s: {nees} and not 9 +- {bound}");
 }
 
 #[test]
@@ -87,10 +94,9 @@ fn vibration_grows_with_the_rotor_speed() {
         actuators.rotor_speed = actuators.rotor_speed.map(|speed| speed * share);
         let mut random = Stream::Navigation.open(1);
         let mut instruments = Instruments::new(&scenario, &motion, 4_000_000, &mut random);
-        let mut faults = SensorFaults::new(&scenario);
         let n = 2000;
         let squares = (1..=n).map(|k| {
-            let (imu, _) = instruments.measure(k * 4_000_000, &motion, &actuators, (k, &mut faults), &mut random);
+            let (imu, _) = instruments.measure(k * 4_000_000, &motion, &actuators, |_| {}, &mut random);
             let at_rest = state_of(&motion).attitude.inverse() * Vector3::new(0.0, 0.0, -scenario.airframe.g_mps2);
             (imu.specific_force_mps2 - at_rest).norm_squared() / 3.0
         });
@@ -102,9 +108,10 @@ fn vibration_grows_with_the_rotor_speed() {
 
 #[test]
 fn no_fault_of_a_sensor_makes_an_estimate_that_is_no_number() {
-    let targets = [FaultTarget::Position, FaultTarget::Velocity, FaultTarget::Attitude, FaultTarget::Rates];
+    let targets: Vec<_> = FaultTarget::ALL.map(|(target, _)| target).into_iter().filter(|it| it.is_a_sensor()).collect();
     for (target, kind) in targets.iter().flat_map(|target| target.kinds().iter().map(move |kind| (*target, *kind))) {
         let mut scenario = with(SensorPreset::Typical);
+        scenario.plant.sensors.flow = Flow { rate_hz: 50.0, noise_density: 0.02 };
         scenario.fault = vec![Fault::new(target, kind, 0.5, Some(2.5))];
         fly(&scenario, 400, |_, measured, _| {
             let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
@@ -117,23 +124,27 @@ fn no_fault_of_a_sensor_makes_an_estimate_that_is_no_number() {
 #[test]
 fn faults_act_on_the_sensors_and_the_estimate_bears_the_loss_of_the_receiver() {
     let fault = |target, kind| Fault { value: Some(5.0), ..Fault::new(target, kind, 1.0, Some(1.5)) };
-    let flown = |faults: &[Fault]| {
+    let flown = |faults: &[Fault], source: Source| {
         let scenario = Scenario { fault: faults.to_vec(), ..with(SensorPreset::Typical) };
         let (mut worst, mut refused, mut heading) = (0.0_f64, 0.0, 0.0_f64);
         fly(&scenario, 300, |plant, measured, actual| {
             let off = error(measured, actual);
             worst = worst.max(off.fixed_rows::<3>(0).norm());
             heading = heading.max(off.fixed_rows::<3>(ATTITUDE).norm());
-            refused = unit(plant).navigation().filter().record(Source::Position).refused;
+            refused = unit(plant).navigation().filter().record(source).refused;
         });
         (worst, refused, heading)
     };
-    let (worst, refused, heading) = flown(&[]);
+    let (worst, refused, heading) = flown(&[], Source::Position);
     assert!(worst < 0.8 && refused < 2.0 && heading < 0.15, "{worst} {refused} {heading}");
     let off = [FaultTarget::Position, FaultTarget::Velocity]
         .map(|target| Fault { value: None, ..fault(target, FaultKind::Off) });
-    let (worst, refused, _) = flown(&off);
+    let (worst, refused, _) = flown(&off, Source::Position);
     assert!(worst < 1.5 && refused < 2.0, "{worst} {refused}");
-    let (worst, refused, _) = flown(&[fault(FaultTarget::Position, FaultKind::Wrong)]);
-    assert!(worst < 0.8 && refused > 10.0, "5 m off are refused, not followed: {worst} {refused}");
+    for (target, source) in [(FaultTarget::Position, Source::Position), (FaultTarget::Height, Source::Height)] {
+        let (worst, refused, _) = flown(&[fault(target, FaultKind::Wrong)], source);
+        assert!(worst < 0.8 && refused > 10.0, "5 m off are refused, not followed: {target:?} {worst} {refused}");
+    }
+    let (worst, ..) = flown(&[fault(FaultTarget::Acceleration, FaultKind::Wrong)], Source::Position);
+    assert!(worst > 5.0, "nothing tells 5 m/s2 from a motion: {worst}");
 }

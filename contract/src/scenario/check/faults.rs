@@ -5,7 +5,8 @@ use toml::Value;
 use super::found::Found;
 use super::idle;
 use crate::scenario::{
-    Constraints, Fault, FaultKind, FaultTarget, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, ProgramKind, Scenario,
+    Constraints, Fault, FaultKind, FaultTarget, Filter, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, ProgramKind,
+    Scenario, Sensors,
 };
 
 /// Largest number of bits flipped in a corrupt message: more than any message has.
@@ -24,6 +25,7 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     check_sizes(fault, found);
     check_air(fault, &scenario.plant, found);
     check_vehicle(fault, scenario, found);
+    check_unit(fault, &scenario.plant.sensors, found);
     check_surroundings(fault, scenario.run.mode, found);
     let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
     found.require(
@@ -126,6 +128,29 @@ fn check_vehicle(fault: &Fault, scenario: &Scenario, found: &mut Found) {
         &["fault", "node.plant.exec"],
         format!("a fault of {} where the plant is a library", fault.target.name()),
         "faults of sensors, topics and processes, or `node.plant.exec` = \"\"",
+    );
+}
+
+/// Requires the sensor that has the fault, for one that only the EKF has.
+fn check_unit(fault: &Fault, sensors: &Sensors, found: &mut Found) {
+    let (is_there, key) = match fault.target {
+        FaultTarget::Height => (sensors.barometer.rate_hz > 0.0, "plant.sensors.barometer.rate_hz"),
+        FaultTarget::Flow => (sensors.flow.rate_hz > 0.0, "plant.sensors.flow.rate_hz"),
+        FaultTarget::Acceleration => (true, "plant.sensors.filter"),
+        _ => return,
+    };
+    let name = fault.target.name();
+    found.require(
+        sensors.filter == Filter::Ekf,
+        &["fault", "plant.sensors.filter"],
+        format!("a fault of {name} where no sensor measures it"),
+        "`plant.sensors.filter` = \"ekf\", or a `plant.sensors.preset` with it",
+    );
+    found.require(
+        is_there || sensors.filter != Filter::Ekf,
+        &["fault", key],
+        format!("a fault of {name} where no sensor measures it"),
+        &format!("`{key}` above 0"),
     );
 }
 

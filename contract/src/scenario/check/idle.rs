@@ -17,7 +17,7 @@
 use toml::{Table, Value};
 
 use super::found::Found;
-use crate::scenario::{Constraints, Filter, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind};
+use crate::scenario::{Constraints, Filter, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind};
 
 /// Setting that decides whether others are read.
 struct Switch {
@@ -29,7 +29,7 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 19] = [
+const SWITCHES: [Switch; 21] = [
     Switch {
         settings: &["mission.waypoints_m", "mission.times_s"],
         key: "mission.trajectory",
@@ -80,6 +80,15 @@ const SWITCHES: [Switch; 19] = [
         key: "mpc.law",
         is_on: |scenario| scenario.mpc.law != Law::Indi,
         on: "a law other than \"indi\"",
+    },
+    Switch {
+        settings: &["plant.sensors.telemetry"],
+        key: "mpc.indi.actuators",
+        is_on: |scenario| {
+            scenario.mpc.indi.actuators == IndiActuators::Sensed
+                || scenario.node.attitude_mpc.kind() != ProgramKind::Own // which may use it
+        },
+        on: "\"sensed\"",
     },
     Switch {
         settings: &["mpc.solver", "mpc.max_iterations", "mpc.time_limit_ms"],
@@ -154,6 +163,17 @@ const SWITCHES: [Switch; 19] = [
         key: "plant.sensors.filter",
         is_on: |scenario| scenario.plant.sensors.filter == Filter::Ekf,
         on: "\"ekf\"",
+    },
+    Switch {
+        settings: &[
+            "plant.sensors.alignment.position_m",
+            "plant.sensors.alignment.velocity_mps",
+            "plant.sensors.alignment.tilt_deg",
+            "plant.sensors.alignment.heading_deg",
+        ],
+        key: "plant.sensors.alignment.standing_s",
+        is_on: |scenario| scenario.plant.sensors.alignment.standing_s == 0.0,
+        on: "0",
     },
     Switch {
         settings: &[

@@ -97,6 +97,8 @@ const RANGES: &[(&str, Range)] = &[
     ("plant.sensors.magnetometer.inclination_deg", (Included(-90.0), Included(90.0))),
     ("plant.sensors.alignment.tilt_deg", (Included(0.0), Included(30.0))),
     ("plant.sensors.alignment.heading_deg", (Included(0.0), Included(30.0))),
+    ("plant.sensors.alignment.standing_s", (Included(0.0), Included(60.0))),
+    ("plant.sensors.telemetry.latency_ms", LATENCY_MS),
     ("plant.wind_roughness_m", (Included(0.0), Included(3.0))),
     ("plant.turbulence.wind_at_6m_mps", (Included(0.0), Included(100.0))),
     ("plant.turbulence.height_m", (Included(3.0), Included(304.8))),

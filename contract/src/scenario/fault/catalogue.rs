@@ -5,7 +5,7 @@
 //! | process | plant guidance attitude-mpc mixer | kill stop slow hog exit |
 //! | topic | state reference controls actuators | drop burst delay duplicate reorder corrupt garbage stale rate |
 //! | demand | reference controls actuators | wrong |
-//! | sensor | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise |
+//! | sensor | position velocity attitude rates; of the EKF acceleration height flow | off stuck garbage wrong slow delayed intermittent noise |
 //! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
 //! | environment | wind, payload | step gust, mass |
 //! | solver | mpc | infeasible nan iteration-cap |
@@ -46,6 +46,12 @@ pub enum FaultTarget {
     Attitude,
     /// Measurement of p, q, r.
     Rates,
+    /// Specific force as the accelerometers of the EKF measure it.
+    Acceleration,
+    /// Height as the barometer of the EKF measures it.
+    Height,
+    /// Velocity over the ground, of the EKF.
+    Flow,
     /// The rotor that tilts.
     Rotor1,
     /// The rear rotor at the right.
@@ -164,7 +170,7 @@ const TOPIC_KINDS: [FaultKind; 13] = {
 
 impl FaultTarget {
     /// All targets in the order of their discriminants, each with its name in the file.
-    pub const ALL: [(Self, &'static str); 21] = [
+    pub const ALL: [(Self, &'static str); 24] = [
         (Self::Plant, "plant"),
         (Self::Guidance, "guidance"),
         (Self::AttitudeMpc, "attitude-mpc"),
@@ -177,6 +183,9 @@ impl FaultTarget {
         (Self::Velocity, "velocity"),
         (Self::Attitude, "attitude"),
         (Self::Rates, "rates"),
+        (Self::Acceleration, "acceleration"),
+        (Self::Height, "height"),
+        (Self::Flow, "flow"),
         (Self::Rotor1, "rotor1"),
         (Self::Rotor2, "rotor2"),
         (Self::Rotor3, "rotor3"),
@@ -189,8 +198,8 @@ impl FaultTarget {
     ];
 
     /// Names that an error message offers.
-    const NAMES: [&'static str; 21] = {
-        let mut names = [""; 21];
+    const NAMES: [&'static str; Self::ALL.len()] = {
+        let mut names = [""; Self::ALL.len()];
         let mut i = 0;
         while i < names.len() {
             names[i] = Self::ALL[i].1;
@@ -216,6 +225,16 @@ impl FaultTarget {
         processes.iter().position(|process| *process == self).map(|i| Topic::ALL[i])
     }
 
+    /// Returns whether the target is a sensor.
+    pub fn is_a_sensor(self) -> bool {
+        matches!(self, Self::Position | Self::Velocity | Self::Attitude | Self::Rates) || self.is_of_the_unit()
+    }
+
+    /// Returns whether the target is a sensor that only the EKF has.
+    pub fn is_of_the_unit(self) -> bool {
+        matches!(self, Self::Acceleration | Self::Height | Self::Flow)
+    }
+
     /// Returns whether the target is a rotor or the tilt.
     pub fn is_an_actuator(self) -> bool {
         matches!(self, Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt)
@@ -230,7 +249,13 @@ impl FaultTarget {
             }
             Self::State => &TOPIC_KINDS[1..],
             Self::Reference | Self::Controls | Self::Actuators => &TOPIC_KINDS,
-            Self::Position | Self::Velocity | Self::Attitude | Self::Rates => {
+            Self::Position
+            | Self::Velocity
+            | Self::Attitude
+            | Self::Rates
+            | Self::Acceleration
+            | Self::Height
+            | Self::Flow => {
                 &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise]
             }
             Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt => {

@@ -96,7 +96,7 @@ fn rows<'a>(page: &'a Page<'a>) -> Vec<Row<'a>> {
     for metric in &compare.metrics {
         for case in &cases {
             let of_case = rows_by_flight(page, *case);
-            for controller in (0..page.names.len()).filter(|controller| *controller != with) {
+            for controller in (0..page.names.len()).filter(|controller| compare.compares(page.names[*controller])) {
                 rows.push(row(page, &of_case, metric, *case, [controller, with]));
             }
         }
@@ -190,7 +190,8 @@ mod tests {
             strict.iter().all(|row| row[place("left out")] == "6" && row[place("difference")] == "-"),
             "{strict:?}"
         );
-        assert_eq!(rows.len(), 4, "two controllers in two cases");
+        let compared = if compare.contains("controllers") { 1 } else { 2 };
+        assert_eq!(rows.len(), 2 * compared, "controllers in two cases");
         text(&page)
     }
 
@@ -198,6 +199,8 @@ mod tests {
     fn controllers_are_compared_in_each_case_over_the_flights_that_both_passed() {
         let text = said("with = 'soft'\nmetrics = ['max_position_error_m']");
         assert!(text.starts_with("less soft, where both passed"), "{text}");
+        let one = said("with = 'soft'\ncontrollers = ['hard']\nmetrics = ['max_position_error_m']");
+        assert!(one.contains("hard") && !one.contains("strict"), "{one}");
     }
 
     #[test]
@@ -206,6 +209,9 @@ mod tests {
             ("with = 'pid'\nmetrics = ['flown_s']", "no controller \"pid\"; there are soft, hard, strict"),
             ("with = 'soft'\nmetrics = ['error']", "no metric \"error\"; there are failed_at_s, flown_s"),
             ("with = 'soft'\nmetrics = []", "`metrics` is empty"),
+            ("with = 'soft'\ncontrollers = ['pid']\nmetrics = ['flown_s']", "no controller \"pid\""),
+            ("with = 'soft'\ncontrollers = ['soft']\nmetrics = ['flown_s']", "with which it compares"),
+            ("with = 'soft'\ncontrollers = []\nmetrics = ['flown_s']", "`controllers` is empty"),
         ] {
             assert!(said(compare).contains(part), "{compare}: {}", said(compare));
         }

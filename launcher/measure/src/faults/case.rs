@@ -59,20 +59,21 @@ pub enum Promise {
 
 impl Case {
     /// Lists all faults of the flight itself. Left out are a plant that hangs or leaves, which needs a wall clock to
-    /// notice, and faults of clock and host and intruders, which change no bit of the flight (see
-    /// `tests/isolation.rs`).
+    /// notice, faults of clock and host and intruders, which change no bit of the flight (see
+    /// `tests/isolation.rs`), and those of sensors that this flight does not have.
     pub fn all() -> Vec<Self> {
         let fault = |target, kind: &FaultKind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S)));
         let of = |(target, _): (FaultTarget, _)| target.kinds().iter().map(move |kind| fault(target, kind));
         let needs_a_clock = |case: &Self| {
             case.0.target == FaultTarget::Plant && !matches!(case.0.kind, FaultKind::Kill | FaultKind::Slow)
         };
-        FaultTarget::ALL.into_iter().flat_map(of).filter(|case| !needs_a_clock(case) && !case.is_around()).collect()
+        FaultTarget::ALL.into_iter().flat_map(of).filter(|case| !needs_a_clock(case) && !case.is_elsewhere()).collect()
     }
 
-    /// Returns whether the fault acts on the surroundings of the processes.
-    fn is_around(&self) -> bool {
-        matches!(self.0.target, FaultTarget::Clock | FaultTarget::Host) || self.0.kind.is_intrusion()
+    /// Returns whether the fault acts on the surroundings of the processes, or on a sensor behind the EKF.
+    fn is_elsewhere(&self) -> bool {
+        let Fault { target, kind, .. } = self.0;
+        matches!(target, FaultTarget::Clock | FaultTarget::Host) || target.is_of_the_unit() || kind.is_intrusion()
     }
 
     pub fn is_of_a_process(&self) -> bool {
@@ -91,9 +92,9 @@ impl Case {
             (T::Plant, K::Kill) => Promise::NoPlant,
             (T::Rotor1 | T::Rotor2 | T::Rotor3, K::Off) => Promise::Terminate,
             (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, K::Off | K::Stuck) => Promise::NoActuator,
-            (T::Position | T::Velocity | T::Attitude | T::Rates, K::Stuck | K::Wrong) => Promise::Lie,
+            (target, K::Stuck | K::Wrong) if target.is_a_sensor() => Promise::Lie,
             (T::Reference | T::Controls | T::Actuators, K::Wrong) => Promise::Error,
-            (T::Position | T::Velocity | T::Attitude | T::Rates, K::Slow | K::Delayed) => Promise::Late,
+            (target, K::Slow | K::Delayed) if target.is_a_sensor() => Promise::Late,
             _ if blind_s > KNOWN_S + 1e-9 => Promise::Blind,
             _ if fell => Promise::Fall,
             _ => Promise::Recover,

@@ -87,7 +87,7 @@ pub struct Comparison {
 impl Polygons {
     /// Makes the problems of a sequence; `None` if the flight had no constraints.
     pub fn of(sequence: &Sequence) -> Result<Option<Self>, ScenarioError> {
-        let scenario = sequence.scenario_for(sequence.scenario.mpc.solver);
+        let scenario = sequence.scenario_for_mpc();
         let model = PredictionModel::new(&scenario);
         let Condensed { hessian, course, .. } = Condensed::new(&model, &scenario)?;
         let Some(set) = PlanSet::new(&scenario, &course, model.trim.roll_rad) else { return Ok(None) };
@@ -139,7 +139,7 @@ impl Polygons {
 
 /// Returns the controller's answer on each tick, and the unconstrained plan `U*` there.
 fn centres(sequence: &Sequence) -> impl Iterator<Item = (Controls, DVector<f64>)> {
-    let mut mpc = AttitudeMpc::new(&sequence.scenario_for(sequence.scenario.mpc.solver));
+    let mut mpc = AttitudeMpc::new(&sequence.scenario_for_mpc());
     sequence.samples.iter().map(move |(state, reference)| {
         let mut controls = mpc.step(state.stamp.tick, state, reference);
         controls.stamp.tick = state.stamp.tick;

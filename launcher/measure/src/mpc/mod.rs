@@ -125,7 +125,7 @@ fn text(results: &MpcResults) -> String {
         &format!(
             "A step of the controller [us], median of {rounds} rounds, steps back to back; longest: of all rounds"
         ),
-        &["flight", "solver", "path", "n", "p50", "p90", "p99", "p99.9", "max", "longest", "iter", "max"],
+        &["flight", "controller", "path", "n", "p50", "p90", "p99", "p99.9", "max", "longest", "iter", "max"],
         results.rows.iter().map(step_row).collect(),
     );
     let rivals = Table::new(
@@ -143,7 +143,7 @@ fn text(results: &MpcResults) -> String {
 
 fn step_row(row: &StepTimes) -> Vec<String> {
     let d = row.step;
-    let mut cells = vec![row.sequence.clone(), row.solver.to_owned(), name(row.path), d.n.to_string()];
+    let mut cells = vec![row.sequence.clone(), row.controller.to_owned(), name(row.path), d.n.to_string()];
     cells.extend([d.p50_us, d.p90_us, d.p99_us, d.p999_us, d.max_us].map(|us| format!("{us:.2}")));
     cells.extend([row.longest_us, row.iterations_mean].map(|value| format!("{value:.1}")));
     cells.push(row.iterations_max.to_string());
@@ -164,7 +164,7 @@ fn rival_row(rival: &Comparison) -> Vec<String> {
 }
 
 fn targets(results: &MpcResults) -> Vec<Target> {
-    let row = |solver, path| results.rows.iter().find(|r| r.sequence == ALL && r.solver == solver && r.path == path);
+    let row = |controller, path| results.rows.iter().find(|r| r.sequence == ALL && r.controller == controller && r.path == path);
     let explicit = || ["clarabel", "active-set"].into_iter().filter_map(|solver| row(solver, Path::Explicit));
     // Times without any solve tell nothing about the solver.
     let with_solves = |solver| row(solver, Path::Solver).and(row(solver, Path::All));

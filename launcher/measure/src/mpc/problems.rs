@@ -40,15 +40,20 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// Returns the flight's settings for `solver`, in process (so without a time limit), without faults, and with the
-    /// law MPC, the only one that solves problems.
-    pub fn scenario_for(&self, solver: Solver) -> Scenario {
+    /// Returns the flight's settings for `law` and, if it is the MPC, `solver`: in process (so without a time limit), and
+    /// without faults.
+    pub fn scenario_for(&self, law: Law, solver: Solver) -> Scenario {
         let mut scenario = self.scenario.clone();
         scenario.run.mode = Mode::Inprocess;
-        scenario.mpc.law = Law::Mpc;
+        scenario.mpc.law = law;
         scenario.mpc.solver = solver;
         scenario.fault.clear();
         scenario
+    }
+
+    /// Returns the settings for the MPC with the flight's own solver.
+    pub fn scenario_for_mpc(&self) -> Scenario {
+        self.scenario_for(Law::Mpc, self.scenario.mpc.solver)
     }
 }
 

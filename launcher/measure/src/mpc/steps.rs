@@ -1,6 +1,6 @@
 //! Times of the controller's steps on a machine that also does other work.
 //!
-//! Every round runs each sequence through a new controller of each solver, in turns, and times every step. The work of
+//! Every round runs each sequence through a new controller of each law and solver, in turns, and times every step. The work of
 //! a step is the same in every round, so differences come from the machine: the time of a problem is its median over
 //! the rounds. Steps follow each other without a pause, so caches are warm, unlike in a flight at 100 Hz.
 //!
@@ -14,7 +14,7 @@ use attitude_mpc::AttitudeMpc;
 use attitude_mpc::condensed::Condensed;
 use attitude_mpc::model::PredictionModel;
 use contract::message::{Reference, SolveStatus, State};
-use contract::scenario::Solver;
+use contract::scenario::{Law, Solver};
 use nalgebra::DVector;
 use outcome::percentiles::{Percentiles, median_ns};
 use runtime::realtime::now_ns;
@@ -23,18 +23,27 @@ use serde::Serialize;
 
 use super::problems::Sequence;
 
-/// Solvers, with their names in the settings.
-pub const SOLVERS: [(Solver, &str); 2] = [(Solver::Clarabel, "clarabel"), (Solver::ActiveSet, "active-set")];
+/// Controllers: name, law and solver; those of the MPC are named after their solver.
+pub const CONTROLLERS: [(&str, Law, Solver); 6] = [
+    ("clarabel", Law::Mpc, Solver::Clarabel),
+    ("active-set", Law::Mpc, Solver::ActiveSet),
+    ("lqr", Law::Lqr, Solver::Clarabel),
+    ("pid", Law::Pid, Solver::Clarabel),
+    ("geometric", Law::Geometric, Solver::Clarabel),
+    ("indi", Law::Indi, Solver::Clarabel),
+];
 /// Name of the sequence that stands for all of them.
 pub const ALL: &str = "all";
 /// Shortest watch of the canary \[ns\].
 const CANARY_NS: u64 = 1_000_000;
 
-/// Steps of one sequence with one solver.
+/// Steps of one sequence with one controller.
 #[derive(Debug, Clone)]
 pub struct StepSeries {
     pub sequence: String,
-    pub solver: &'static str,
+    pub controller: &'static str,
+    /// `true` if it is an MPC, whose steps have two paths.
+    pub solves: bool,
     pub steps: Vec<Step>,
 }
 
@@ -59,12 +68,12 @@ pub enum Path {
     All,
 }
 
-/// Times of the steps of one sequence, solver and path.
+/// Times of the steps of one sequence, controller and path.
 #[derive(Debug, Clone, Serialize)]
 pub struct StepTimes {
     /// Name of the sequence, or [`ALL`].
     pub sequence: String,
-    pub solver: &'static str,
+    pub controller: &'static str,
     pub path: Path,
     /// Median over the rounds of each step.
     pub step: Percentiles,
@@ -87,27 +96,26 @@ impl Step {
 
 /// Lists every single time as CSV.
 pub fn to_csv(series: &[StepSeries]) -> String {
-    let mut csv = "sequence,solver,tick,status,iterations,round,ns\n".to_owned();
-    for StepSeries { sequence, solver, steps } in series {
+    let mut csv = "sequence,controller,tick,status,iterations,round,ns\n".to_owned();
+    for StepSeries { sequence, controller, steps, .. } in series {
         for Step { tick, status, iterations, rounds_ns, .. } in steps {
             for (round, ns) in rounds_ns.iter().enumerate() {
-                let _ = writeln!(csv, "{sequence},{solver},{tick},{status},{iterations},{round},{ns}"); // a String
+                let _ = writeln!(csv, "{sequence},{controller},{tick},{status},{iterations},{round},{ns}"); // a String
             }
         }
     }
     csv
 }
 
-/// Times every step of `sequences` with each solver, `rounds` times. Returns one series for each sequence and solver,
-/// and the longest gap seen by the canary \[ns\].
+/// Times every step of `sequences` with each controller, `rounds` times. Returns one series for each sequence and
+/// controller, and the longest gap seen by the canary \[ns\].
 pub fn sample(sequences: &[Sequence], rounds: u32) -> (Vec<StepSeries>, u64) {
-    let each = || sequences.iter().flat_map(|sequence| SOLVERS.map(|solver| (sequence, solver)));
-    let mut series: Vec<StepSeries> =
-        each().map(|(sequence, (solver, name))| untimed(sequence, solver, name)).collect();
+    let each = || sequences.iter().flat_map(|sequence| CONTROLLERS.map(|controller| (sequence, controller)));
+    let mut series: Vec<StepSeries> = each().map(|(sequence, controller)| untimed(sequence, controller)).collect();
     let mut longest_stall_ns = 0;
     for _ in 0..rounds {
-        for ((sequence, (solver, _)), series) in each().zip(&mut series) {
-            let mut mpc = AttitudeMpc::new(&sequence.scenario_for(solver));
+        for ((sequence, (_, law, solver)), series) in each().zip(&mut series) {
+            let mut mpc = AttitudeMpc::new(&sequence.scenario_for(law, solver));
             let mut total_ns = CANARY_NS;
             for ((state, reference), step) in sequence.samples.iter().zip(&mut series.steps) {
                 let (_, ns) = timed(|| black_box(mpc.step(state.stamp.tick, black_box(state), black_box(reference))));
@@ -121,13 +129,18 @@ pub fn sample(sequences: &[Sequence], rounds: u32) -> (Vec<StepSeries>, u64) {
 }
 
 /// Makes a first pass, untimed: status and iterations of each step.
-fn untimed(sequence: &Sequence, solver: Solver, name: &'static str) -> StepSeries {
-    let mut mpc = AttitudeMpc::new(&sequence.scenario_for(solver));
+fn untimed(sequence: &Sequence, (controller, law, solver): (&'static str, Law, Solver)) -> StepSeries {
+    let mut mpc = AttitudeMpc::new(&sequence.scenario_for(law, solver));
     let step = |(state, reference): &(State, Reference)| {
         let controls = mpc.step(state.stamp.tick, state, reference);
         Step { tick: reference.stamp.tick, status: controls.status, iterations: controls.iterations, rounds_ns: vec![] }
     };
-    StepSeries { sequence: sequence.name.clone(), solver: name, steps: sequence.samples.iter().map(step).collect() }
+    StepSeries {
+        sequence: sequence.name.clone(),
+        controller,
+        solves: law == Law::Mpc,
+        steps: sequence.samples.iter().map(step).collect(),
+    }
 }
 
 /// Reads the clock for `duration_ns` and does nothing else; returns the longest time between two readings \[ns\].
@@ -162,25 +175,24 @@ pub fn floor_ns(sequence: &Sequence) -> anyhow::Result<f64> {
     Ok(median_ns([(); 101].map(|()| timed(&mut batch).1)) as f64 / f64::from(PRODUCTS))
 }
 
-/// Returns a row for each sequence, solver and path that has a step, then those over all sequences.
+/// Returns a row for each sequence, solver and path that has a step, then those over all sequences, for each controller.
 pub fn step_times(series: &[StepSeries]) -> Vec<StepTimes> {
     let mut rows = vec![];
-    for one in series {
+    for one in series.iter().filter(|series| series.solves) {
         for path in [Path::Explicit, Path::Solver] {
-            rows.extend(StepTimes::of(&one.sequence, one.solver, path, &[one]));
+            rows.extend(StepTimes::of(&one.sequence, one.controller, path, &[one]));
         }
     }
-    for (_, solver) in SOLVERS {
-        let series: Vec<&StepSeries> = series.iter().filter(|series| series.solver == solver).collect();
-        for path in [Path::Explicit, Path::Solver, Path::All] {
-            rows.extend(StepTimes::of(ALL, solver, path, &series));
-        }
+    for (controller, law, _) in CONTROLLERS {
+        let series: Vec<&StepSeries> = series.iter().filter(|series| series.controller == controller).collect();
+        let paths: &[Path] = if law == Law::Mpc { &[Path::Explicit, Path::Solver, Path::All] } else { &[Path::All] };
+        rows.extend(paths.iter().filter_map(|path| StepTimes::of(ALL, controller, *path, &series)));
     }
     rows
 }
 
 impl StepTimes {
-    fn of(sequence: &str, solver: &'static str, path: Path, series: &[&StepSeries]) -> Option<Self> {
+    fn of(sequence: &str, controller: &'static str, path: Path, series: &[&StepSeries]) -> Option<Self> {
         let is_explicit = |step: &Step| step.status == SolveStatus::Explicit as u64;
         let on_path = |step: &&Step| path == Path::All || is_explicit(step) == (path == Path::Explicit);
         let steps: Vec<&Step> = series.iter().flat_map(|series| &series.steps).filter(on_path).collect();
@@ -190,7 +202,7 @@ impl StepTimes {
         let expected = [SolveStatus::Explicit as u64, SolveStatus::Solved as u64];
         Some(Self {
             sequence: sequence.to_owned(),
-            solver,
+            controller,
             path,
             mean_us: times_ns.iter().sum::<u64>() as f64 / 1e3 / times_ns.len() as f64,
             step: Percentiles::of(times_ns)?,
@@ -218,7 +230,7 @@ mod tests {
             step(SolveStatus::Solved, 4, [5000, 5200, 5100]),
             step(SolveStatus::Fallback, 2, [3000, 3000, 3000]),
         ];
-        let rows = step_times(&[StepSeries { sequence: "upset".into(), solver: "clarabel", steps }]);
+        let rows = step_times(&[StepSeries { sequence: "upset".into(), controller: "clarabel", solves: true, steps }]);
         let of = |sequence, path| rows.iter().find(|r| r.sequence == sequence && r.path == path).expect("a row");
 
         let explicit = of("upset", Path::Explicit);
@@ -228,6 +240,6 @@ mod tests {
         assert_eq!((solver.step.n, solver.iterations_mean, solver.iterations_max), (2, 3.0, 4));
         assert_eq!(solver.unsolved, 1);
         assert_eq!(of(ALL, Path::All).step.n, 3);
-        assert!(rows.iter().all(|r| r.solver == "clarabel"), "no row of a solver that was not measured");
+        assert!(rows.iter().all(|r| r.controller == "clarabel"), "no row of a controller that was not measured");
     }
 }
