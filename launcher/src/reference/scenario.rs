@@ -89,6 +89,7 @@ const PURE: &[&str] = &[
     "plant.rotor_effectiveness",
     "plant.sensors.imu.scale",
     "plant.sensors.magnetometer.disturbance",
+    "plant.sensors.telemetry.rotor_speed_noise",
     "plant.battery.droop",
     "plant.battery.sag",
     "plant.ground.friction",
