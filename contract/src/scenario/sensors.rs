@@ -249,7 +249,13 @@ impl From<SensorPreset> for Sensors {
                 declination_error_deg: 0.3,
                 ..Magnetometer::default()
             },
-            alignment: Alignment { position_m: 0.02, velocity_mps: 0.05, tilt_deg: 0.3, heading_deg: 1.0, standing_s: 0.0 },
+            alignment: Alignment {
+                position_m: 0.02,
+                velocity_mps: 0.05,
+                tilt_deg: 0.3,
+                heading_deg: 1.0,
+                standing_s: 0.0,
+            },
             telemetry: Telemetry { rotor_speed_noise: 0.005, tilt_noise_deg: 0.3, latency_ms: 0.0 },
             ..ideal
         };
@@ -272,7 +278,13 @@ impl From<SensorPreset> for Sensors {
                     ..good.imu
                 },
                 magnetometer: Magnetometer { disturbance: 0.02, declination_error_deg: 0.5, ..good.magnetometer },
-                alignment: Alignment { position_m: 0.1, velocity_mps: 0.05, tilt_deg: 0.5, heading_deg: 2.0, standing_s: 0.0 },
+                alignment: Alignment {
+                    position_m: 0.1,
+                    velocity_mps: 0.05,
+                    tilt_deg: 0.5,
+                    heading_deg: 2.0,
+                    standing_s: 0.0,
+                },
                 ..good
             },
         }

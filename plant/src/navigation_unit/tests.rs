@@ -108,7 +108,8 @@ fn vibration_grows_with_the_rotor_speed() {
 
 #[test]
 fn no_fault_of_a_sensor_makes_an_estimate_that_is_no_number() {
-    let targets: Vec<_> = FaultTarget::ALL.map(|(target, _)| target).into_iter().filter(|it| it.is_a_sensor()).collect();
+    let targets: Vec<_> =
+        FaultTarget::ALL.map(|(target, _)| target).into_iter().filter(|it| it.is_a_sensor()).collect();
     for (target, kind) in targets.iter().flat_map(|target| target.kinds().iter().map(move |kind| (*target, *kind))) {
         let mut scenario = with(SensorPreset::Typical);
         scenario.plant.sensors.flow = Flow { rate_hz: 50.0, noise_density: 0.02 };

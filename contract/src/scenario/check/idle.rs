@@ -17,7 +17,9 @@
 use toml::{Table, Value};
 
 use super::found::Found;
-use crate::scenario::{Constraints, Filter, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind};
+use crate::scenario::{
+    Constraints, Filter, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind,
+};
 
 /// Setting that decides whether others are read.
 struct Switch {

@@ -255,9 +255,7 @@ impl FaultTarget {
             | Self::Rates
             | Self::Acceleration
             | Self::Height
-            | Self::Flow => {
-                &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise]
-            }
+            | Self::Flow => &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise],
             Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt => {
                 &[K::Off, K::Stuck, K::Wrong, K::Slow, K::Saturated]
             }

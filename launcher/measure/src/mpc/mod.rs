@@ -164,7 +164,9 @@ fn rival_row(rival: &Comparison) -> Vec<String> {
 }
 
 fn targets(results: &MpcResults) -> Vec<Target> {
-    let row = |controller, path| results.rows.iter().find(|r| r.sequence == ALL && r.controller == controller && r.path == path);
+    let row = |controller, path| {
+        results.rows.iter().find(|r| r.sequence == ALL && r.controller == controller && r.path == path)
+    };
     let explicit = || ["clarabel", "active-set"].into_iter().filter_map(|solver| row(solver, Path::Explicit));
     // Times without any solve tell nothing about the solver.
     let with_solves = |solver| row(solver, Path::Solver).and(row(solver, Path::All));
