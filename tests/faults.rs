@@ -173,3 +173,21 @@ fn a_flight_without_a_fault_raises_no_alarm() {
         .flat_map(|node| node.as_object().expect("causes").values());
     assert_eq!(counts.map(|count| count.as_u64().expect("a count")).sum::<u64>(), 0, "{}", run["refused"]);
 }
+
+#[test]
+fn a_vehicle_without_rotor_1_comes_down_softly_behind_an_ekf_late_commands_and_a_killed_mixer() {
+    let settings = [
+        "run.duration_s=30.0",
+        "run.command_delay_ms=20.0",
+        "mission.trajectory=hover",
+        "plant.ground={present=true, down_m=10.0}",
+        "plant.sensors.preset=typical",
+        "mixer.broken_vehicle=descend",
+        "bounds.max_position_error_m=inf",
+        "fault=[{at_s=3.0, target=\"rotor1\", kind=\"off\"}, {at_s=7.0, target=\"mixer\", kind=\"kill\"}]",
+    ];
+    let set = settings.iter().flat_map(|setting| ["--set", setting]);
+    let outcome = fly(&["--mode", "lockstep", "--no-log"].into_iter().chain(set).collect::<Vec<_>>());
+    let sink_mps = outcome.metric("touchdown_sink_mps");
+    assert!((0.1..2.0).contains(&sink_mps), "{sink_mps} m/s: {}", outcome.stderr);
+}

@@ -89,6 +89,7 @@ fn sensed_actuators_need_no_model_of_their_lag() {
         "mpc.constraints=none",
         "mission.trajectory=hover",
         "initial.attitude_deg=[20.0, -25.0, 40.0]",
+        "run.command_delay_ms=10.0",
         "plant.rotor_lag_s=0.12",
         "plant.servo_lag_s=0.12",
         "bounds.max_position_error_m=inf",

@@ -9,6 +9,8 @@
 //! Rotor 1 alone could carry a spin too, of 31 rad/s with four fifths of its thrust. But the regulator below, built for
 //! it, does not reach it from the motion after a rear rotor died, so thrust is cut.
 //!
+//! Both laws are given the motion at which their command takes effect ([`crate::ahead`]).
+//!
 //! # Rotor 1
 //!
 //! The spin is held by a linear-quadratic regulator, from the linear model of [`airframe::spin`] and the speeds that
@@ -51,6 +53,7 @@ use contract::Scenario;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
+use crate::ahead::{Body, Motion, Sent};
 use crate::damage::Part;
 use crate::fallback::{CLIMB_BANDWIDTH_RADPS, DESCENT_MPS};
 
@@ -90,9 +93,8 @@ const MIN_UPRIGHT: f64 = 0.3;
 #[derive(Debug, Clone)]
 pub struct Broken {
     on_rear_rotors: Option<OnRearRotors>,
-    mixing: MixingMatrix,
+    body: Body,
     limits: Limits,
-    vehicle: Parameters,
     trim: Trim,
 }
 
@@ -108,8 +110,10 @@ impl Broken {
     pub fn new(scenario: &Scenario, mixing: MixingMatrix, law: &ActuatorLaw) -> Self {
         let vehicle = scenario.airframe;
         let trim = Trim::solve(&vehicle, scenario.mixer.tilt_reaction);
-        let on_rear_rotors = OnRearRotors::new(&vehicle, law, scenario.sample_s());
-        Self { on_rear_rotors, mixing, limits: law.limits, vehicle, trim }
+        let sample_s = scenario.sample_s();
+        let on_rear_rotors = OnRearRotors::new(&vehicle, law, sample_s);
+        let body = Body { mixing, vehicle, rotor_lag_s: law.rotor_lag_s.max(MIN_LAG_S), sample_s };
+        Self { on_rear_rotors, body, limits: law.limits, trim }
     }
 
     /// Returns whether the vehicle can descend without `part`.
@@ -120,15 +124,27 @@ impl Broken {
         }
     }
 
-    /// Computes the command of a descent without `part`, from the newest measurements and the `position` that sound
-    /// actuators should have; the caller clips it. `None` if the vehicle cannot descend, or if a number overflows.
-    pub fn command(&self, part: Part, measured: &Kinematics, position: &Actuation) -> Option<Actuation> {
-        let (down, rates) = (down_in_body(measured), Vector3::from(measured.rates_radps));
-        let faster_mps = DESCENT_MPS - measured.sink_mps();
+    /// Computes the command of a descent without `part`, from the newest measurements, the `position` that sound
+    /// actuators should have, and the commands `sent` before; the caller clips it. `None` if the vehicle cannot descend,
+    /// or if a number overflows.
+    pub fn command(&self, part: Part, measured: &Kinematics, position: &Actuation, sent: &Sent) -> Option<Actuation> {
+        let (dead, tilt_rad) = match part {
+            Part::Rotor(rotor) => (Some(rotor), position.tilt_rad),
+            Part::Tilt(tilt_rad) => (None, tilt_rad),
+        };
+        let now = Motion {
+            down: down_in_body(measured),
+            rates_radps: measured.rates_radps.into(),
+            velocity_mps: measured.velocity_mps.into(),
+            sink_mps: measured.sink_mps(),
+            position: Actuation { tilt_rad, ..*position },
+        };
+        let Motion { down, rates_radps: rates, velocity_mps, sink_mps, position } = self.body.ahead(&now, sent, dead);
+        let faster_mps = DESCENT_MPS - sink_mps;
         let command = match part {
             Part::Rotor(0) => {
                 let [_, right, left] = position.rotor_speed;
-                let axis = self.against_drift(&down, &Vector3::from(measured.velocity_mps));
+                let axis = self.against_drift(&down, &velocity_mps);
                 let rear_speed = self.on_rear_rotors.as_ref()?.rear_speed(&axis, &rates, faster_mps, [right, left]);
                 Actuation { rotor_speed: [0.0, rear_speed[0], rear_speed[1]], ..self.trim.actuation }
             }
@@ -136,9 +152,9 @@ impl Broken {
             Part::Tilt(tilt_rad) => {
                 let fall_mps2 = (CLIMB_BANDWIDTH_RADPS * faster_mps).clamp(-MAX_CLIMB_MPS2, MAX_CLIMB_MPS2);
                 let [lat, lon] = self.level_spin(&down, &rates);
-                let remaining = Remaining::new(&self.mixing, &self.limits, tilt_rad)?;
+                let remaining = Remaining::new(&self.body.mixing, &self.limits, tilt_rad)?;
                 let upright = (down.z - remaining.side * down.y).max(MIN_UPRIGHT);
-                let lift_n = self.vehicle.mass_kg * (self.vehicle.g_mps2 - fall_mps2) / upright;
+                let lift_n = self.body.vehicle.mass_kg * (self.body.vehicle.g_mps2 - fall_mps2) / upright;
                 Actuation { rotor_speed: remaining.allocate(lift_n, lon, lat), tilt_rad }
             }
         };
@@ -151,12 +167,12 @@ impl Broken {
         let braking_mps2 = (velocity_mps - down * velocity_mps.dot(down)) * DRIFT_GAIN_RADPS;
         let size_mps2 = braking_mps2.norm();
         let share = if size_mps2 > MAX_BRAKING_MPS2 { MAX_BRAKING_MPS2 / size_mps2 } else { 1.0 };
-        (down * self.vehicle.g_mps2 + braking_mps2 * share).normalize()
+        (down * self.body.vehicle.g_mps2 + braking_mps2 * share).normalize()
     }
 
     /// Moments about x and y that lean the vehicle against its spin \[N m\].
     fn level_spin(&self, down: &Vector3<f64>, rates: &Vector3<f64>) -> [f64; 2] {
-        let Parameters { ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.vehicle;
+        let Parameters { ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.body.vehicle;
         let (r, upright) = (rates.z, down.z.max(MIN_UPRIGHT));
         let share = (r.abs() / LEAN_RADPS).min(1.0);
         let lean = (LEAN * share).max((r.abs() / STEEP_RADPS).min(MAX_LEAN));

@@ -8,6 +8,7 @@
 //! | [`rotors`] | detection of a dead rotor and a stuck tilt servo | |
 //! | [`damage`] | the broken part | |
 //! | [`broken`] | descent without it | |
+//! | [`ahead`] | motion at which its command takes effect | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
 //! With `mixer.projection` a demand that the actuators cannot produce is replaced by the nearest one that they can
@@ -18,6 +19,7 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
+pub mod ahead;
 pub mod allocation;
 pub mod broken;
 pub mod damage;
@@ -124,6 +126,7 @@ impl Mixer {
         if !is_finite(&controls.demand) {
             actuators.flags |= mixer_flags::BAD_INPUT;
         }
+        self.memory.sent.push(actuators.command.into());
         actuators
     }
 
@@ -169,6 +172,7 @@ impl Mixer {
         };
         self.memory.state_tick = OptionalTick::some(tick);
         self.memory.measured = *m;
+        self.memory.sent.observe(state);
         self.memory.evidence = evidence;
         self.note_damage();
         elapsed_ns
@@ -236,8 +240,8 @@ impl Mixer {
 
     /// Command of a descent without a broken part.
     fn descend_without(&self, part: Part) -> Actuators {
-        let Memory { measured, evidence, .. } = &self.memory;
-        let wanted = self.broken.as_ref().and_then(|broken| broken.command(part, measured, &evidence.actuation));
+        let Memory { measured, evidence, sent, .. } = &self.memory;
+        let wanted = self.broken.as_ref().and_then(|broken| broken.command(part, measured, &evidence.actuation, sent));
         let Some(wanted) = wanted else { return self.cut(mixer_flags::YAW_GIVEN_UP) }; // a number overflowed
         let mut command = self.limits.clip(&wanted);
         let mut flags = mixer_flags::DESCENDING | mixer_flags::YAW_GIVEN_UP;

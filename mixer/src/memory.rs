@@ -5,6 +5,7 @@ use contract::message::Kinematics;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::Vector4;
 
+use crate::ahead::Sent;
 use crate::damage::Damage;
 use crate::landing::Landing;
 use crate::rotors::Evidence;
@@ -29,8 +30,10 @@ pub struct Memory {
     pub damage: Damage,
     /// State of the land detector.
     pub landing: Landing,
+    /// Commands sent, and their delay.
+    pub sent: Sent,
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"mixer  5";
+    const NAME: [u8; 8] = *b"mixer  6";
 }

@@ -1,0 +1,180 @@
+//! Motion of a broken vehicle at the moment at which a new command takes effect.
+//!
+//! ```text
+//! dn/dt = n x w                       J dw/dt = M(Omega) - w x J w
+//! d sink/dt = g + F_z(Omega) n_z / m  lag dOmega/dt = command - Omega
+//! ```
+//!
+//! STATE tells how old a command is when it takes effect. Until then the command in force acts, and then those under way,
+//! as in `attitude-mpc`'s `delay`. A spin turns by 13 degrees in 10 ms, so a descent that took the motion of now for that
+//! of then would fall. A command that was lost is not known to be, and a state that is late is not made up for.
+
+use airframe::mixing::intermediate;
+use airframe::{Actuation, MixingMatrix, Parameters};
+use bytemuck::{Pod, Zeroable};
+use contract::message::State;
+use nalgebra::{Vector3, Vector4};
+
+/// Number of commands that are remembered, and longest delay in samples.
+pub const MAX_DELAY: usize = 8;
+/// Longest step of the integration \[s\].
+const MAX_STEP_S: f64 = 2e-3;
+
+/// Commands sent, and the age at which they take effect.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Sent {
+    /// Commands, the newest first.
+    commands: [Actuation; MAX_DELAY],
+    /// Command in force at the newest sample.
+    in_force: Actuation,
+    /// Age at which that one took effect \[ns\].
+    age_ns: u64,
+}
+
+impl Sent {
+    /// Stores a command.
+    pub fn push(&mut self, command: Actuation) {
+        self.commands.rotate_right(1);
+        self.commands[0] = command;
+    }
+
+    /// Stores what a state tells of the command in force.
+    pub fn observe(&mut self, state: &State) {
+        (self.in_force, self.age_ns) = (state.command_in_force.into(), state.applied_age_ns);
+    }
+
+    /// Commands that act until a new one takes effect, each with its duration \[s\], the first one first.
+    fn course(&self, sample_s: f64) -> impl Iterator<Item = (Actuation, f64)> {
+        let samples = (self.age_ns as f64 / 1e9 / sample_s).min(MAX_DELAY as f64);
+        let whole = samples as usize;
+        let rest_s = (samples - whole as f64) * sample_s;
+        let under_way = self.commands[..whole].iter().rev().map(move |command| (*command, sample_s));
+        [(self.in_force, rest_s)].into_iter().chain(under_way)
+    }
+}
+
+/// Motion that a descent needs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Direction down in the body frame, `n`.
+    pub down: Vector3<f64>,
+    /// Body rates \[rad/s\].
+    pub rates_radps: Vector3<f64>,
+    /// Velocity in the body frame, whose horizontal part counts; it turns with the body, and else stays \[m/s\].
+    pub velocity_mps: Vector3<f64>,
+    /// Vertical speed, down positive \[m/s\].
+    pub sink_mps: f64,
+    /// Positions of the actuators.
+    pub position: Actuation,
+}
+
+/// Vehicle as a rigid body on its actuators.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Forces and moments of its actuators.
+    pub mixing: MixingMatrix,
+    /// Mass and inertia.
+    pub vehicle: Parameters,
+    /// Time constant of the rotors \[s\].
+    pub rotor_lag_s: f64,
+    /// Time from command to command \[s\].
+    pub sample_s: f64,
+}
+
+impl Body {
+    /// Motion when a new command takes effect, from that of now. The tilt stays, and rotor `dead` gives no thrust.
+    pub fn ahead(&self, now: &Motion, sent: &Sent, dead: Option<usize>) -> Motion {
+        let mut motion = *now;
+        for (command, time_s) in sent.course(self.sample_s) {
+            let steps = (time_s / MAX_STEP_S).ceil();
+            for _ in 0..steps as usize {
+                motion = self.step(&motion, &command, time_s / steps, dead);
+            }
+        }
+        motion
+    }
+
+    /// Motion after a step of the midpoint rule.
+    fn step(&self, from: &Motion, command: &Actuation, step_s: f64, dead: Option<usize>) -> Motion {
+        let middle = self.moved(from, from, command, step_s / 2.0, dead);
+        self.moved(from, &middle, command, step_s, dead)
+    }
+
+    /// Moves `from` over a time with the derivatives at `at`.
+    fn moved(&self, from: &Motion, at: &Motion, command: &Actuation, time_s: f64, dead: Option<usize>) -> Motion {
+        let Parameters { g_mps2, mass_kg, ixx_kgm2, iyy_kgm2, izz_kgm2, .. } = self.vehicle;
+        let inertia = Vector3::new(ixx_kgm2, iyy_kgm2, izz_kgm2);
+        let mut acting = at.position;
+        dead.into_iter().for_each(|rotor| acting.rotor_speed[rotor] = 0.0);
+        let inputs: Vector4<f64> = self.mixing.forward * intermediate(&acting);
+        let moment = Vector3::new(inputs[2], inputs[1], inputs[3]);
+        let turning = moment - at.rates_radps.cross(&inertia.component_mul(&at.rates_radps));
+        let mut position = from.position;
+        for (i, speed) in position.rotor_speed.iter_mut().enumerate() {
+            *speed += (command.rotor_speed[i] - at.position.rotor_speed[i]) / self.rotor_lag_s * time_s;
+        }
+        Motion {
+            down: (from.down + at.down.cross(&at.rates_radps) * time_s).normalize(),
+            rates_radps: from.rates_radps + turning.component_div(&inertia) * time_s,
+            velocity_mps: from.velocity_mps + at.velocity_mps.cross(&at.rates_radps) * time_s,
+            sink_mps: from.sink_mps + (g_mps2 + inputs[0] * at.down.z / mass_kg) * time_s,
+            position,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use airframe::spin::Spin;
+    use contract::Scenario;
+
+    use super::*;
+
+    fn body() -> Body {
+        let scenario = Scenario::default();
+        let vehicle = scenario.airframe;
+        Body { mixing: MixingMatrix::new(&vehicle, false), vehicle, rotor_lag_s: 0.03, sample_s: 0.01 }
+    }
+
+    fn sent(age_ms: u64, speeds: &[f64]) -> Sent {
+        let of = |speed: f64| Actuation { rotor_speed: [0.0, speed, speed], tilt_rad: 0.0 };
+        let mut sent = Sent { in_force: of(speeds[0]), age_ns: age_ms * 1_000_000, ..Sent::zeroed() };
+        speeds[1..].iter().for_each(|speed| sent.push(of(*speed)));
+        sent
+    }
+
+    #[test]
+    fn a_spin_stays_a_spin_over_any_delay() {
+        let body = body();
+        let spin = Spin::solve(&body.vehicle, f64::INFINITY).expect("the vehicle has one");
+        let position = Actuation { rotor_speed: [0.0, spin.rotor_speed, spin.rotor_speed], tilt_rad: 0.0 };
+        let now =
+            Motion { down: spin.down, rates_radps: spin.rates_radps, velocity_mps: spin.down, sink_mps: 0.7, position };
+        for age_ms in [0, 3, 10, 25, 80, 1000] {
+            let then = body.ahead(&now, &sent(age_ms, &[spin.rotor_speed; MAX_DELAY + 1]), Some(0));
+            assert!(
+                (then.down - now.down).amax() < 1e-4 && (then.sink_mps - 0.7).abs() < 1e-4,
+                "{age_ms} ms: {then:?}"
+            );
+            assert!((then.velocity_mps - now.velocity_mps).amax() < 1e-4, "along the axis: {then:?}");
+            assert!((then.rates_radps - now.rates_radps).amax() < 1e-3, "{age_ms} ms: {then:?}");
+            assert!(age_ms > 0 || then == now);
+        }
+    }
+
+    #[test]
+    fn rotors_follow_the_command_in_force_and_then_those_under_way() {
+        let now = Motion {
+            down: Vector3::z(),
+            rates_radps: Vector3::zeros(),
+            velocity_mps: Vector3::zeros(),
+            sink_mps: 0.0,
+            position: Actuation { rotor_speed: [0.0, 100.0, 100.0], tilt_rad: 0.0 },
+        };
+        let then = body().ahead(&now, &sent(25, &[200.0, 50.0, 400.0]), Some(0));
+        let follow = |from: f64, to: f64, time_s: f64| to + (from - to) * (-time_s / 0.03_f64).exp();
+        let expected = follow(follow(follow(100.0, 200.0, 0.005), 50.0, 0.01), 400.0, 0.01);
+        assert!((then.position.rotor_speed[1] - expected).abs() < 0.2, "{then:?} {expected}");
+    }
+}
