@@ -44,6 +44,7 @@ pub struct Standstill {
     rates: Mean,
     field: Mean,
     position: Mean,
+    height: Mean,
 }
 
 impl Standstill {
@@ -53,6 +54,12 @@ impl Standstill {
         self.rates.add(&imu.rates_radps);
         aiding.field.iter().for_each(|field| self.field.add(field));
         aiding.position_m.iter().for_each(|position_m| self.position.add(position_m));
+        aiding.height_m.iter().for_each(|height_m| self.height.add(&Vector3::repeat(*height_m)));
+    }
+
+    /// Mean position, NED \[m\], and mean height \[m\]; 0 without a measurement.
+    pub fn place(&self) -> (Vector3<f64>, f64) {
+        (self.position.value().unwrap_or_default(), self.height.value().unwrap_or_default().x)
     }
 
     /// Returns state and covariance after the alignment, with an accelerometer whose bias has the deviation `bias_mps2`.

@@ -49,6 +49,8 @@ pub struct Instruments {
     fields: [Vector3<f64>; 2],
     g_mps2: f64,
     period_s: f64,
+    /// What position, NED, and height were off while the vehicle stood, which is where its frame begins \[m\].
+    offset_m: (Vector3<f64>, f64),
     /// True attitude and velocity, NED, at the last sample of the IMU.
     before: (UnitQuaternion<f64>, Vector3<f64>),
     /// Last measurements without faults; of the attitude stands the magnetic field.
@@ -98,6 +100,7 @@ impl Instruments {
             fields: [declination * (dip * Vector3::x()), draw(disturbance, random)],
             g_mps2: scenario.airframe.g_mps2,
             period_s: period_ns as f64 / 1e9,
+            offset_m: (Vector3::zeros(), 0.0),
             before: (truth.attitude, truth.velocity_mps),
             readings: [[0.0; 3]; SENSORS],
         }
@@ -152,7 +155,8 @@ impl Instruments {
         let field = self.magnetometer.as_mut().and_then(|sensor| measure(sensor, field));
         let flow = self.flow.as_mut().and_then(|sensor| measure(sensor, body));
 
-        let height = height.map(|[_, _, down_m]| [-down_m; 3]);
+        let position = position.map(|position_m| (Vector3::from(position_m) - self.offset_m.0).into());
+        let height = height.map(|[_, _, down_m]| [-down_m - self.offset_m.1; 3]);
         let measured = [position, velocity, field, rates, specific_force, height, flow];
         self.readings.iter_mut().zip(&measured).for_each(|(last, new)| *last = new.unwrap_or(*last));
         let mut readings = self.readings;
@@ -169,7 +173,8 @@ impl Instruments {
         (imu, aiding)
     }
 
-    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU; then the time of the flight begins.
+    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU; then the time of the flight begins. Its
+    /// frame begins there too: position and height are from then on relative to their means.
     pub fn stand(&mut self, motion: &Kinematics, samples: u64, random: &mut ChaCha8Rng) -> Standstill {
         let (period_ns, still) = ((self.period_s * 1e9).round() as u64, Actuation::default());
         let mut standstill = Standstill::default();
@@ -178,6 +183,8 @@ impl Instruments {
             standstill.add(&imu, &aiding);
         }
         self.sensors().for_each(Sensor::rewind);
+        let (truth, (position_m, height_m)) = (Vector3::from(motion.position_m), standstill.place());
+        self.offset_m = (position_m - truth, height_m + truth.z);
         standstill
     }
 

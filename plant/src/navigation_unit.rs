@@ -82,7 +82,9 @@ impl NavigationUnit {
             let standstill = instruments.stand(motion, standing, &mut random);
             let bias_mps2 = settings.imu.acceleration_bias_mps2.max(MIN_DEVIATION);
             let aligned = standstill.aligned(&noise, bias_mps2, scenario.airframe.g_mps2);
-            aligned.expect("the check refuses a unit without a magnetometer that tells the heading")
+            let (state, covariance) =
+                aligned.expect("the check refuses a unit without a magnetometer that tells the heading");
+            (State { position_m: motion.position_m.into(), ..state }, covariance)
         } else {
             near(motion, settings, &mut random)
         };
