@@ -106,7 +106,9 @@ impl Body {
         let Parameters { g_mps2, mass_kg, ixx_kgm2, iyy_kgm2, izz_kgm2, .. } = self.vehicle;
         let inertia = Vector3::new(ixx_kgm2, iyy_kgm2, izz_kgm2);
         let mut acting = at.position;
-        dead.into_iter().for_each(|rotor| acting.rotor_speed[rotor] = 0.0);
+        if let Some(rotor) = dead {
+            acting.rotor_speed[rotor] = 0.0;
+        }
         let inputs: Vector4<f64> = self.mixing.forward * intermediate(&acting);
         let moment = Vector3::new(inputs[2], inputs[1], inputs[3]);
         let turning = moment - at.rates_radps.cross(&inertia.component_mul(&at.rates_radps));
