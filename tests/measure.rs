@@ -56,7 +56,7 @@ fn the_samples_are_kept() {
     for flight in ["survey", "upset", "yaw", "weak"] {
         let log = flight::log::read(&folder.path().join(flight).with_extension("mcap")).expect("the log reads");
         let lines = csv.lines().filter(|line| line.starts_with(&format!("{flight},"))).count();
-        assert_eq!(lines, 2 * 2 * log.references.len(), "two solvers, two rounds");
+        assert_eq!(lines, 6 * 2 * log.references.len(), "six controllers, two rounds");
         assert!(table.contains(flight), "{table}");
     }
     assert!(table.contains("floor") && table.contains("inconclusive"), "{table}");

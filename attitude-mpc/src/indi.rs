@@ -16,12 +16,12 @@
 //! ```
 //!
 //! `dw/dt` is the difference of two samples of the gyro, which is the mean over the sample between them; `u_a` is the
-//! mean of what the actuators produce at its ends. `d` is published as the disturbance. It contains the gyroscopic moment and every
-//! error of the model. The climb is a loop of the same kind, by the acceleration of the vertical speed.
-//! The actuators' positions enter by the exact map of [`airframe::mixing`], not by its derivative.
+//! mean of what the actuators produce at its ends. `d` is published as the disturbance. It contains the gyroscopic
+//! moment and every error of the model. The climb is a loop of the same kind, by the acceleration of the vertical
+//! speed. The actuators' positions enter by the exact map of [`airframe::mixing`], not by its derivative.
 //!
-//! With `mpc.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure from it:
-//! with "modelled", the default, the controller simulates them under the command in force, with the lag
+//! With `mpc.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure from
+//! it: with "modelled", the default, the controller simulates them under the command in force, with the lag
 //! `mpc.actuator_lag_model_s`; docs/laws.md has what a wrong lag costs. Tests `the_actuators_alone_are_no_disturbance`,
 //! `a_constant_moment_leaves_no_offset`, `sensed_actuators_need_no_model_of_their_lag`.
 
@@ -43,7 +43,7 @@ pub struct Stage {
     pub tick: OptionalTick,
     /// Vertical speed of that sample, down positive \[m/s\].
     pub sink_mps: f64,
-    /// What its actuators produced: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
+    /// Effect of its actuators: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
     pub produced: Vector4<f64>,
     /// Output of the first low-pass on col, lon, lat, ped \[N, N m, N m, N m\].
     pub first: Vector4<f64>,
@@ -68,9 +68,9 @@ impl Indi {
         Self { axes, level, actuators, sample_s, share: -libm::expm1(-filter_radps * sample_s) }
     }
 
-    /// Updates the filter from the state `before` to the one of `now` at `tick`, both (w, phi, theta, psi, p, q, r, ...)
-    /// as deviations from trim, with the motion `measured` and `actuators` at these positions. Returns the disturbance
-    /// after `d`. A gap between the samples leaves it unchanged.
+    /// Updates the filter from the state `before` to the one of `now` at `tick`, both (w, phi, theta, psi, p, q, r,
+    /// ...) as deviations from trim, with the motion `measured` and `actuators` at these positions. Returns the
+    /// disturbance after `d`. A gap between the samples leaves it unchanged.
     pub fn observe(
         &self,
         tick: u64,

@@ -243,8 +243,8 @@ impl AttitudeMpc {
     }
 
     /// Computes the demand at `tick` from the newest state and reference: deviations of col, lon, lat, ped from trim
-    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements, the sensed actuators, and the command in force
-    /// with its number and age are used.
+    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements, the sensed actuators, and the command in
+    /// force with its number and age are used.
     ///
     /// If the state is missing or older than `tick`, or an input is not finite or huge, the last demand is repeated.
     /// [`goal`] describes what replaces an old reference. The status reports each case.

@@ -23,9 +23,9 @@ pub fn checksum_of(words: &[u64]) -> u64 {
     lanes.iter().chain(rest).fold(ODD, |hash, word| mix(hash, *word))
 }
 
-/// Mixes a word into a hash, invertibly in both, so that a single wrong word always changes the result. The shift between
-/// the two multiplications spreads the upper bits too. A multiplication alone would leave them in place, where one bit of
-/// the next word can cancel them.
+/// Mixes a word into a hash, invertibly in both, so that a single wrong word always changes the result. The shift
+/// between the two multiplications spreads the upper bits too. A multiplication alone would leave them in place, where
+/// one bit of the next word can cancel them.
 fn mix(hash: u64, word: u64) -> u64 {
     let mixed = (hash ^ word).wrapping_mul(ODD);
     (mixed ^ mixed >> 32).wrapping_mul(ODD)

@@ -191,8 +191,10 @@ fn fly_here(what: &What, plan: &Plan, shards: Option<u64>, page: Option<OpenPage
     let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::Alone)?;
     // Reads the shards that exist, so that a damaged one is an error before any flight.
     let (there, missing) = folder.collect(plan)?;
-    if there.rows() > 0 && !missing.is_empty() {
-        eprint_line(&format!("{} of {} flights are there already", there.rows(), plan.flights()));
+    if there.rows() > 0 {
+        let more =
+            if missing.is_empty() { ", and none is flown again; --out flies them into another folder" } else { "" };
+        eprint_line(&format!("{} of {} flights are there already{more}", there.rows(), plan.flights()));
     }
     // Signals are caught only from here on: until now nothing has begun, and a signal may end the program.
     let interrupts = catch_interrupts()?;

@@ -5,9 +5,10 @@
 //! d sink/dt = g + F_z(Omega) n_z / m  lag dOmega/dt = command - Omega
 //! ```
 //!
-//! STATE tells how old a command is when it takes effect. Until then the command in force acts, and then those under way,
-//! as in `attitude-mpc`'s `delay`. A spin turns by 13 degrees in 10 ms, so a descent that took the motion of now for that
-//! of then would fall. A command that was lost is not known to be, and a state that is late is not made up for.
+//! STATE tells how old a command is when it takes effect. Until then the command in force acts, and then those under
+//! way, as in `attitude-mpc`'s `delay`. A spin turns by 13 degrees in 10 ms, so a descent that took the motion of now
+//! for that of then would fall. A command that was lost is not known to be, and a state that is late is not made up
+//! for.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, MixingMatrix, Parameters};

@@ -125,8 +125,8 @@ impl Broken {
     }
 
     /// Computes the command of a descent without `part`, from the newest measurements, the `position` that sound
-    /// actuators should have, and the commands `sent` before; the caller clips it. `None` if the vehicle cannot descend,
-    /// or if a number overflows.
+    /// actuators should have, and the commands `sent` before; the caller clips it. `None` if the vehicle cannot
+    /// descend, or if a number overflows.
     pub fn command(&self, part: Part, measured: &Kinematics, position: &Actuation, sent: &Sent) -> Option<Actuation> {
         let (dead, tilt_rad) = match part {
             Part::Rotor(rotor) => (Some(rotor), position.tilt_rad),

@@ -6,9 +6,10 @@
 //! e_h = (m_z n . e_t + e . e_m) / m_x                     error of the heading by that of the field m = (m_x, 0, m_z)
 //! ```
 //!
-//! The rows of `R` are n, e and d: three vectors from two, Shuster and Oh, *Three-axis attitude determination from vector
-//! observations* (1981), section III. The error of the tilt is that of the accelerometer's bias, which standing still does
-//! not tell apart: the covariance has both, and that they go together. The rotation of the earth is left out.
+//! The rows of `R` are n, e and d: three vectors from two, Shuster and Oh, *Three-axis attitude determination from
+//! vector observations* (1981), section III. The error of the tilt is that of the accelerometer's bias, which standing
+//! still does not tell apart: the covariance has both, and that they go together. The rotation of the earth is left
+//! out.
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
@@ -62,9 +63,9 @@ impl Standstill {
         (self.position.value().unwrap_or_default(), self.height.value().unwrap_or_default().x)
     }
 
-    /// Returns state and covariance after the alignment, with an accelerometer whose bias has the deviation `bias_mps2`.
-    /// `None` without a fix, a field or a specific force. The less horizontal the field is, the larger is the deviation
-    /// of the heading.
+    /// Returns state and covariance after the alignment, with an accelerometer whose bias has the deviation
+    /// `bias_mps2`. `None` without a fix, a field or a specific force. The less horizontal the field is, the larger is
+    /// the deviation of the heading.
     pub fn aligned(&self, noise: &Noise, bias_mps2: f64, g_mps2: f64) -> Option<(State, Covariance)> {
         let (force, field) = (self.specific_force.value()?, self.field.value()?);
         let down = -force.try_normalize(0.0)?;

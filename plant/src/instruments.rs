@@ -18,7 +18,7 @@ use navigation::alignment::Standstill;
 use navigation::{Aiding, Imu, Noise, State, state::turn};
 use rand_chacha::ChaCha8Rng;
 
-use crate::faults::sensors::{Readings, SENSORS};
+use crate::faults::memory::{Readings, SENSORS};
 use crate::memory::Tape;
 use crate::random::normal;
 use crate::sensor::Sensor;
@@ -49,7 +49,7 @@ pub struct Instruments {
     fields: [Vector3<f64>; 2],
     g_mps2: f64,
     period_s: f64,
-    /// What position, NED, and height were off while the vehicle stood, which is where its frame begins \[m\].
+    /// Errors of position, NED, and height while the vehicle stood: its frame begins there \[m\].
     offset_m: (Vector3<f64>, f64),
     /// True attitude and velocity, NED, at the last sample of the IMU.
     before: (UnitQuaternion<f64>, Vector3<f64>),
@@ -173,8 +173,8 @@ impl Instruments {
         (imu, aiding)
     }
 
-    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU; then the time of the flight begins. Its
-    /// frame begins there too: position and height are from then on relative to their means.
+    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU; then the time of the flight begins.
+    /// Its frame begins there too: position and height are from then on relative to their means.
     pub fn stand(&mut self, motion: &Kinematics, samples: u64, random: &mut ChaCha8Rng) -> Standstill {
         let (period_ns, still) = ((self.period_s * 1e9).round() as u64, Actuation::default());
         let mut standstill = Standstill::default();

@@ -20,7 +20,8 @@ use navigation::state::{Covariance, turn};
 use navigation::{Filter, Navigation, Source, State, initial_covariance};
 use rand_chacha::ChaCha8Rng;
 
-use crate::faults::sensors::{Readings, SensorFaults};
+use crate::faults::memory::Readings;
+use crate::faults::sensors::SensorFaults;
 use crate::instruments::{Instruments, draw, state_of};
 use crate::memory::Tape;
 use crate::random::Stream;

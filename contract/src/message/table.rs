@@ -124,8 +124,8 @@ macro_rules! messages {
                     applied_sequence: u64,
                     /// Age of the sample behind that command when the command took effect at the actuators \[ns\].
                     applied_age_ns: u64,
-                    /// Measured motion. A controller may use only this, `sensed`, `command_in_force`, and its number and
-                    /// age.
+                    /// Measured motion. A controller may use only this, `sensed`, `command_in_force`, and its number
+                    /// and age.
                     measured: Kinematics,
                     /// True motion, for the recorder and the report.
                     actual: Kinematics,

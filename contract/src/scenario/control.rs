@@ -202,7 +202,7 @@ pub struct IndiGains {
     pub kd: [f64; 3],
     /// Bandwidth of each of the two low-passes on acceleration and actuators \[rad/s\].
     pub filter_radps: f64,
-    /// Where the positions of the actuators come from.
+    /// Origin of the positions of the actuators.
     pub actuators: IndiActuators,
 }
 

@@ -58,11 +58,13 @@ impl Source {
     pub fn read(path: &Path) -> Result<Self, ScenarioError> {
         let name = path.display().to_string();
         let bytes = file::read(path, MAX_TEXT_BYTES).map_err(|error| {
+            let meant = format!("{name}.toml");
+            let hint = if Path::new(&meant).is_file() { format!("did you mean `{meant}`? ") } else { String::new() };
             ScenarioError::new(&[Problem {
                 title: format!("cannot read the scenario `{name}`: {error}"),
                 place: None,
-                help: "give the path of a scenario file, or the name of a shipped one: `launcher scenarios` lists them"
-                    .into(),
+                help: hint
+                    + "give the path of a scenario file, or the name of a shipped one: `launcher scenarios` lists them",
             }])
         })?;
         String::from_utf8(bytes).map(|text| Self { path: Some(name.clone()), text }).map_err(|error| {

@@ -170,13 +170,13 @@ pub struct Alignment {
     pub tilt_deg: f64,
     /// Heading \[deg\].
     pub heading_deg: f64,
-    /// Time that the vehicle stands still before the flight, while the unit aligns itself by its own sensors \[s\], 0 to
-    /// 60; 0 = it starts with an error of the deviations above.
+    /// Time that the vehicle stands still before the flight, while the unit aligns itself by its own sensors \[s\], 0
+    /// to 60; 0 = it starts with an error of the deviations above.
     pub standing_s: f64,
 }
 
-/// Sensors of rotor speeds and tilt, as of speed controllers and servo, `[plant.sensors.telemetry]`. Only the law `indi`
-/// uses them, with `mpc.indi.actuators` = "sensed".
+/// Sensors of rotor speeds and tilt, as of speed controllers and servo, `[plant.sensors.telemetry]`. Only the law
+/// `indi` uses them, with `mpc.indi.actuators` = "sensed".
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Telemetry {

@@ -3,7 +3,7 @@
 //! ```toml
 //! [compare]
 //! with = "pid"                            # other controllers less this one
-//! controllers = ["lqr", "mpc"]            # these; without it all others
+//! controllers = ["lqr"]                   # these; without it all others
 //! metrics = ["rms_position_error_m"]      # columns of the table of flights
 //! ```
 //!
@@ -22,7 +22,7 @@ use crate::columns;
 pub struct Compare {
     /// Controller that others are compared with.
     pub with: String,
-    /// Those others; absent = all of them.
+    /// Controllers that are compared with it; absent = all others.
     #[serde(default)]
     pub controllers: Option<Vec<String>>,
     /// Columns of the table of flights.

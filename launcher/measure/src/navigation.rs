@@ -1,7 +1,7 @@
 //! `measure navigation`: how long the navigation unit takes, and the tick of a plant with and without it.
 //!
-//! The vehicle hovers for 20 s, in process. The work of a call is the same in every round, so its time is the median over
-//! the rounds. The calls follow each other without a pause: caches are warm, unlike in a flight at 100 Hz.
+//! The vehicle hovers for 20 s, in process. The work of a call is the same in every round, so its time is the median
+//! over the rounds. The calls follow each other without a pause: caches are warm, unlike in a flight at 100 Hz.
 
 use std::hint::black_box;
 use std::path::PathBuf;

@@ -1,9 +1,16 @@
-//! Memory of slow and of delayed sensors. Samples may be left out.
+//! Readings of all sensors, and the memory of slow and of delayed ones. Samples may be left out.
 
 use std::collections::VecDeque;
 
-use super::sensors::{Readings, SENSORS};
 use crate::memory::Tape;
+
+/// Reading of one sensor on its three axes, in SI units.
+pub type Reading = [f64; 3];
+/// Number of sensors.
+pub const SENSORS: usize = 7;
+/// Readings of all sensors: position, velocity, attitude, rates, and of the EKF specific force, height and velocity
+/// over the ground. Of the last two only the first one and the first two numbers count.
+pub type Readings = [Reading; SENSORS];
 
 /// First-order low-pass, exact for readings that are constant from sample to sample.
 #[derive(Debug, Clone)]

@@ -4,7 +4,7 @@
 //!
 //! | module | targets | kinds | acts on |
 //! |---|---|---|---|
-//! | [`sensors`] | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise | STATE |
+//! | [`sensors`] | position velocity attitude rates acceleration height flow | off stuck garbage wrong slow delayed intermittent noise | STATE |
 //! | [`actuators`] | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated | the true actuators |
 //! | [`environment`] | wind, payload | step gust, mass | the true vehicle |
 //!
@@ -17,7 +17,7 @@
 
 pub mod actuators;
 pub mod environment;
-mod memory;
+pub mod memory;
 pub mod sensors;
 
 #[cfg(test)]

@@ -11,8 +11,9 @@
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
 //!
-//! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates on the gyros, of
-//! attitude on the magnetometer, of whose field one degree is 1/57. The measurement m includes the scenario's noise and the effects of earlier faults of the same sensor.
+//! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates on the gyros,
+//! of attitude on the magnetometer, of whose field one degree is 1/57. The measurement m includes the scenario's noise
+//! and the effects of earlier faults of the same sensor.
 
 use contract::Scenario;
 use contract::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS};
@@ -21,7 +22,7 @@ use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Wrong};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::memory::{Filter, Past};
+use super::memory::{Filter, Past, Reading, Readings};
 use crate::memory::Tape;
 use crate::random::{Stream, normal};
 
@@ -57,13 +58,6 @@ const HEIGHT: Sizes = Sizes { bias: 1.0, noise: 0.3 };
 /// Random words reserved for each tick, which uses about ten.
 const WORDS_PER_TICK: u128 = 256;
 
-/// Reading of one sensor on its three axes, in SI units.
-pub type Reading = [f64; 3];
-/// Number of sensors.
-pub const SENSORS: usize = 7;
-/// Readings of all sensors: position, velocity, attitude, rates, and of the EKF specific force, height and velocity over
-/// the ground. Of the last two only the first one and the first two numbers count.
-pub type Readings = [Reading; SENSORS];
 /// Reading without a measurement.
 const NONE: Reading = [f64::NAN; 3];
 

@@ -40,8 +40,8 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// Returns the flight's settings for `law` and, if it is the MPC, `solver`: in process (so without a time limit), and
-    /// without faults.
+    /// Returns the flight's settings for `law` and, if it is the MPC, `solver`: in process (so without a time limit),
+    /// and without faults.
     pub fn scenario_for(&self, law: Law, solver: Solver) -> Scenario {
         let mut scenario = self.scenario.clone();
         scenario.run.mode = Mode::Inprocess;

@@ -1,8 +1,8 @@
 //! Times of the controller's steps on a machine that also does other work.
 //!
-//! Every round runs each sequence through a new controller of each law and solver, in turns, and times every step. The work of
-//! a step is the same in every round, so differences come from the machine: the time of a problem is its median over
-//! the rounds. Steps follow each other without a pause, so caches are warm, unlike in a flight at 100 Hz.
+//! Every round runs each sequence through a new controller of each law and solver, in turns, and times every step. The
+//! work of a step is the same in every round, so differences come from the machine: the time of a problem is its median
+//! over the rounds. Steps follow each other without a pause, so caches are warm, unlike in a flight at 100 Hz.
 //!
 //! After each sequence a canary reads the clock in a loop for as long as the steps took, and looks for gaps:
 //! interruptions by the machine. A single long step proves nothing if such a gap is as long.
@@ -175,7 +175,8 @@ pub fn floor_ns(sequence: &Sequence) -> anyhow::Result<f64> {
     Ok(median_ns([(); 101].map(|()| timed(&mut batch).1)) as f64 / f64::from(PRODUCTS))
 }
 
-/// Returns a row for each sequence, solver and path that has a step, then those over all sequences, for each controller.
+/// Returns a row for each sequence, solver and path that has a step, then those over all sequences, for each
+/// controller.
 pub fn step_times(series: &[StepSeries]) -> Vec<StepTimes> {
     let mut rows = vec![];
     for one in series.iter().filter(|series| series.solves) {
