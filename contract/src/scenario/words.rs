@@ -21,12 +21,15 @@ pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&
 }
 
 /// Adds a suggestion to Serde's error for an unknown word, "unknown variant `x`, expected one of `y`, `z`": the nearest
-/// of the expected words. Returns any other message unchanged.
+/// of the expected words, before all of them. Returns any other message unchanged.
 pub fn suggest(message: &str) -> String {
     let mut quoted = message.split('`').skip(1).step_by(2);
     let unknown = quoted.next().filter(|_| message.starts_with("unknown "));
     match unknown.and_then(|word| nearest(word, quoted)) {
-        Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
+        Some(nearest) => {
+            let (unknown, expected) = message.split_once(", ").unwrap_or((message, ""));
+            format!("{unknown}; did you mean `{nearest}`? {expected}")
+        }
         None => message.to_owned(),
     }
 }
@@ -62,7 +65,8 @@ mod tests {
         assert_eq!(nearest("mpc"), Some("attitude-mpc"));
         assert_eq!([nearest("xyz"), nearest(""), nearest(&"rotor1".repeat(99))], [None; 3]);
         let message = "unknown variant `rotr2`, expected one of `rotor1`, `rotor2`";
-        assert_eq!(suggest(message), format!("{message}; did you mean `rotor2`?"));
+        let expected = "unknown variant `rotr2`; did you mean `rotor2`? expected one of `rotor1`, `rotor2`";
+        assert_eq!(suggest(message), expected);
         for message in ["unknown variant `xyz`, expected `rotor1`", "missing field `rotor`", "", "unknown"] {
             assert_eq!(suggest(message), message);
         }
