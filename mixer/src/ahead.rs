@@ -7,8 +7,8 @@
 //!
 //! STATE tells how old a command is when it takes effect. Until then the command in force acts, and then those under
 //! way, as in `attitude-mpc`'s `delay`. A spin turns by 13 degrees in 10 ms, so a descent that took the motion of now
-//! for that of then would fall. A command that was lost is not known to be, and a state that is late is not made up
-//! for.
+//! for that of then would fall. Unlike there a command that was lost is not known to be, the age is that of the last command
+//! and not a mean, and a state that is late is not made up for.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, MixingMatrix, Parameters};
@@ -40,9 +40,13 @@ impl Sent {
         self.commands[0] = command;
     }
 
-    /// Stores what a state tells of the command in force.
-    pub fn observe(&mut self, state: &State) {
+    /// Stores what a state tells of the command in force. At the `first` state of a mixer without a memory the commands
+    /// before are taken for that one.
+    pub fn observe(&mut self, state: &State, first: bool) {
         (self.in_force, self.age_ns) = (state.command_in_force.into(), state.applied_age_ns);
+        if first {
+            self.commands = [self.in_force; MAX_DELAY];
+        }
     }
 
     /// Commands that act until a new one takes effect, each with its duration \[s\], the first one first.
@@ -164,6 +168,18 @@ mod tests {
             assert!((then.rates_radps - now.rates_radps).amax() < 1e-3, "{age_ms} ms: {then:?}");
             assert!(age_ms > 0 || then == now);
         }
+    }
+
+    #[test]
+    fn a_mixer_without_a_memory_takes_the_command_in_force_for_those_before() {
+        let command_in_force = Actuation { rotor_speed: [0.0, 700.0, 800.0], tilt_rad: 0.1 }.into();
+        let state = State { command_in_force, applied_age_ns: 25_000_000, ..State::default() };
+        let mut sent = Sent::zeroed();
+        sent.observe(&state, true);
+        assert!(sent.course(0.01).count() == 3 && sent.course(0.01).all(|(command, _)| command == sent.in_force));
+        sent.push(Actuation::default());
+        sent.observe(&state, false);
+        assert_eq!(sent.course(0.01).last().map(|(command, _)| command), Some(Actuation::default()));
     }
 
     #[test]

@@ -170,9 +170,9 @@ impl Mixer {
             }
             None => self.rotors.unknown(&command),
         };
+        self.memory.sent.observe(state, self.memory.state_tick.get().is_none());
         self.memory.state_tick = OptionalTick::some(tick);
         self.memory.measured = *m;
-        self.memory.sent.observe(state);
         self.memory.evidence = evidence;
         self.note_damage();
         elapsed_ns
