@@ -7,8 +7,8 @@
 //!
 //! STATE tells how old a command is when it takes effect. Until then the command in force acts, and then those under
 //! way, as in `attitude-mpc`'s `delay`. A spin turns by 13 degrees in 10 ms, so a descent that took the motion of now
-//! for that of then would fall. Unlike there a command that was lost is not known to be, the age is that of the last command
-//! and not a mean, and a state that is late is not made up for.
+//! for that of then would fall. Unlike there a command that was lost is not known to be, the age is that of the last
+//! command and not a mean, and a state that is late is not made up for.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, MixingMatrix, Parameters};
