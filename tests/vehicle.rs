@@ -137,6 +137,21 @@ fn features_fly_with_typical_sensors_within_60_cm() {
 }
 
 #[test]
+fn a_landing_by_a_height_that_is_wrong_ends_on_the_ground() {
+    for (scenario, seed) in [("missions/inspection", 3), ("missions/inspection", 8), ("take-off-and-land", 5)] {
+        let seed = format!("run.seed={seed}");
+        let outcome = flown(scenario, &["plant.sensors.preset=typical", "bounds.max_position_error_m=inf", &seed]);
+        let run = outcome.run();
+        assert_eq!(
+            (outcome.code(), &run["ground"]),
+            (Some(0), &"landed".into()),
+            "{scenario} {seed}: {}",
+            run["ended"]
+        );
+    }
+}
+
+#[test]
 fn ten_seconds_without_a_receiver_are_borne_in_gusts() {
     let lost = "fault=[{at_s=20, for_s=10, target='position', kind='off'}, {at_s=20, for_s=10, target='velocity', \
                 kind='off'}]";

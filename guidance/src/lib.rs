@@ -177,7 +177,7 @@ impl Guidance {
             counted_s: if counts { elapsed_s } else { self.sample_s },
             believed_periods: if is_silence || self.memory.cut == 1 { 1 } else { periods },
         };
-        let setpoint = self.trajectory.at(t_s);
+        let setpoint = self.trajectory.for_vehicle_at(state.measured.position_m[2], t_s);
         let attitude = Vector3::from(state.measured.attitude_rad);
         let [phi, theta, psi] = state.measured.attitude_rad;
         let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);

@@ -38,7 +38,11 @@ const SURVEY_LEG_S: f64 = 10.0;
 
 /// Reference of a mission over time.
 #[derive(Debug, Clone)]
-pub struct Trajectory(Path);
+pub struct Trajectory {
+    path: Path,
+    /// Down position of a vehicle that stands \[m\]; infinite without a ground.
+    standing_down_m: f64,
+}
 
 #[derive(Debug, Clone)]
 enum Path {
@@ -65,27 +69,42 @@ impl Trajectory {
                 Ramp::Seconds(ramp_s) => Path::Legs(waypoints, Some(ramp_s)),
             }
         };
-        Self(match mission.trajectory {
+        let path = match mission.trajectory {
             TrajectoryKind::Survey => through(&SURVEY_M, &mut (0..).map(|i| f64::from(i) * SURVEY_LEG_S)),
             TrajectoryKind::Waypoints => through(&mission.waypoints_m, &mut mission.times_s.iter().copied()),
             TrajectoryKind::Hover => Path::Step { to: [0.0; 3], at_s: 0.0 },
             TrajectoryKind::Step => Path::Step { to: mission.step_m, at_s: mission.step_at_s },
             TrajectoryKind::Circle => Path::Circle(Circle::new(mission)),
             TrajectoryKind::Parts => Path::Parts(plan::build(scenario)),
-        })
+        };
+        let ground = &scenario.plant.ground;
+        Self { path, standing_down_m: if ground.present { plan::standing_down_m(ground) } else { f64::INFINITY } }
     }
 
     /// Plan of a mission of parts, which has the headings too; `None` for any other trajectory.
     pub fn plan(&self) -> Option<&Plan> {
-        match &self.0 {
+        match &self.path {
             Path::Parts(plan) => Some(plan),
             _ => None,
         }
     }
 
+    /// Reference at `t_s` of a vehicle whose measured down position is `down_m`. It is [`Self::at`], or lower if that
+    /// rests below the ground, as after a landing, and the vehicle is measured below the ground too. The height is then
+    /// wrong by as much. A vehicle that would hover above the ground sinks until it stands, and one whose height drifts
+    /// on the ground is not asked to climb.
+    pub fn for_vehicle_at(&self, down_m: f64, t_s: f64) -> Setpoint {
+        let mut setpoint = self.at(t_s);
+        let [_, _, rests_down_m] = setpoint.position_m;
+        if setpoint.velocity_mps == [0.0; 3] && rests_down_m > self.standing_down_m {
+            setpoint.position_m[2] += (down_m - self.standing_down_m).max(0.0);
+        }
+        setpoint
+    }
+
     /// Reference at `t_s`; before the first waypoint and after the last it rests there.
     pub fn at(&self, t_s: f64) -> Setpoint {
-        match &self.0 {
+        match &self.path {
             Path::Legs(waypoints, ramp_s) => {
                 let place = |(at_s, position): &(f64, Vector3<f64>)| (*at_s, (*position).into());
                 Setpoint::along(waypoints, place, t_s, |from, to| leg(*from, *to, *ramp_s, t_s))

@@ -35,6 +35,28 @@ fn val_ramps_begin_at_their_instant() {
 }
 
 #[test]
+fn a_rest_below_the_ground_stays_below_a_vehicle_that_is_measured_there() {
+    let mut scenario = scenario(Profile::Robust, TrajectoryKind::Waypoints);
+    scenario.plant.ground.present = true;
+    let ground = &scenario.plant.ground;
+    let standing_m = ground.down_m - ground.leg_m;
+    scenario.mission.waypoints_m = vec![[0.0, 0.0, standing_m - 1.0], [0.0, 0.0, standing_m + 0.25]];
+    scenario.mission.times_s = vec![0.0, 5.0];
+    let depth_m = |trajectory: &Trajectory, below_m: f64, t_s: f64| {
+        trajectory.for_vehicle_at(standing_m + below_m, t_s).position_m[2] - trajectory.at(t_s).position_m[2]
+    };
+    let trajectory = Trajectory::new(&scenario);
+    for (below_m, t_s, expected_m) in [(0.5, 6.0, 0.5), (0.0, 6.0, 0.0), (-0.5, 6.0, 0.0), (0.5, 4.9, 0.0)] {
+        assert!((depth_m(&trajectory, below_m, t_s) - expected_m).abs() < 1e-12, "{below_m} m below at {t_s} s");
+    }
+    scenario.plant.ground.present = false;
+    assert_eq!(depth_m(&Trajectory::new(&scenario), 0.5, 6.0), 0.0, "in the air every height is one to fly at");
+    scenario.plant.ground.present = true;
+    scenario.mission.waypoints_m[1][2] = standing_m - 0.1;
+    assert_eq!(depth_m(&Trajectory::new(&scenario), 0.5, 6.0), 0.0, "a hover above the ground is one");
+}
+
+#[test]
 fn without_ramps_the_velocity_is_constant() {
     let mut mission = scenario(Profile::Robust, TrajectoryKind::Waypoints).mission;
     mission.ramp_s = Ramp::Seconds(0.0);
