@@ -18,7 +18,6 @@
 //! | [`condensed`] | cost over the horizon as a quadratic in the moves, its minimiser as a gain | (4) |
 //! | [`constrained`] | choice between explicit plan, solver and fallback | |
 //! | [`solver`] | the constrained problem, by Clarabel or the active-set method of `qp` | |
-//! | [`delay`] | demands that are still under way | |
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
 //! | [`pid`] | PID law, for comparison | |
 //! | [`geometric`] | geometric law: tilt first, nonlinear inversion | |
@@ -43,7 +42,6 @@ pub mod condensed;
 pub mod constrained;
 pub mod constraints;
 pub mod coupling;
-pub mod delay;
 pub mod disturbance;
 pub mod geometric;
 pub mod goal;
@@ -66,6 +64,7 @@ mod tests;
 use airframe::linear::{INPUTS, STATES};
 use airframe::{Actuation, angle};
 use contract::Scenario;
+use contract::delay::{Delay, Switch};
 use contract::message::{Controls, Kinematics, Reference, SolveStatus, State};
 use contract::scenario::{DelayCompensation, DelayName, Fault, Law, Model, ScenarioError};
 use contract::snapshot::{self, OptionalTick, Snapshot};
@@ -74,7 +73,6 @@ use nalgebra::{DVector, DVectorView, Vector4};
 use condensed::{Condensed, Gain};
 use constrained::{Account, Constrained};
 use coupling::Coupling;
-use delay::{Delay, Switch};
 use disturbance::DisturbanceLaw;
 use geometric::Geometric;
 use goal::Goal;
@@ -263,7 +261,7 @@ impl AttitudeMpc {
 
         let mut delay = self.memory.delay;
         let input = self.model.inputs_of(&command);
-        let switch = delay.observe(state, input, self.memory.tick.get().map(|_| samples), self.sample_ns);
+        let switch = delay.observe(state, input.into(), self.memory.tick.get().map(|_| samples), self.sample_ns);
         let actuation = self.actuate(&command, samples, &switch);
         self.model.observe(&state.measured, &actuation, &mut self.work.x);
         self.unconstrained.observe(&state.measured);
@@ -370,13 +368,14 @@ impl AttitudeMpc {
                 self.unconstrained.predict(&self.model, &x.as_view(), &last, disturbance, start);
             }
             DelayCompensation::Named(DelayName::Measured) => {
-                let (whole, rest_ns) = delay.samples(self.sample_ns);
-                let mut input = *input;
                 start.copy_from(x);
-                self.model.advance(start, &input, disturbance, rest_ns * 1e-9, [&mut *term, &mut *predicted]);
-                for age in (1..=whole).rev() {
-                    input = delay.next(input, tick, age);
-                    self.unconstrained.predict(&self.model, &start.as_view(), &input, disturbance, predicted);
+                let mut course = delay.course((*input).into(), tick, self.sample_ns);
+                if let Some((input, rest_ns)) = course.next() {
+                    let spare = [&mut *term, &mut *predicted];
+                    self.model.advance(start, &input.into(), disturbance, rest_ns * 1e-9, spare);
+                }
+                for (input, _) in course {
+                    self.unconstrained.predict(&self.model, &start.as_view(), &input.into(), disturbance, predicted);
                     std::mem::swap(start, predicted);
                 }
             }
@@ -439,7 +438,7 @@ impl AttitudeMpc {
             (SolveStatus::Explicit, Account::default())
         };
         self.memory.fallbacks += u64::from(status > SolveStatus::Solved);
-        self.memory.delay.demands[0] = plan.fixed_rows::<INPUTS>(0).into_owned(); // (6)
+        self.memory.delay.outputs[0] = plan.fixed_rows::<INPUTS>(0).into_owned().into(); // (6)
         (status, account)
     }
 

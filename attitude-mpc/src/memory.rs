@@ -3,10 +3,10 @@
 use airframe::Actuation;
 use airframe::linear::LAGGED;
 use bytemuck::{Pod, Zeroable};
+use contract::delay::Delay;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::{DVectorView, SVector, Vector4};
 
-use crate::delay::Delay;
 use crate::goal::Goal;
 use crate::indi::Stage;
 
@@ -83,7 +83,7 @@ impl Memory {
 
     /// Demand published last \[N, N m, N m, N m\].
     pub fn demand(&self) -> Vector4<f64> {
-        self.delay.demands[0]
+        self.delay.outputs[0].into()
     }
 
     /// State of the newest sample used.

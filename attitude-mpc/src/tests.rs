@@ -101,7 +101,7 @@ fn val_problems_of_the_independent_simulator() {
         scenario.mpc.time_limit_ms = 0.0;
         scenario.mpc.solver = solver;
         let mut mpc = AttitudeMpc::new(&scenario);
-        mpc.memory.delay.demands[0] = Vector4::from(*previous);
+        mpc.memory.delay.outputs[0] = *previous;
         let controls = mpc.step(0, state, reference);
         let status = if *active { SolveStatus::Solved } else { SolveStatus::Explicit };
         assert_eq!(controls.status, status as u64, "{name}");
@@ -156,7 +156,7 @@ fn delay_compensation_plans_from_the_next_sample() {
         let mut scenario = Scenario::default();
         scenario.mpc.delay_compensation = DelayCompensation::Sample(compensate);
         let mut mpc = AttitudeMpc::new(&scenario);
-        mpc.memory.delay.demands[0] = Vector4::new(-1.0, 0.1, 0.05, -0.02);
+        mpc.memory.delay.outputs[0] = [-1.0, 0.1, 0.05, -0.02];
         let (_, reference) = hover(&mpc, 0);
         mpc.work.x.fill(0.01);
         if let Some(x) = x {

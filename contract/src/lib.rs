@@ -8,10 +8,12 @@
 //! | [`guard`], [`integrity`] | which messages are accepted |
 //! | [`snapshot`] | memory of a node as plain words, for the process that continues its work |
 //! | [`rest`] | when a vehicle has landed |
+//! | [`delay`] | outputs under way, and when they act |
 //! | [`scenario`] | the run's settings: profiles, file, overrides, checks |
 //! | [`fault_schedule`] | which faults are active on a tick |
 //! | [`exit`] | the exit codes of all processes |
 
+pub mod delay;
 pub mod exit;
 pub mod fault_schedule;
 pub mod guard;

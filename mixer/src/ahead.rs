@@ -5,59 +5,15 @@
 //! d sink/dt = g + F_z(Omega) n_z / m  lag dOmega/dt = command - Omega
 //! ```
 //!
-//! STATE tells how old a command is when it takes effect. Until then the command in force acts, and then those under
-//! way, as in `attitude-mpc`'s `delay`. A spin turns by 13 degrees in 10 ms, so a descent that took the motion of now
-//! for that of then would fall. Unlike there a command that was lost is not known to be, the age is that of the last
-//! command and not a mean, and a state that is late is not made up for.
+//! A command takes effect later than its sample ([`contract::delay`]). A spin turns by 13 degrees in 10 ms, so a
+//! descent that took the motion of now for that of then would fall.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, MixingMatrix, Parameters};
-use bytemuck::{Pod, Zeroable};
-use contract::message::State;
 use nalgebra::{Vector3, Vector4};
 
-/// Number of commands that are remembered, and longest delay in samples.
-pub const MAX_DELAY: usize = 8;
 /// Longest step of the integration \[s\].
 const MAX_STEP_S: f64 = 2e-3;
-
-/// Commands sent, and the age at which they take effect.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Sent {
-    /// Commands, the newest first.
-    commands: [Actuation; MAX_DELAY],
-    /// Command in force at the newest sample.
-    in_force: Actuation,
-    /// Age at which that one took effect \[ns\].
-    age_ns: u64,
-}
-
-impl Sent {
-    /// Stores a command.
-    pub fn push(&mut self, command: Actuation) {
-        self.commands.rotate_right(1);
-        self.commands[0] = command;
-    }
-
-    /// Stores what a state tells of the command in force. At the `first` state of a mixer without a memory the commands
-    /// before are taken for that one.
-    pub fn observe(&mut self, state: &State, first: bool) {
-        (self.in_force, self.age_ns) = (state.command_in_force.into(), state.applied_age_ns);
-        if first {
-            self.commands = [self.in_force; MAX_DELAY];
-        }
-    }
-
-    /// Commands that act until a new one takes effect, each with its duration \[s\], the first one first.
-    fn course(&self, sample_s: f64) -> impl Iterator<Item = (Actuation, f64)> {
-        let samples = (self.age_ns as f64 / 1e9 / sample_s).min(MAX_DELAY as f64);
-        let whole = samples as usize;
-        let rest_s = (samples - whole as f64) * sample_s;
-        let under_way = self.commands[..whole].iter().rev().map(move |command| (*command, sample_s));
-        [(self.in_force, rest_s)].into_iter().chain(under_way)
-    }
-}
 
 /// Motion that a descent needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,15 +39,14 @@ pub struct Body {
     pub vehicle: Parameters,
     /// Time constant of the rotors \[s\].
     pub rotor_lag_s: f64,
-    /// Time from command to command \[s\].
-    pub sample_s: f64,
 }
 
 impl Body {
-    /// Motion when a new command takes effect, from that of now. The tilt stays, and rotor `dead` gives no thrust.
-    pub fn ahead(&self, now: &Motion, sent: &Sent, dead: Option<usize>) -> Motion {
+    /// Motion when a new command takes effect, from that of now. Until then the commands of `course` act, each for its
+    /// time \[s\]. The tilt stays, and rotor `dead` gives no thrust.
+    pub fn ahead(&self, now: &Motion, course: impl Iterator<Item = (Actuation, f64)>, dead: Option<usize>) -> Motion {
         let mut motion = *now;
-        for (command, time_s) in sent.course(self.sample_s) {
+        for (command, time_s) in course {
             let steps = (time_s / MAX_STEP_S).ceil();
             for _ in 0..steps as usize {
                 motion = self.step(&motion, &command, time_s / steps, dead);
@@ -141,14 +96,12 @@ mod tests {
     fn body() -> Body {
         let scenario = Scenario::default();
         let vehicle = scenario.airframe;
-        Body { mixing: MixingMatrix::new(&vehicle, false), vehicle, rotor_lag_s: 0.03, sample_s: 0.01 }
+        Body { mixing: MixingMatrix::new(&vehicle, false), vehicle, rotor_lag_s: 0.03 }
     }
 
-    fn sent(age_ms: u64, speeds: &[f64]) -> Sent {
+    fn course(commands: &[(f64, f64)]) -> impl Iterator<Item = (Actuation, f64)> {
         let of = |speed: f64| Actuation { rotor_speed: [0.0, speed, speed], tilt_rad: 0.0 };
-        let mut sent = Sent { in_force: of(speeds[0]), age_ns: age_ms * 1_000_000, ..Sent::zeroed() };
-        speeds[1..].iter().for_each(|speed| sent.push(of(*speed)));
-        sent
+        commands.iter().map(move |(speed, time_s)| (of(*speed), *time_s))
     }
 
     #[test]
@@ -158,28 +111,13 @@ mod tests {
         let position = Actuation { rotor_speed: [0.0, spin.rotor_speed, spin.rotor_speed], tilt_rad: 0.0 };
         let now =
             Motion { down: spin.down, rates_radps: spin.rates_radps, velocity_mps: spin.down, sink_mps: 0.7, position };
-        for age_ms in [0, 3, 10, 25, 80, 1000] {
-            let then = body.ahead(&now, &sent(age_ms, &[spin.rotor_speed; MAX_DELAY + 1]), Some(0));
-            assert!(
-                (then.down - now.down).amax() < 1e-4 && (then.sink_mps - 0.7).abs() < 1e-4,
-                "{age_ms} ms: {then:?}"
-            );
+        for time_s in [0.0, 0.003, 0.01, 0.025, 0.16] {
+            let then = body.ahead(&now, course(&[(spin.rotor_speed, time_s)]), Some(0));
+            assert!((then.down - now.down).amax() < 1e-4 && (then.sink_mps - 0.7).abs() < 1e-4, "{time_s} s: {then:?}");
             assert!((then.velocity_mps - now.velocity_mps).amax() < 1e-4, "along the axis: {then:?}");
-            assert!((then.rates_radps - now.rates_radps).amax() < 1e-3, "{age_ms} ms: {then:?}");
-            assert!(age_ms > 0 || then == now);
+            assert!((then.rates_radps - now.rates_radps).amax() < 1e-3, "{time_s} s: {then:?}");
+            assert!(time_s > 0.0 || then == now);
         }
-    }
-
-    #[test]
-    fn a_mixer_without_a_memory_takes_the_command_in_force_for_those_before() {
-        let command_in_force = Actuation { rotor_speed: [0.0, 700.0, 800.0], tilt_rad: 0.1 }.into();
-        let state = State { command_in_force, applied_age_ns: 25_000_000, ..State::default() };
-        let mut sent = Sent::zeroed();
-        sent.observe(&state, true);
-        assert!(sent.course(0.01).count() == 3 && sent.course(0.01).all(|(command, _)| command == sent.in_force));
-        sent.push(Actuation::default());
-        sent.observe(&state, false);
-        assert_eq!(sent.course(0.01).last().map(|(command, _)| command), Some(Actuation::default()));
     }
 
     #[test]
@@ -191,7 +129,7 @@ mod tests {
             sink_mps: 0.0,
             position: Actuation { rotor_speed: [0.0, 100.0, 100.0], tilt_rad: 0.0 },
         };
-        let then = body().ahead(&now, &sent(25, &[200.0, 50.0, 400.0]), Some(0));
+        let then = body().ahead(&now, course(&[(200.0, 0.005), (50.0, 0.01), (400.0, 0.01)]), Some(0));
         let follow = |from: f64, to: f64, time_s: f64| to + (from - to) * (-time_s / 0.03_f64).exp();
         let expected = follow(follow(follow(100.0, 200.0, 0.005), 50.0, 0.01), 400.0, 0.01);
         assert!((then.position.rotor_speed[1] - expected).abs() < 0.2, "{then:?} {expected}");

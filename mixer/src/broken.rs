@@ -53,7 +53,7 @@ use contract::Scenario;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
-use crate::ahead::{Body, Motion, Sent};
+use crate::ahead::{Body, Motion};
 use crate::damage::Part;
 use crate::fallback::{CLIMB_BANDWIDTH_RADPS, DESCENT_MPS};
 
@@ -112,7 +112,7 @@ impl Broken {
         let trim = Trim::solve(&vehicle, scenario.mixer.tilt_reaction);
         let sample_s = scenario.sample_s();
         let on_rear_rotors = OnRearRotors::new(&vehicle, law, sample_s);
-        let body = Body { mixing, vehicle, rotor_lag_s: law.rotor_lag_s.max(MIN_LAG_S), sample_s };
+        let body = Body { mixing, vehicle, rotor_lag_s: law.rotor_lag_s.max(MIN_LAG_S) };
         Self { on_rear_rotors, body, limits: law.limits, trim }
     }
 
@@ -125,9 +125,15 @@ impl Broken {
     }
 
     /// Computes the command of a descent without `part`, from the newest measurements, the `position` that sound
-    /// actuators should have, and the commands `sent` before; the caller clips it. `None` if the vehicle cannot
-    /// descend, or if a number overflows.
-    pub fn command(&self, part: Part, measured: &Kinematics, position: &Actuation, sent: &Sent) -> Option<Actuation> {
+    /// actuators should have, and the `course` of commands, each with its time \[s\], until this one takes effect; the
+    /// caller clips it. `None` if the vehicle cannot descend, or if a number overflows.
+    pub fn command(
+        &self,
+        part: Part,
+        measured: &Kinematics,
+        position: &Actuation,
+        course: impl Iterator<Item = (Actuation, f64)>,
+    ) -> Option<Actuation> {
         let (dead, tilt_rad) = match part {
             Part::Rotor(rotor) => (Some(rotor), position.tilt_rad),
             Part::Tilt(tilt_rad) => (None, tilt_rad),
@@ -139,7 +145,7 @@ impl Broken {
             sink_mps: measured.sink_mps(),
             position: Actuation { tilt_rad, ..*position },
         };
-        let Motion { down, rates_radps: rates, velocity_mps, sink_mps, position } = self.body.ahead(&now, sent, dead);
+        let Motion { down, rates_radps: rates, velocity_mps, sink_mps, position } = self.body.ahead(&now, course, dead);
         let faster_mps = DESCENT_MPS - sink_mps;
         let command = match part {
             Part::Rotor(0) => {

@@ -126,7 +126,7 @@ impl Mixer {
         if !is_finite(&controls.demand) {
             actuators.flags |= mixer_flags::BAD_INPUT;
         }
-        self.memory.sent.push(actuators.command.into());
+        self.memory.delay.outputs[0] = bytemuck::cast(actuators.command);
         actuators
     }
 
@@ -162,7 +162,8 @@ impl Mixer {
             return 0;
         }
         let command = Actuation::from(state.command_in_force);
-        let elapsed_ns = self.memory.state_tick.get().map_or(0, |last| (tick - last).saturating_mul(self.sample_ns));
+        let samples = self.memory.state_tick.get().map(|last| tick - last);
+        let elapsed_ns = samples.map_or(0, |samples| samples.saturating_mul(self.sample_ns));
         let evidence = match self.memory.state_tick.get() {
             Some(_) => {
                 let elapsed_s = elapsed_ns as f64 / 1e9;
@@ -170,7 +171,7 @@ impl Mixer {
             }
             None => self.rotors.unknown(&command),
         };
-        self.memory.sent.observe(state, self.memory.state_tick.get().is_none());
+        self.memory.delay.observe(state, bytemuck::cast(command), samples, self.sample_ns);
         self.memory.state_tick = OptionalTick::some(tick);
         self.memory.measured = *m;
         self.memory.evidence = evidence;
@@ -240,8 +241,12 @@ impl Mixer {
 
     /// Command of a descent without a broken part.
     fn descend_without(&self, part: Part) -> Actuators {
-        let Memory { measured, evidence, sent, .. } = &self.memory;
-        let wanted = self.broken.as_ref().and_then(|broken| broken.command(part, measured, &evidence.actuation, sent));
+        let Memory { measured, evidence, state_tick, delay, .. } = &self.memory;
+        let in_force = bytemuck::cast(delay.command);
+        let course = delay.course(in_force, state_tick.get().unwrap_or_default(), self.sample_ns);
+        let course = course.map(|(command, time_ns)| (bytemuck::cast(command), time_ns * 1e-9));
+        let broken = self.broken.as_ref();
+        let wanted = broken.and_then(|broken| broken.command(part, measured, &evidence.actuation, course));
         let Some(wanted) = wanted else { return self.cut(mixer_flags::YAW_GIVEN_UP) }; // a number overflowed
         let mut command = self.limits.clip(&wanted);
         let mut flags = mixer_flags::DESCENDING | mixer_flags::YAW_GIVEN_UP;

@@ -1,11 +1,11 @@
 //! State of the mixer from tick to tick. All its other fields are fixed at construction or buffers.
 
 use bytemuck::{Pod, Zeroable};
+use contract::delay::Delay;
 use contract::message::Kinematics;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::Vector4;
 
-use crate::ahead::Sent;
 use crate::damage::Damage;
 use crate::landing::Landing;
 use crate::rotors::Evidence;
@@ -31,9 +31,9 @@ pub struct Memory {
     /// State of the land detector.
     pub landing: Landing,
     /// Commands sent, and their delay.
-    pub sent: Sent,
+    pub delay: Delay,
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"mixer  6";
+    const NAME: [u8; 8] = *b"mixer  7";
 }

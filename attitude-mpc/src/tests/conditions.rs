@@ -31,7 +31,7 @@ fn level(scenario: &Scenario, way_mps: [f64; 2]) -> (State, Reference) {
 fn demand(scenario: &Scenario, (state, reference): &(State, Reference)) -> Vector4<f64> {
     let mut mpc = AttitudeMpc::new(scenario);
     mpc.memory.actuation = Actuation::from(state.command_in_force);
-    mpc.memory.delay.demands[0] = mpc.model.mixing.deviation(&mpc.memory.actuation);
+    mpc.memory.delay.outputs[0] = mpc.model.mixing.deviation(&mpc.memory.actuation).into();
     mpc.step(0, state, reference).demand.into()
 }
 

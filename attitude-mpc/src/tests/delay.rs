@@ -1,10 +1,10 @@
 //! Tests of the measured delay: predictions against a vehicle that is the controller's own linear model.
 
+use contract::delay::MAX_DELAY;
 use contract::scenario::{DelayCompensation, DelayName, Law};
 use nalgebra::DVector;
 
 use super::*;
-use crate::delay::MAX_DELAY;
 
 const SAMPLE_NS: u64 = 10_000_000;
 
@@ -129,28 +129,4 @@ fn a_controller_without_memory_takes_the_command_in_force_for_its_demands() {
     let (mut expected, mut term, mut next) = (mpc.work.x.clone(), mpc.work.x.clone(), mpc.work.x.clone());
     mpc.model.advance(&mut expected, &u, &Vector4::zeros(), 0.035, [&mut term, &mut next]);
     assert!((&mpc.work.start - expected).amax() < 1e-12, "{}", mpc.work.start);
-}
-
-#[test]
-fn demands_are_remembered_over_a_gap_and_across_a_mixer_that_counts_anew() {
-    let mut delay = Delay::new(Actuation::default());
-    let mut state = State::default();
-    let zero = Vector4::zeros();
-    let mut observe = |tick, sequence, age_ns, samples, demand: f64| {
-        state.stamp.tick = tick;
-        (state.applied_sequence, state.applied_age_ns) = (sequence, age_ns);
-        let switch = delay.observe(&state, zero, samples, SAMPLE_NS);
-        delay.demands[0] = Vector4::repeat(demand);
-        (delay, switch.after_ns)
-    };
-    observe(10, 5, 32_000_000, None, 10.0);
-    let (delay, after_ns) = observe(14, 6, 32_000_000, Some(4), 14.0);
-    assert_eq!(after_ns, 2_000_000);
-    assert_eq!([0, 1, 3, 4, 5].map(|age| delay.demands[age][0]), [14.0, 10.0, 10.0, 10.0, 0.0], "held in the gap");
-    // The command in force answers sample 10, three samples and 2 ms before 13.2 ms.
-    assert_eq!([4, 3, 1].map(|age| delay.next(zero, 14, age)[0]), [0.0, 10.0, 10.0]);
-    let (delay, _) = observe(15, 1, 2_000_000, Some(1), 15.0);
-    assert_eq!([2, 1, 0].map(|age| delay.next(zero, 15, age)[0]), [0.0, 0.0, 15.0], "it answers sample 14");
-    let (delay, _) = observe(400, 1, 2_000_000, Some(385), 16.0);
-    assert_eq!(delay.demands[MAX_DELAY], Vector4::repeat(15.0));
 }

@@ -101,7 +101,7 @@ fn a_bad_snapshot_changes_nothing() {
     let mut torn = mpc.snapshot();
     torn[20] ^= 1;
     let mut bad = memory;
-    bad.delay.demands[3][1] = f64::NAN;
+    bad.delay.outputs[3][1] = f64::NAN;
     let bad = snapshot::pack(&Whole { memory: bad, warm_start: WarmStart::default() });
     let other_model = AttitudeMpc::new(&Scenario::from(Profile::Paper)).snapshot();
     for snapshot in [torn, bad, other_model, [0; SNAPSHOT_WORDS]] {

@@ -1,0 +1,184 @@
+//! Outputs that are still under way, and the delay after which they act.
+//!
+//! ```text
+//!   sample k                                               the output of k acts
+//!      |--- f ---|------ Ts ------|------ Ts ------| ... ------|
+//!      in force    output of k-m    output of k-m+1     k-1            delay = m Ts + f
+//! ```
+//!
+//! An output is a demand of attitude-mpc, with `mpc.delay_compensation = "measured"`, or a command of the mixer, for
+//! the descent of a broken vehicle. STATE tells which command is in force, and the age at which it took effect: the
+//! time from the sample that it answers to its effect at the actuators. The delay is that age, averaged over the
+//! commands (`SHARE`) and at most [`MAX_DELAY`] samples, whatever STATE claims. The outputs that no command in force
+//! has answered yet act one after the other; an output that a newer command has overtaken, or whose time has passed
+//! because its message was lost, does not act, and the command in force goes on.
+//!
+//! The motion is predicted to the end of this course, when the output of sample `k` acts. The modelled actuators follow
+//! each command from its effect on, also between two samples.
+//!
+//! A process without a memory takes the command in force for all of its earlier outputs, and the first age it sees for
+//! the delay. A mixer or a plant that begins anew only changes the command in force.
+
+use airframe::Actuation;
+use bytemuck::{Pod, Zeroable};
+
+use crate::message::State;
+use crate::snapshot::OptionalTick;
+
+/// Longest delay \[samples\].
+pub const MAX_DELAY: usize = 16;
+/// Share of a new age in the mean.
+const SHARE: f64 = 0.1;
+
+/// Output of a process for one sample: four numbers whose meaning is its own.
+pub type Output = [f64; 4];
+
+/// Outputs of the past, and what STATE told of those that have acted.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Delay {
+    /// Outputs for the newest sample used and for those before it, the newest first.
+    pub outputs: [Output; MAX_DELAY + 1],
+    /// Mean age at which a command takes effect \[ns\]; 0 before the first.
+    age_ns: f64,
+    /// Sample that the command in force answers; none before the first.
+    answered: OptionalTick,
+    /// Sequence number of the command in force; 0 before the first.
+    sequence: u64,
+    /// Command in force at the newest sample used.
+    pub command: Actuation,
+}
+
+/// Course of commands up to a sample: `before` for a part of the last period, then the command in force.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Switch {
+    /// Command in force at the sample before.
+    pub before: Actuation,
+    /// Time from the sample before to the switch \[ns\].
+    pub after_ns: u64,
+}
+
+impl Delay {
+    /// Starts before any sample, with `command` in force.
+    pub fn new(command: Actuation) -> Self {
+        Self { command, ..Self::zeroed() }
+    }
+
+    /// Makes room for the output for the sample of `state`, `samples` after the newest one used: the outputs between
+    /// were those of before. Without a newest one the outputs of before are taken for `in_force`, that of the
+    /// command in force. Returns when in the last period that command took effect.
+    pub fn observe(&mut self, state: &State, in_force: Output, samples: Option<u64>, sample_ns: u64) -> Switch {
+        let command = Actuation::from(state.command_in_force);
+        if let Some(samples) = samples {
+            let shift = samples.min(MAX_DELAY as u64) as usize;
+            self.outputs.copy_within(..=MAX_DELAY - shift, shift);
+            let held = self.outputs[shift];
+            self.outputs[..shift].fill(held);
+        } else {
+            self.outputs[1..].fill(in_force);
+            self.command = command;
+        }
+        let mut switch = Switch { before: command, after_ns: 0 };
+        if state.applied_sequence != self.sequence && state.applied_sequence != 0 {
+            let age_ns = state.applied_age_ns.min(MAX_DELAY as u64 * sample_ns);
+            switch = Switch { before: self.command, after_ns: age_ns % sample_ns };
+            self.answered = match state.stamp.tick.checked_sub(1 + age_ns / sample_ns) {
+                Some(tick) => OptionalTick::some(tick),
+                None => self.answered,
+            };
+            let gap_ns = age_ns as f64 - self.age_ns;
+            self.age_ns += if self.sequence == 0 { gap_ns } else { SHARE * gap_ns };
+        }
+        (self.sequence, self.command) = (state.applied_sequence, command);
+        switch
+    }
+
+    /// Delay: its whole samples, and the rest \[ns\].
+    pub fn samples(&self, sample_ns: u64) -> (usize, f64) {
+        let whole = libm::floor(self.age_ns / sample_ns as f64).clamp(0.0, MAX_DELAY as f64);
+        (whole as usize, (self.age_ns - whole * sample_ns as f64).clamp(0.0, sample_ns as f64))
+    }
+
+    /// Outputs that act from the sample `tick` on until the one for it acts, each with its duration \[ns\]:
+    /// `in_force` for the rest of a sample, and then one for each whole sample.
+    pub fn course(&self, in_force: Output, tick: u64, sample_ns: u64) -> impl Iterator<Item = (Output, f64)> {
+        let (whole, rest_ns) = self.samples(sample_ns);
+        let under_way = (1..=whole).rev().scan(in_force, move |acting, age| {
+            *acting = self.next(*acting, tick, age);
+            Some((*acting, sample_ns as f64))
+        });
+        std::iter::once((in_force, rest_ns)).chain(under_way)
+    }
+
+    /// Output that begins to act in place of `acting`, `age` samples after its own, at the sample `tick`.
+    fn next(&self, acting: Output, tick: u64, age: usize) -> Output {
+        let of = tick.checked_sub(age as u64);
+        let is_under_way = of.is_some() && OptionalTick::get(self.answered) < of;
+        if is_under_way { self.outputs[age.min(MAX_DELAY)] } else { acting }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SAMPLE_NS: u64 = 10_000_000;
+
+    /// Delay after states of `(tick, sequence, age_ns)`, each answered by its tick, and the last switch.
+    fn after(states: &[(u64, u64, u64)]) -> (Delay, Switch) {
+        let mut delay = Delay::new(Actuation::default());
+        let (mut last, mut switch) = (None, Switch { before: Actuation::default(), after_ns: 0 });
+        for &(tick, sequence, age_ns) in states {
+            let mut state = State::default();
+            state.stamp.tick = tick;
+            (state.applied_sequence, state.applied_age_ns) = (sequence, age_ns);
+            switch = delay.observe(&state, [0.0; 4], last.map(|last| tick - last), SAMPLE_NS);
+            delay.outputs[0] = [tick as f64; 4];
+            last = Some(tick);
+        }
+        (delay, switch)
+    }
+
+    /// First number of each output of the course from `tick` on, with its duration in milliseconds.
+    fn course(delay: &Delay, tick: u64) -> Vec<(f64, f64)> {
+        delay.course([-1.0; 4], tick, SAMPLE_NS).map(|(output, ns)| (output[0], ns / 1e6)).collect()
+    }
+
+    #[test]
+    fn outputs_act_in_order_after_the_rest_of_a_sample() {
+        let states: Vec<_> = (10..20).map(|tick| (tick, tick - 3, 25_000_000)).collect();
+        let (delay, switch) = after(&states);
+        assert_eq!(switch.after_ns, 5_000_000);
+        assert_eq!(course(&delay, 19), [(-1.0, 5.0), (17.0, 10.0), (18.0, 10.0)]);
+    }
+
+    #[test]
+    fn without_a_delay_nothing_is_under_way() {
+        let (delay, _) = after(&[(10, 1, 0), (11, 2, 0)]);
+        assert_eq!(course(&delay, 11), [(-1.0, 0.0)]);
+    }
+
+    #[test]
+    fn a_process_without_a_memory_takes_the_command_in_force_for_those_before() {
+        let mut delay = Delay::new(Actuation::default());
+        let mut state = State { applied_sequence: 7, applied_age_ns: 25_000_000, ..State::default() };
+        state.stamp.tick = 700;
+        delay.observe(&state, [-1.0; 4], None, SAMPLE_NS);
+        assert_eq!(course(&delay, 700), [(-1.0, 5.0), (-1.0, 10.0), (-1.0, 10.0)]);
+    }
+
+    #[test]
+    fn outputs_are_remembered_over_a_gap_and_across_a_mixer_that_counts_anew() {
+        let gap = [(10, 5, 32_000_000), (14, 6, 32_000_000)];
+        let (delay, switch) = after(&gap);
+        assert_eq!(switch.after_ns, 2_000_000);
+        assert_eq!([0, 1, 3, 4, 5].map(|age| delay.outputs[age][0]), [14.0, 10.0, 10.0, 10.0, 0.0], "held in the gap");
+        // The command in force answers sample 10, three samples and 2 ms before 13.2 ms.
+        assert_eq!([4, 3, 1].map(|age| delay.next([0.0; 4], 14, age)[0]), [0.0, 10.0, 10.0]);
+        let anew = [&gap[..], &[(15, 1, 2_000_000)]].concat();
+        let (delay, _) = after(&anew);
+        assert_eq!([2, 1, 0].map(|age| delay.next([0.0; 4], 15, age)[0]), [0.0, 0.0, 15.0], "it answers sample 14");
+        let (delay, _) = after(&[&anew[..], &[(400, 1, 2_000_000)]].concat());
+        assert_eq!(delay.outputs[MAX_DELAY], [15.0; 4]);
+    }
+}
