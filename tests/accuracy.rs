@@ -99,6 +99,8 @@ fn a_preview_makes_up_for_corners_and_for_a_delay_that_is_measured() {
     let preview = "guidance.preview_s=0.2";
     let [without, with] = [&[][..], &[preview]].map(|settings| rms_m("survey.toml", settings));
     assert!(with < without / 3.0, "{with} m, without a preview {without} m");
+    let led = rms_m("survey.toml", &["guidance.lead_s=0.12"]);
+    assert!(led < with, "a lead that fits the mission does as well: {led} m");
     let late = ["mpc.delay_compensation=measured", "run.command_delay_ms=70"];
     let [without, with] = [&late[..], &[&late[..], &[preview]].concat()].map(|settings| rms_m("survey.toml", settings));
     assert!(with < without / 4.0 && with < 0.006, "{with} m with 70 ms of delay, without a preview {without} m");

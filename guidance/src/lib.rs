@@ -18,6 +18,8 @@
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
 //! off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
+//! With `guidance.lead_s` feed-forward and heading are those of a later time, at which the vehicle has the attitude.
+//!
 //! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction
 //! by PID and observer stays, as if the vehicle kept its place beside the trajectory.
 //!
@@ -188,9 +190,11 @@ impl Guidance {
             heading_rad: self.settings.heading_frame.then_some(psi),
             limits: self.limits(state.stamp.tick),
         };
-        let heading_rad = self.heading_at(t_s);
+        let ahead_s = t_s + self.settings.lead_s;
+        let heading_rad = self.heading_at(ahead_s);
         let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
-        let (w_mps, attitude_ref) = self.aim(&correction, &setpoint, [heading_rad, 0.0], state, &mut flags);
+        let (w_mps, attitude_ref) =
+            self.aim(&correction, &self.trajectory.at(ahead_s), [heading_rad, 0.0], state, &mut flags);
         let mut reference = Reference {
             position_m: setpoint.position_m,
             velocity_mps: setpoint.velocity_mps,
@@ -201,13 +205,13 @@ impl Guidance {
             flags,
             ..Reference::default()
         };
-        self.look_ahead(t_s, &correction, state, &mut reference);
+        self.look_ahead(ahead_s, &correction, state, &mut reference);
         reference
     }
 
-    /// Returns the references of w \[m/s\] and of phi, theta, psi \[rad\] at `setpoint`, with the heading
-    /// `heading_rad`, in whose direction the vehicle still turns by `turn_rad`; adds the limits that they reach to
-    /// `flags`.
+    /// Returns the references of w \[m/s\] and of phi, theta, psi \[rad\] by the feed-forward of `setpoint`, with the
+    /// heading `heading_rad`, in whose direction the vehicle still turns by `turn_rad`; adds the limits that they reach
+    /// to `flags`.
     fn aim(
         &self,
         correction: &Correction,
@@ -244,7 +248,7 @@ impl Guidance {
         (w_mps, Vector3::new(phi_ref + roll_zero, theta_ref, heading_rad))
     }
 
-    /// Adds the preview to the `reference` of `t_s`: what it would be later if the correction stayed as it is.
+    /// Adds the preview to the `reference` with the feed-forward of `t_s`: what it is later if the correction stays.
     fn look_ahead(&self, t_s: f64, correction: &Correction, state: &State, reference: &mut Reference) {
         let step_s = self.settings.preview_s / PREVIEW as f64;
         reference.preview_step_ns = libm::round(step_s * 1e9) as u64;

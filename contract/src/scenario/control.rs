@@ -54,6 +54,9 @@ pub struct Guidance {
     pub heading_rate_limit_dps: f64,
     /// Limit of each error integral, in either direction \[m s\].
     pub integral_limit: f64,
+    /// Time by which the feed-forward and the heading reference are ahead of the position reference \[s\]: about the
+    /// time in which the vehicle follows a reference of its attitude.
+    pub lead_s: f64,
     /// Time for which REFERENCE tells how the reference will change; 0 = it tells nothing \[s\]. The law `mpc` plans
     /// with it.
     pub preview_s: f64,

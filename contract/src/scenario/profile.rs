@@ -124,6 +124,7 @@ fn paper() -> Scenario {
             w_limit_mps: 1e9,
             heading_rate_limit_dps: 0.0,
             integral_limit: 1e9,
+            lead_s: 0.0,
             preview_s: 0.0,
         },
         mpc: Mpc {

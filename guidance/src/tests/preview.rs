@@ -36,6 +36,31 @@ fn numbers(reference: &Reference) -> impl Iterator<Item = f64> {
 }
 
 #[test]
+fn a_lead_is_the_feed_forward_of_a_later_time_at_the_place_of_now() {
+    let turning = turning(TrajectoryKind::Circle);
+    let mut straight = turning.clone();
+    straight.mission.heading_deg = Heading::Constant(0.0);
+    // The preview turns feed-forward with the heading that it expects; the lead is that of the measured one.
+    for (now, skipped) in [(straight, 0), (turning, 2)] {
+        let mut led = now.clone();
+        led.guidance.lead_s = 0.01 * STEP_TICKS as f64;
+        for tick in (0..1500).step_by(7) {
+            let [of_now, of_lead] = [&now, &led].map(|scenario| beside(scenario, tick, 0.0));
+            assert_eq!(
+                (of_lead.position_m, of_lead.velocity_mps),
+                (of_now.position_m, of_now.velocity_mps),
+                "at {tick}"
+            );
+            let ahead = of_now.preview[0];
+            let changes = ahead.attitude_rad.into_iter().chain([ahead.w_mps]);
+            for ((change, now), led) in changes.zip(numbers(&of_now)).zip(numbers(&of_lead)).skip(skipped) {
+                assert!(angle::wrapped(now + change - led).abs() < 1e-9, "at {tick}: {led}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
     for (trajectory, east_m) in
         [(TrajectoryKind::Survey, 0.0), (TrajectoryKind::Survey, 0.3), (TrajectoryKind::Circle, -0.2)]

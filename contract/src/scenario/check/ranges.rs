@@ -118,6 +118,7 @@ const RANGES: &[(&str, Range)] = &[
     ("guidance.w_limit_mps", POSITIVE),
     ("guidance.heading_rate_limit_dps", NOT_NEGATIVE),
     ("guidance.integral_limit", NOT_NEGATIVE),
+    ("guidance.lead_s", (Included(0.0), Included(10.0))),
     ("guidance.preview_s", (Included(0.0), Included(10.0))),
     ("mpc.q", (Included(0.0), Included(1e12))),
     ("mpc.r", (Included(1e-12), Included(1e12))),
