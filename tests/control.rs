@@ -35,7 +35,7 @@ pub fn flying(namespace: &str, settings: &[&str]) -> Flight {
 #[test]
 fn status_shows_every_node_of_a_flight() {
     let ns = namespace();
-    let flight = flying(&ns, &["--set", "run.duration_s=2.0", "--set", "supervision.hang_ms=5000"]);
+    let flight = flying(&ns, &["--set", "run.duration_s=5.0", "--set", "supervision.hang_ms=5000"]);
     let view = status(&ns);
     for (i, node) in ["plant", "guidance", "attitude-mpc", "mixer"].into_iter().enumerate() {
         let seen = &view["nodes"][i];

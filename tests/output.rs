@@ -89,7 +89,7 @@ fn flights_side_by_side_have_folders_of_their_own() {
 #[test]
 fn a_folder_that_is_flown_into_is_refused() {
     let ns = namespace();
-    let flight = flying(&ns, &["--set", "run.duration_s=2.0"]);
+    let flight = flying(&ns, &["--set", "run.duration_s=5.0"]);
     let second = launcher().args(["fly", "--mode", "inprocess", "--out"]).arg(&flight.out).output().expect("runs");
     let said = String::from_utf8_lossy(&second.stderr).into_owned();
     assert_eq!((second.status.code(), said.contains("another flight is writing to it")), (Some(2), true), "{said}");
@@ -100,7 +100,7 @@ fn a_folder_that_is_flown_into_is_refused() {
 #[test]
 fn a_start_that_fails_leaves_no_folder() {
     let ns = namespace();
-    let flight = flying(&ns, &["--set", "run.duration_s=2.0"]);
+    let flight = flying(&ns, &["--set", "run.duration_s=5.0"]);
     let folder = tempfile::tempdir().expect("a temporary folder");
     for out in [&["--out", "deep/down/run"][..], &[]] {
         let second = launcher().args(["fly", "--namespace", &ns]).args(out).current_dir(folder.path()).output();

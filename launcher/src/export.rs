@@ -125,12 +125,14 @@ fn fmu(args: &FmuArgs) -> anyhow::Result<()> {
 }
 
 /// Finds the library of the FMU, which cargo builds with the launcher: in its folder, in `deps` there, or where a
-/// package of the system puts it.
+/// package of the system puts it. The newest counts: cargo leaves an old one in its folder when it builds for tests.
 fn library() -> anyhow::Result<PathBuf> {
     let launcher = std::env::current_exe().context("cannot find the folder of the launcher")?;
     let folder = launcher.parent().context("the launcher lies in no folder")?;
     let folders = [folder.to_owned(), folder.join("deps"), folder.join("../lib/trefoil")];
-    let found = folders.map(|folder| folder.join("libtrefoil_fmu.so")).into_iter().find(|place| place.is_file());
+    let places = folders.map(|folder| folder.join("libtrefoil_fmu.so"));
+    let newest = |place: &PathBuf| place.metadata().and_then(|metadata| metadata.modified()).ok();
+    let found = places.into_iter().filter(|place| place.is_file()).max_by_key(newest);
     found.with_context(|| {
         let folder = folder.display();
         format!(

@@ -12,6 +12,8 @@ use rand::distr::Open01;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+/// Words of a stream that [`begin_tick`] reserves for each tick, which uses about ten.
+const WORDS_PER_TICK: u128 = 256;
 /// Number of the first fault's stream; those of features are below.
 const FAULTS: u64 = 1 << 32;
 
@@ -72,6 +74,11 @@ impl Stream {
             Self::Fault(index) => FAULTS + index as u64,
         }
     }
+}
+
+/// Moves a stream to the draws of `tick`: they depend on seed and tick alone, also if ticks were left out.
+pub fn begin_tick(random: &mut ChaCha8Rng, tick: u64) {
+    random.set_word_pos(u128::from(tick) * WORDS_PER_TICK);
 }
 
 /// Draws a normal number of standard deviation 1.

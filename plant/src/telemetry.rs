@@ -9,10 +9,7 @@ use contract::Scenario;
 use rand_chacha::ChaCha8Rng;
 
 use crate::memory::Tape;
-use crate::random::{Stream, normal};
-
-/// Random words reserved for each tick, of whose four numbers each takes few.
-const WORDS_PER_TICK: u128 = 256;
+use crate::random::{Stream, begin_tick, normal};
 
 /// Sensors of rotor speeds and tilt.
 #[derive(Debug, Clone)]
@@ -48,7 +45,7 @@ impl Telemetry {
     pub fn read(&mut self, tick: u64) -> Actuation {
         let mut sensed = self.past[0];
         if self.deviations != [0.0; 4] {
-            self.random.set_word_pos(u128::from(tick) * WORDS_PER_TICK);
+            begin_tick(&mut self.random, tick);
             let values = sensed.rotor_speed.iter_mut().chain([&mut sensed.tilt_rad]);
             for (value, deviation) in values.zip(self.deviations) {
                 *value += deviation * normal(&mut self.random);

@@ -24,7 +24,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::memory::{Filter, Past, Reading, Readings};
 use crate::memory::Tape;
-use crate::random::{Stream, normal};
+use crate::random::{Stream, begin_tick, normal};
 
 /// Default share of the ticks on which a garbage sensor returns garbage.
 const GARBAGE_SHARE: f64 = 1.0;
@@ -54,9 +54,6 @@ const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
 const ACCELERATION: Sizes = Sizes { bias: 1.0, noise: 1.0 };
 /// Sizes for the height \[m\].
 const HEIGHT: Sizes = Sizes { bias: 1.0, noise: 0.3 };
-
-/// Random words reserved for each tick, which uses about ten.
-const WORDS_PER_TICK: u128 = 256;
 
 /// Reading without a measurement.
 const NONE: Reading = [f64::NAN; 3];
@@ -202,8 +199,7 @@ impl SensorFault {
 
     /// Computes the reading of the sensor while the fault is active.
     fn read(&mut self, tick: u64, measured: Reading, past: &Past) -> Reading {
-        // The draws depend only on the tick, also if earlier samples were left out.
-        self.random.set_word_pos(u128::from(tick) * WORDS_PER_TICK);
+        begin_tick(&mut self.random, tick);
         let random = &mut self.random;
         match &mut self.effect {
             Effect::Off => NONE,
