@@ -36,6 +36,9 @@ const SURVEY_M: [[f64; 3]; 7] = [
 ];
 const SURVEY_LEG_S: f64 = 10.0;
 
+/// Depth below the ground from which a reference that rests asks for a landing, and not for standing \[m\].
+const LOW_M: f64 = 0.01;
+
 /// Reference of a mission over time.
 #[derive(Debug, Clone)]
 pub struct Trajectory {
@@ -96,7 +99,7 @@ impl Trajectory {
     pub fn for_vehicle_at(&self, down_m: f64, t_s: f64) -> Setpoint {
         let mut setpoint = self.at(t_s);
         let [_, _, rests_down_m] = setpoint.position_m;
-        if setpoint.velocity_mps == [0.0; 3] && rests_down_m > self.standing_down_m {
+        if setpoint.velocity_mps == [0.0; 3] && rests_down_m > self.standing_down_m + LOW_M {
             setpoint.position_m[2] += (down_m - self.standing_down_m).max(0.0);
         }
         setpoint
