@@ -28,7 +28,7 @@ fn program(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
 pub fn linked(source: &str, folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
     let file = folder.join(name);
     let mut cc = Command::new("cc");
-    // Before LD_LIBRARY_PATH, which cargo sets to folders with a library that may be older.
+    // The folder given below then counts before those of LD_LIBRARY_PATH, in which cargo may have an older library.
     cc.arg("-Wl,--disable-new-dtags");
     cc.args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2"])
         .args(flags)

@@ -164,7 +164,7 @@ impl Mixer {
         let command = Actuation::from(state.command_in_force);
         let samples = self.memory.state_tick.get().map(|last| tick - last);
         let elapsed_ns = samples.map_or(0, |samples| samples.saturating_mul(self.sample_ns));
-        let evidence = match self.memory.state_tick.get() {
+        let evidence = match samples {
             Some(_) => {
                 let elapsed_s = elapsed_ns as f64 / 1e9;
                 self.rotors.observe(&self.memory.evidence, [&self.memory.measured, m], &command, elapsed_s)

@@ -18,7 +18,7 @@ use toml::{Table, Value};
 
 use super::found::Found;
 use crate::scenario::{
-    Constraints, Filter, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind,
+    Constraints, Filter, Heading, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind,
 };
 
 /// Setting that decides whether others are read.
@@ -31,7 +31,7 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 21] = [
+const SWITCHES: [Switch; 22] = [
     Switch {
         settings: &["mission.waypoints_m", "mission.times_s"],
         key: "mission.trajectory",
@@ -69,6 +69,16 @@ const SWITCHES: [Switch; 21] = [
         on: "a trajectory other than \"parts\", which have a `heading_deg` each,",
     },
     Switch { settings: &["mpc.r_rate"], key: "mpc.law", is_on: |scenario| scenario.mpc.law == Law::Mpc, on: "\"mpc\"" },
+    Switch {
+        settings: &["guidance.lead_s"],
+        key: "guidance.acceleration_feedforward",
+        is_on: |scenario| {
+            let turns = !matches!(scenario.mission.heading_deg, Heading::Constant(_))
+                || scenario.mission.trajectory == TrajectoryKind::Parts;
+            scenario.guidance.acceleration_feedforward || scenario.guidance.velocity_feedforward || turns
+        },
+        on: "true, or `guidance.velocity_feedforward`, or with a heading that turns,",
+    },
     Switch {
         settings: &["guidance.preview_s"],
         key: "mpc.law",

@@ -302,6 +302,10 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
     }
     let paper = from_set(&["profile=paper", "mpc.solver=active-set"]).expect_err("nothing is solved").to_string();
     assert!(paper.contains("`mpc.constraints` = \"box\" or \"cone\" with it"), "{paper}");
+    let led = ["profile=paper", "guidance.lead_s=0.1"];
+    let nothing = from_set(&led).expect_err("no feed-forward leads").to_string();
+    assert!(nothing.contains("`guidance.acceleration_feedforward` = true, or"), "{nothing}");
+    from_set(&[&led[..], &["mission.heading_deg=[[1, 90]]"]].concat()).expect("the heading leads");
     let pid = ["mpc.law=pid", "mpc.constraints=none", "guidance.preview_s=0.2"];
     let unseen = from_set(&pid).expect_err("only the MPC plans ahead").to_string();
     assert!(unseen.contains("`mpc.law` = \"mpc\" with it"), "{unseen}");
