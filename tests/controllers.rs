@@ -1,6 +1,8 @@
 //! Controllers of users: a library in C flies in every mode with the same bits, and no trap in it does more harm than
 //! docs/controllers.md says.
 
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -195,6 +197,28 @@ fn a_library_that_fails_in_flight_costs_its_process_and_is_restarted() {
     assert!(run["refused"].to_string().contains("range"), "the mixer refuses the answer: {}", run["refused"]);
     let refused = "mixer refused 1 messages with numbers that are not finite or out of range";
     assert!(run["but"].to_string().contains(refused), "{}", run["but"]);
+}
+
+#[test]
+fn a_file_that_a_library_puts_over_descriptors_of_its_process_keeps_its_mode() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library(folder.path(), "over", &["-DTRAP=40"]);
+    let mark = folder.path().join("mark");
+    std::fs::write(&mark, "").unwrap();
+    std::fs::set_permissions(&mark, Permissions::from_mode(0o644)).unwrap();
+    for mode in ["inprocess", "lockstep", "realtime"] {
+        let env = format!("node.attitude-mpc.env={{ TREFOIL_MARK = {:?} }}", mark.display());
+        let flown = hover(mode, &[&exec(&library), &env]);
+        let mode_of_file = std::fs::metadata(&mark).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode_of_file, 0o644, "{mode}: {}", flown.stderr);
+        let is_said = flown.stderr.contains("attitude-mpc: a library has put another file over descriptor");
+        assert_eq!(
+            (is_said, flown.code()),
+            if mode == "inprocess" { (false, Some(0)) } else { (true, Some(3)) },
+            "{mode}: {}",
+            flown.stderr
+        );
+    }
 }
 
 #[test]

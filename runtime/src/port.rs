@@ -3,10 +3,13 @@
 //! | module | holds |
 //! |---|---|
 //! | `shared_memory`, `storage` | ports between processes, by iceoryx2 |
+//! | `descriptors` | its descriptors, checked before it uses their numbers |
 //! | [`crate::queue`] | ports of one thread |
 //!
 //! The rest of the crate uses ports through [`SendPort`] and [`ReceivePort`].
 
+#[cfg(target_os = "linux")]
+mod descriptors;
 #[cfg(target_os = "linux")]
 mod shared_memory;
 #[cfg(target_os = "linux")]

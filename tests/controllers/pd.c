@@ -1,5 +1,6 @@
 // Attitude controller for tests: one PD law per axis. TRAP names what goes wrong in it.
 
+#include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -25,6 +26,7 @@
 #define CRASH_WHEN_LOADED 14
 #define MARK_WHEN_LOADED 15 // writes the file TREFOIL_MARK
 #define REFUSE_MEMORY 16
+#define OVER_DESCRIPTORS 40 // puts the file TREFOIL_MARK over all descriptors but the first three
 #ifndef TRAP
 #define TRAP 0
 #endif
@@ -75,6 +77,11 @@ static int32_t step(void *node, const void *input, void *answer) {
     if (TRAP == EXIT_IN_STEP) exit(0);
     if (TRAP == NAN_IN_STEP) out->demand[2] = NAN;
     if (TRAP == FAIL_IN_STEP) return 7;
+    if (TRAP == OVER_DESCRIPTORS) {
+      int mark = open(getenv("TREFOIL_MARK"), O_RDONLY);
+      for (int number = 3; number < 100; number++)
+        if (fcntl(number, F_GETFD) >= 0) dup2(mark, number);
+    }
 #if TRAP == ROUNDING_IN_STEP
     __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8000);
 #endif

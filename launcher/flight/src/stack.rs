@@ -344,7 +344,10 @@ impl Stack {
                 // theirs while they leave do not matter.
                 _ if process.topic.is_none_or(|topic| page.role(topic).active() != process.epoch) => {}
                 Some(status) if process.killed || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
-                Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
+                Some(status) => {
+                    process.tell_output();
+                    lost.get_or_insert_with(|| format!("{name} ({status})"));
+                }
                 None => {
                     let limit_s = LEAVE_LIMIT.as_secs();
                     lost.get_or_insert_with(|| format!("{name} (did not leave within {limit_s} s and was killed)"));

@@ -19,6 +19,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use super::descriptors::Descriptors;
 use super::storage::{FileService, allocate_own, config, reason};
 use super::{ReceivePort, SendPort, WarmUp};
 use crate::domain::Domain;
@@ -30,6 +31,7 @@ use contract::message::{Actuators, Controls, Message, Reference, State};
 
 /// Attachment of a process to the iceoryx2 services of a domain.
 pub struct Bus {
+    descriptors: Rc<Descriptors>,
     node: Node<FileService>,
     domain: Domain,
 }
@@ -51,7 +53,8 @@ impl Bus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<FileService>()
             .map_err(|e| PortError::Domain(reason(e)))?;
-        Ok(Self { node, domain: domain.clone() })
+        let descriptors = Rc::new(Descriptors::of(&domain.folder, &node.id().value().to_string()));
+        Ok(Self { descriptors, node, domain: domain.clone() })
     }
 
     /// Removes the ports of dead processes from the services; called by the launcher. May take tens of milliseconds.
@@ -72,7 +75,7 @@ impl Bus {
 
     /// Opens the sending side of `M`'s topic.
     pub fn sender<M: Wire>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
-        let port = M::sender(&self.node)?;
+        let port = M::sender(self)?;
         allocate_own(&self.domain)?;
         Ok(port)
     }
@@ -84,7 +87,7 @@ impl Bus {
 
     /// Opens the receiving side of `M`'s topic with a queue of `depth`.
     pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
-        let port = M::receiver(&self.node, depth)?;
+        let port = M::receiver(self, depth)?;
         allocate_own(&self.domain)?;
         Ok(port)
     }
@@ -93,9 +96,9 @@ impl Bus {
 /// Message that can be sent: one of the four of [`contract::message`].
 pub trait Wire: Message {
     #[doc(hidden)]
-    fn sender(node: &Node<FileService>) -> Result<Rc<dyn SendPort<Self>>, PortError>;
+    fn sender(bus: &Bus) -> Result<Rc<dyn SendPort<Self>>, PortError>;
     #[doc(hidden)]
-    fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError>;
+    fn receiver(bus: &Bus, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError>;
     #[doc(hidden)]
     fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError>;
 }
@@ -103,16 +106,17 @@ pub trait Wire: Message {
 macro_rules! wire {
     ($($name:ident),*) => {$(
         impl Wire for $name {
-            fn sender(node: &Node<FileService>) -> Result<Rc<dyn SendPort<Self>>, PortError> {
-                let port =
-                    open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
-                Ok(Rc::new(port))
+            fn sender(bus: &Bus) -> Result<Rc<dyn SendPort<Self>>, PortError> {
+                let topic = open::<Self>(&bus.node, &layout::<Self>())?;
+                let port = topic.publisher_builder().create().map_err(refused::<Self>)?;
+                Ok(Rc::new(Publication { _descriptors: bus.descriptors.clone(), port }))
             }
-            fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError> {
-                let topic = open::<Self>(node, &layout::<Self>())?;
+            fn receiver(bus: &Bus, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError> {
+                let topic = open::<Self>(&bus.node, &layout::<Self>())?;
                 let unreachable = Arc::new(Unreachable::default());
                 let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
-                Ok(Rc::new(Subscription { port, topic, depth, unreachable }))
+                let _descriptors = bus.descriptors.clone();
+                Ok(Rc::new(Subscription { _descriptors, port, topic, depth, unreachable }))
             }
             fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError> {
                 open::<Self>(node, &"0".repeat(16)).map(drop)
@@ -122,27 +126,33 @@ macro_rules! wire {
 }
 wire!(State, Reference, Controls, Actuators);
 
-impl<M: Message + ZeroCopySend> SendPort<M> for Publisher<FileService, M, ()> {
+struct Publication<M: Message + ZeroCopySend> {
+    _descriptors: Rc<Descriptors>,
+    port: Publisher<FileService, M, ()>,
+}
+
+impl<M: Message + ZeroCopySend> SendPort<M> for Publication<M> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
-        match self.send_copy(*message) {
+        match self.port.send_copy(*message) {
             Ok(1..) => Ok(()),
             Ok(0) | Err(_) => Err(PortFailure::Send),
         }
     }
 
     fn number(&self) -> u64 {
-        numbered(self.id().value())
+        numbered(self.port.id().value())
     }
 }
 
-impl<M: Message + ZeroCopySend> WarmUp for Publisher<FileService, M, ()> {
+impl<M: Message + ZeroCopySend> WarmUp for Publication<M> {
     fn warm_up(&self) {
-        drop(self.loan_uninit()); // a loan touches most of the memory that a send touches
+        drop(self.port.loan_uninit()); // a loan touches most of the memory that a send touches
     }
 }
 
 /// Subscriber, and the publishers that it could not connect to.
 struct Subscription<M: Message + ZeroCopySend> {
+    _descriptors: Rc<Descriptors>,
     port: RefCell<Subscriber<FileService, M, ()>>,
     topic: PortFactory<FileService, M, ()>,
     depth: usize,

@@ -29,7 +29,7 @@ use rustix::thread::CpuSet;
 
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns};
-pub use crash::{die_of_crashes, name_in_crashes, tell_of_crashes};
+pub use crash::{die_of_crashes, end_at_once, name_in_crashes, tell_of_crashes};
 pub use futex::{sleep_while, wake};
 pub use mapping::ControlPage;
 pub use peer::peer_of;
