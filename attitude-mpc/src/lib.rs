@@ -96,6 +96,8 @@ pub struct AttitudeMpc {
     constrained: Option<Constrained>,
     law: Option<DisturbanceLaw>,
     delay_compensation: DelayCompensation,
+    /// Rotor speed up to which the vehicle stands and follows nothing; `None` without a ground.
+    idle_speed: Option<f64>,
     sample_ns: u64,
     memory: Memory,
     work: Work,
@@ -223,6 +225,7 @@ impl AttitudeMpc {
             },
             law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, sample_s),
             delay_compensation: scenario.mpc.delay_compensation,
+            idle_speed: scenario.plant.ground.present.then(|| scenario.idle_speed()),
             sample_ns: scenario.sample_ns(),
             model,
             unconstrained,
@@ -266,14 +269,18 @@ impl AttitudeMpc {
         self.model.observe(&state.measured, &actuation, &mut self.work.x);
         self.unconstrained.observe(&state.measured);
         let mut stage = self.memory.stage;
+        // A vehicle that stands on the ground follows nothing: estimate and integrals would adapt to that.
+        let stands = self.idle_speed.is_some_and(|idle| command.rotor_speed.iter().all(|speed| *speed <= idle));
         let disturbance = if let UnconstrainedLaw::Indi(indi) = &self.unconstrained {
             let actuators = indi.actuators(state.sensed.into(), actuation);
             let states = [self.memory.state(), self.work.x.as_view()];
             indi.observe(tick, (&state.measured, &actuators), states, &self.memory.disturbance, &mut stage)
+        } else if stands {
+            Vector4::zeros()
         } else {
             self.estimate(&command, samples)
         };
-        let mut integral = self.memory.integral;
+        let mut integral = if stands { Vector4::zeros() } else { self.memory.integral };
         self.predict(tick, &input, &delay, &disturbance);
         let age_ns = goal.tick.get().map_or(0, |of| tick.saturating_sub(of)) as f64 * self.sample_ns as f64;
         preview::write_changes(&goal, age_ns + self.delay_ns(&delay), self.sample_ns, &mut self.work.changes);

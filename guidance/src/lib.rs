@@ -8,6 +8,7 @@
 //! | [`observer`] | outer disturbance observer | |
 //! | [`rates`] | references of the body rates | |
 //! | [`reentry`] | limits after a silence | |
+//! | [`takeoff`] | start of a flight on the ground | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
 //! ```text
@@ -38,6 +39,7 @@ pub mod observer;
 pub mod pid;
 pub mod rates;
 pub mod reentry;
+pub mod takeoff;
 pub mod trajectory;
 
 use airframe::{Trim, angle};
@@ -51,6 +53,7 @@ use heading::HeadingCommand;
 use memory::Memory;
 use observer::{Observer, to_heading_frame};
 use reentry::Limits;
+use takeoff::TakeOff;
 pub use trajectory::{Setpoint, Trajectory};
 
 /// Position controller.
@@ -102,8 +105,10 @@ impl Guidance {
             g_mps2: scenario.airframe.g_mps2,
             memory: Memory::default(),
         };
+        let start = guidance.trajectory.at(0.0);
+        guidance.memory.take_off = TakeOff::new(scenario.initial.standing, start.position_m[2]);
         guidance.memory.reference = Reference {
-            position_m: guidance.trajectory.at(0.0).position_m,
+            position_m: start.position_m,
             attitude_rad: [roll_trim_rad, 0.0, guidance.heading_at(0.0)],
             ..Reference::default()
         };
@@ -183,6 +188,10 @@ impl Guidance {
         let attitude = Vector3::from(state.measured.attitude_rad);
         let [phi, theta, psi] = state.measured.attitude_rad;
         let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);
+        let climbs = self.trajectory.is_above_ground(t_s);
+        if let Some(w_mps) = self.memory.take_off.observe(state.measured.position_m[2], climbs) {
+            return self.stand(&setpoint, w_mps, &velocity_ned, t_s);
+        }
         let (errors, integral_clamped) = self.errors(&setpoint, state, &velocity_ned, lapse);
         let correction = Correction {
             errors,
@@ -207,6 +216,19 @@ impl Guidance {
         };
         self.look_ahead(ahead_s, &correction, state, &mut reference);
         reference
+    }
+
+    /// Reference of a vehicle on its feet: level, with `w_mps`. Integrals and observer begin when it is off.
+    fn stand(&mut self, setpoint: &Setpoint, w_mps: f64, velocity_ned: &Vector3<f64>, t_s: f64) -> Reference {
+        self.memory.integral_ms = Vector3::zeros();
+        self.memory.observer = Observer { velocity_ned_mps: *velocity_ned, ..Observer::default() };
+        Reference {
+            position_m: setpoint.position_m,
+            velocity_mps: setpoint.velocity_mps,
+            w_mps,
+            attitude_rad: [0.0, 0.0, self.heading_at(t_s)],
+            ..Reference::default()
+        }
     }
 
     /// Returns the references of w \[m/s\] and of phi, theta, psi \[rad\] by the feed-forward of `setpoint`, with the

@@ -6,6 +6,7 @@ use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::Vector3;
 
 use crate::observer::Observer;
+use crate::takeoff::TakeOff;
 
 /// Whole memory of the controller: a controller that restores a copy continues the same flight.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
@@ -25,10 +26,12 @@ pub struct Memory {
     pub integral_ms: Vector3<f64>,
     /// Disturbance observer.
     pub observer: Observer,
+    /// Start on the ground.
+    pub take_off: TakeOff,
     /// Last answer, without a stamp.
     pub reference: Reference,
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"guidanc5";
+    const NAME: [u8; 8] = *b"guidanc6";
 }

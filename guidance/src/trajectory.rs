@@ -36,6 +36,9 @@ const SURVEY_M: [[f64; 3]; 7] = [
 ];
 const SURVEY_LEG_S: f64 = 10.0;
 
+/// Height above a vehicle that stands from which a reference asks for a take-off \[m\]. A smooth mission then climbs at
+/// some speed already, so that the vehicle, which follows from there, need not wait for it near the ground.
+const HIGH_M: f64 = 0.1;
 /// Depth below the ground from which a reference that rests asks for a landing, and not for standing \[m\].
 const LOW_M: f64 = 0.01;
 
@@ -103,6 +106,11 @@ impl Trajectory {
             setpoint.position_m[2] += (down_m - self.standing_down_m).max(0.0);
         }
         setpoint
+    }
+
+    /// Returns whether the reference at `t_s` is above the ground.
+    pub fn is_above_ground(&self, t_s: f64) -> bool {
+        self.at(t_s).position_m[2] < self.standing_down_m - HIGH_M
     }
 
     /// Reference at `t_s`; before the first waypoint and after the last it rests there.

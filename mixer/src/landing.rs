@@ -5,14 +5,15 @@
 //!
 //! | stage | begins | command |
 //! |---|---|---|
-//! | free | at the start, and when a contact ends | the demand |
-//! | contact | if `a` > 1 m/s2 for 0.5 s does not make the vehicle sink | rotors at idle |
+//! | free | at the start in the air, and when a contact ends | the demand |
+//! | contact | at the start on the ground, and if `a` > 1 m/s2 for 0.5 s does not make the vehicle sink | rotors at idle |
 //! | landed | if the vehicle is then [at rest](contract::rest) for 1 s | no thrust, for good: disarmed |
 //!
 //! A wrong contact shows at once: a vehicle that the ground does not carry falls as soon as its rotors idle. The
 //! contact ends if the measured velocity shows a sink faster than 0.5 m/s, if the measured position has sunk by 0.3 m,
 //! or if a climb is demanded. Two sensors must agree on a landing, so that one stuck sensor disarms no vehicle in
-//! flight. Before the first climb faster than 0.3 m/s, in a flight that begins on the ground, nothing is detected.
+//! flight. In a flight that begins on the ground only the demand to climb ends the first contact, and nothing is
+//! detected before the first climb faster than 0.3 m/s.
 //!
 //! The detector is used only if the scenario has a ground (`plant.ground.present`).
 
@@ -65,7 +66,8 @@ pub enum Stage {
 impl Landing {
     /// Starts the detector before the first sample of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        Self { has_flown: u64::from(!scenario.initial.standing), ..Self::zeroed() }
+        let stands = scenario.initial.standing;
+        Self { has_flown: u64::from(!stands), held_up_ns: if stands { CONTACT_NS } else { 0 }, ..Self::zeroed() }
     }
 
     /// Present stage.
@@ -94,7 +96,9 @@ impl Landing {
                 self.held_up_ns =
                     if is_held_up { self.held_up_ns.saturating_add(elapsed_ns).min(CONTACT_NS) } else { 0 };
             }
-            Stage::Contact if sink_mps > FALLING_MPS || sunk_m > FALLEN_M || wanted_mps2 < -INTENT_MPS2 => {
+            Stage::Contact if wanted_mps2 < -INTENT_MPS2 => (self.held_up_ns, self.rest) = (0, Rest::default()),
+            Stage::Contact if self.has_flown == 0 => {} // it waits
+            Stage::Contact if sink_mps > FALLING_MPS || sunk_m > FALLEN_M => {
                 (self.held_up_ns, self.rest) = (0, Rest::default());
             }
             Stage::Contact => self.rest.observe(is_at_rest(measured), elapsed_ns),
@@ -168,11 +172,14 @@ mod tests {
     }
 
     #[test]
-    fn a_vehicle_that_stands_before_its_first_climb_does_not_disarm() {
+    fn a_vehicle_that_stands_idles_until_it_is_to_climb_and_does_not_disarm() {
         let mut scenario = Scenario::default();
         scenario.initial.standing = true;
         let mut landing = Landing::new(&scenario);
-        assert_eq!(go(&mut landing, 1000, 0.0, 5.0), Stage::Free);
+        assert_eq!(go(&mut landing, 60_000, 0.0, 5.0), Stage::Contact);
+        assert_eq!(go(&mut landing, 1000, 0.6, 0.0), Stage::Contact, "its sensors drift");
+        assert_eq!(go(&mut landing, 1, 0.0, -1.1), Stage::Free);
+        assert_eq!(go(&mut landing, 1000, 0.0, 5.0), Stage::Free, "it has not flown yet");
         go(&mut landing, 10, -0.5, -1.0);
         assert_eq!(go(&mut landing, 50, 0.0, 5.0), Stage::Contact);
     }

@@ -36,6 +36,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::ground::{Ground, Motion};
 use crate::landing::Footing;
+use crate::memory::Tape;
 use crate::rotors::{Condition, Rotors};
 
 /// State X Y Z \[m\], u v w \[m/s\], attitude quaternion (i, j, k, scalar), p q r \[rad/s\], `Omega_1..3`
@@ -106,6 +107,16 @@ impl Dynamics {
     pub fn breaks(&self, before: &StateVector, x: &StateVector) -> Option<PlantStatus> {
         let ground = self.ground.as_ref()?;
         ground.breaks(&motion(x), ground.carries(&motion(before)))
+    }
+
+    /// Takes in the state `x` at the end of a step; returns the distance that the feet have slid on the ground \[m\].
+    pub fn settle(&mut self, x: &StateVector) -> f64 {
+        self.ground.as_mut().map_or(0.0, |ground| ground.settle(&motion(x)))
+    }
+
+    /// Writes or reads where the feet stand.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        self.ground.iter_mut().for_each(|ground| ground.remember(tape));
     }
 
     /// Rate of change of `x`, per second, under an already clipped `command`.
@@ -184,7 +195,7 @@ pub fn assemble(motion: &Kinematics, actuators: &Actuation) -> StateVector {
 
 fn motion(x: &StateVector) -> Motion {
     Motion {
-        down_m: x[2],
+        position_m: Vector3::new(x[0], x[1], x[2]),
         velocity_mps: Vector3::new(x[3], x[4], x[5]),
         rates_radps: Vector3::new(x[10], x[11], x[12]),
         cnb: rotation(&Quaternion::new(x[9], x[6], x[7], x[8])),

@@ -1,12 +1,17 @@
 //! Ground: a level plane with friction that carries the feet, and the conditions of a crash.
 //!
-//! Three feet are `leg_m` below the rotors. A foot at the depth `d` that sinks at `v_n` is pushed up by `N`. Coulomb's
-//! friction acts against its velocity `v_t` along the ground, made smooth below 5 cm/s:
+//! Three feet are `leg_m` below the rotors. A foot at the depth `d` that sinks at `v_n` is pushed up by `N`. Along the
+//! ground it hangs on its anchor, the point where it came down, by a spring and damper of the same values; `e` is its
+//! distance from the anchor and `v_t` its velocity along the ground. Coulomb's friction is the most that the anchor
+//! holds; beyond it the anchor follows the foot:
 //!
 //! ```text
 //! N   = max(0, k d + c v_n)                 for d > 0
-//! F_t = -friction N v_t / max(|v_t|, 0.05 m/s)
+//! F_t = -(k e + c v_t), no longer than friction N
 //! ```
+//!
+//! So a vehicle that is pushed by less than its friction stands still, which friction against the velocity alone cannot
+//! do: it needs a velocity to hold. The model along the ground is that of Cundall and Strack (Geotechnique 29(1), 1979).
 //!
 //! A spring and a damper are the usual compliant contact model of multibody simulation; Marhefka and Orin (IEEE
 //! Transactions on Systems, Man, and Cybernetics A 29(6), 1999) discuss it and its jump of force at the first touch,
@@ -17,12 +22,10 @@
 use contract::Scenario;
 use contract::message::PlantStatus;
 use contract::scenario::Ground as Settings;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::landing::Footing;
-
-/// Speed along the ground below which friction is proportional to it \[m/s\].
-const SLOW_MPS: f64 = 0.05;
+use crate::memory::Tape;
 
 /// Height up to which a foot counts as on the ground \[m\], so that a jolt is not a take-off.
 const NEAR_M: f64 = 0.01;
@@ -33,13 +36,15 @@ pub struct Ground {
     settings: Settings,
     /// Rotor hubs in the body frame from the centre of mass \[m\].
     hubs: [Vector3<f64>; 3],
+    /// Point of the ground, north and east, that each foot hangs on \[m\]; `None` in the air.
+    anchors: [Option<Vector2<f64>>; 3],
 }
 
 /// Motion of the vehicle, from which that of each of its points follows.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
-    /// Down coordinate of the centre of mass \[m\].
-    pub down_m: f64,
+    /// Position of the centre of mass, NED \[m\].
+    pub position_m: Vector3<f64>,
     /// Body velocity \[m/s\].
     pub velocity_mps: Vector3<f64>,
     /// Body rates \[rad/s\].
@@ -49,10 +54,9 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Depth of the body point `at` below `plane_m` \[m\], and its velocity, NED \[m/s\].
-    fn of(&self, at: &Vector3<f64>, plane_m: f64) -> (f64, Vector3<f64>) {
-        let depth_m = self.down_m + (self.cnb.row(2) * at)[0] - plane_m;
-        (depth_m, self.cnb * (self.velocity_mps + self.rates_radps.cross(at)))
+    /// Position of the body point `at` and its velocity, NED \[m, m/s\].
+    fn of(&self, at: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        (self.position_m + self.cnb * at, self.cnb * (self.velocity_mps + self.rates_radps.cross(at)))
     }
 }
 
@@ -67,7 +71,7 @@ impl Ground {
             Vector3::new(-vehicle.l2_m, vehicle.l3_m, 0.0) - centre,
             Vector3::new(-vehicle.l2_m, -vehicle.l3_m, 0.0) - centre,
         ];
-        settings.present.then_some(Self { settings, hubs })
+        settings.present.then_some(Self { settings, hubs, anchors: [None; 3] })
     }
 
     /// Feet in the body frame \[m\].
@@ -78,14 +82,14 @@ impl Ground {
     /// Force and moment of the ground on the vehicle in the body frame \[N, N m\].
     pub fn push(&self, motion: &Motion) -> (Vector3<f64>, Vector3<f64>) {
         let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
-        for foot in self.feet() {
-            let (depth_m, velocity) = motion.of(&foot, self.settings.down_m);
-            if depth_m > 0.0 {
-                let normal_n =
-                    (self.settings.stiffness_npm * depth_m + self.settings.damping_nspm * velocity.z).max(0.0);
-                let along = Vector3::new(velocity.x, velocity.y, 0.0);
-                let friction = along * (-self.settings.friction * normal_n / along.norm().max(SLOW_MPS));
-                let force = motion.cnb.tr_mul(&(friction - Vector3::z() * normal_n));
+        for (foot, anchor) in self.feet().iter().zip(&self.anchors) {
+            let (at_m, velocity_mps) = motion.of(foot);
+            let normal_n = self.normal_n(&at_m, &velocity_mps);
+            if normal_n > 0.0 {
+                let stretch_m = anchor.map_or(Vector2::zeros(), |anchor| at_m.xy() - anchor);
+                let pull_n = stretch_m * self.settings.stiffness_npm + velocity_mps.xy() * self.settings.damping_nspm;
+                let along_n = pull_n.cap_magnitude(self.settings.friction * normal_n);
+                let force = motion.cnb.tr_mul(&Vector3::new(-along_n.x, -along_n.y, -normal_n));
                 force_n += force;
                 moment_nm += foot.cross(&force);
             }
@@ -93,14 +97,51 @@ impl Ground {
         (force_n, moment_nm)
     }
 
+    /// Takes in the motion at the end of a step: anchors the feet that have come down, and drags along the anchors that
+    /// are out of reach. Returns the farthest distance that a foot has slid \[m\].
+    pub fn settle(&mut self, motion: &Motion) -> f64 {
+        let mut slid_m = 0.0_f64;
+        for (i, foot) in self.feet().iter().enumerate() {
+            let (at_m, velocity_mps) = motion.of(foot);
+            let normal_n = self.normal_n(&at_m, &velocity_mps);
+            self.anchors[i] = (normal_n > 0.0).then(|| {
+                let reach_m = self.settings.friction * normal_n / self.settings.stiffness_npm;
+                let before = self.anchors[i].unwrap_or(at_m.xy());
+                let anchor = at_m.xy() - (at_m.xy() - before).cap_magnitude(reach_m);
+                slid_m = slid_m.max((anchor - before).norm());
+                anchor
+            });
+        }
+        slid_m
+    }
+
+    /// Writes or reads the anchors.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        for anchor in &mut self.anchors {
+            tape.option(anchor, |tape, anchor| tape.numbers(anchor.as_mut_slice()));
+        }
+    }
+
+    /// Force of the ground on a foot that is at `at_m` and moves at `velocity_mps`, NED, upwards \[N\]; 0 in the air.
+    fn normal_n(&self, at_m: &Vector3<f64>, velocity_mps: &Vector3<f64>) -> f64 {
+        let Settings { down_m, stiffness_npm, damping_nspm, .. } = self.settings;
+        let depth_m = at_m.z - down_m;
+        if depth_m > 0.0 { (stiffness_npm * depth_m + damping_nspm * velocity_mps.z).max(0.0) } else { 0.0 }
+    }
+
+    /// Depth of the body point `at` below the ground \[m\].
+    fn depth_m(&self, motion: &Motion, at: &Vector3<f64>) -> f64 {
+        motion.of(at).0.z - self.settings.down_m
+    }
+
     /// Returns whether a foot touches the ground.
     pub fn carries(&self, motion: &Motion) -> bool {
-        self.feet().iter().any(|foot| motion.of(foot, self.settings.down_m).0 > 0.0)
+        self.feet().iter().any(|foot| self.depth_m(motion, foot) > 0.0)
     }
 
     /// Footing by the number of feet on the ground, or at most `NEAR_M` above it.
     pub fn footing(&self, motion: &Motion) -> Footing {
-        match self.feet().iter().filter(|foot| motion.of(foot, self.settings.down_m).0 > -NEAR_M).count() {
+        match self.feet().iter().filter(|foot| self.depth_m(motion, foot) > -NEAR_M).count() {
             0 => Footing::None,
             3 => Footing::All,
             _ => Footing::Some,
@@ -109,8 +150,7 @@ impl Ground {
 
     /// Returns `Crashed` or `TippedOver`, else `None`. `was_on_feet` says whether a foot touched the ground before.
     pub fn breaks(&self, motion: &Motion, was_on_feet: bool) -> Option<PlantStatus> {
-        let plane_m = self.settings.down_m;
-        let is_struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| motion.of(part, plane_m).0 > 0.0);
+        let is_struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| self.depth_m(motion, part) > 0.0);
         let is_hard = !was_on_feet && self.carries(motion) && !self.is_gentle(motion);
         let has_crashed = is_hard || is_struck && !was_on_feet;
         let tipped_over = is_struck.then_some(PlantStatus::TippedOver);
@@ -139,7 +179,7 @@ mod tests {
     fn level(depth_m: f64, velocity_mps: [f64; 3]) -> Motion {
         let Settings { leg_m, down_m, .. } = Settings::default();
         Motion {
-            down_m: down_m - leg_m + depth_m,
+            position_m: Vector3::new(0.0, 0.0, down_m - leg_m + depth_m),
             velocity_mps: velocity_mps.into(),
             rates_radps: Vector3::zeros(),
             cnb: Matrix3::identity(),
@@ -166,8 +206,28 @@ mod tests {
         assert!(
             (friction(2.0).0.x + share * load_n).abs() < 1e-9 && (friction(-2.0).0.x - share * load_n).abs() < 1e-9
         );
-        assert!((friction(SLOW_MPS / 2.0).0.x + share * load_n / 2.0).abs() < 1e-9);
+        assert!((friction(0.01).0.x + 3.0 * Settings::default().damping_nspm * 0.01).abs() < 1e-9);
         assert!(friction(2.0).1.y < friction(0.0).1.y, "feet that are held back pitch the nose down");
+    }
+
+    #[test]
+    fn feet_at_rest_are_held_by_less_than_friction_and_slide_beyond_it() {
+        let Settings { stiffness_npm, friction, .. } = Settings::default();
+        let reach_m = friction * 0.01;
+        let mut ground = ground();
+        let at = |north_m: f64| {
+            let motion = level(0.01, [0.0; 3]);
+            Motion { position_m: motion.position_m + Vector3::new(north_m, 0.0, 0.0), ..motion }
+        };
+        assert_eq!(ground.settle(&at(0.0)), 0.0, "it comes down");
+        let held = at(0.8 * reach_m);
+        for _ in 0..1000 {
+            assert_eq!(ground.settle(&held), 0.0, "and stays");
+        }
+        assert!((ground.push(&held).0.x + 3.0 * stiffness_npm * 0.8 * reach_m).abs() < 1e-9);
+        assert!((ground.settle(&at(1.5 * reach_m)) - 0.5 * reach_m).abs() < 1e-12, "the rest is a slide");
+        assert_eq!(ground.settle(&level(-0.001, [0.0; 3])), 0.0);
+        assert_eq!(ground.settle(&at(5.0)), 0.0, "it comes down elsewhere");
     }
 
     #[test]

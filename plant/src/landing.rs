@@ -10,8 +10,9 @@
 //! standing.
 //!
 //! A vehicle has landed if it [is at rest](contract::rest) for a second with all feet on the ground and its rotors no
-//! faster than idle, and has slid no farther than `plant.ground.max_slide_m` since it last stood. The vehicle itself
-//! relies on the mixer's land detector.
+//! faster than idle, and its feet have slid no farther than `plant.ground.max_slide_m` since they came down. It stays
+//! landed until its rotors drive it again, something lifts it, or its feet slide that far once more: how long a flight
+//! is recorded does not count. The vehicle itself relies on the mixer's land detector.
 
 use contract::Scenario;
 use contract::message::{Kinematics, PlantStatus};
@@ -54,7 +55,7 @@ pub struct Landing {
     rest: Rest,
     /// `true` if the vehicle was at rest at the newest step, with or without thrust.
     is_still: bool,
-    /// Distance moved with a foot on the ground since the vehicle last stood \[m\].
+    /// Distance that the feet have slid in this landing, or since it ended well \[m\].
     slid_m: f64,
     idle_speed: f64,
     max_slide_m: f64,
@@ -84,14 +85,23 @@ impl Landing {
         tape.number(&mut self.slid_m);
     }
 
-    /// Updates the phase by a step of `dt_ns` that ends with this motion, footing and rotor speeds.
-    pub fn observe(&mut self, motion: &Kinematics, footing: Footing, rotor_speed: [f64; 3], dt_ns: u64) {
+    /// Updates the phase by a step of `dt_ns`, in which the feet have slid by `slid_m`, and that ends with this motion,
+    /// footing and rotor speeds.
+    pub fn observe(&mut self, motion: &Kinematics, footing: Footing, slid_m: f64, rotor_speed: [f64; 3], dt_ns: u64) {
         let idles = rotor_speed.iter().all(|speed| *speed <= self.idle_speed);
         self.is_still = footing == Footing::All && is_at_rest(motion);
         self.rest.observe(self.is_still && idles, dt_ns);
+        if matches!(self.phase, Phase::Landing | Phase::Landed) {
+            self.slid_m += slid_m;
+        }
         self.phase = match self.phase {
             _ if footing == Footing::None => Phase::Flying,
-            Phase::Flying | Phase::Landing if self.rest.has_landed() => Phase::Landed,
+            Phase::Flying | Phase::Landing if self.rest.has_landed() => {
+                if !self.has_slid() {
+                    self.slid_m = 0.0;
+                }
+                Phase::Landed
+            }
             Phase::Flying | Phase::Landing => Phase::Landing,
             Phase::Standing | Phase::Landed if !idles => {
                 self.slid_m = 0.0;
@@ -100,11 +110,10 @@ impl Landing {
             Phase::TakingOff if self.rest.has_landed() => Phase::Standing,
             same => same,
         };
-        if matches!(self.phase, Phase::Landing | Phase::Landed) {
-            let [u, v, w] = motion.velocity_mps;
-            // A vehicle on its feet moves only along the ground.
-            self.slid_m += libm::hypot(libm::hypot(u, v), w) * dt_ns as f64 / 1e9;
-        }
+    }
+
+    fn has_slid(&self) -> bool {
+        self.slid_m > self.max_slide_m
     }
 
     /// Status before the end of the run.
@@ -119,11 +128,10 @@ impl Landing {
 
     /// Status if the flight ends now.
     pub fn at_the_end(&self) -> PlantStatus {
-        let has_slid = self.slid_m > self.max_slide_m;
         match self.phase {
             Phase::Flying => PlantStatus::Finished,
-            Phase::Landed if !has_slid && self.is_still => PlantStatus::Landed,
-            Phase::Landing if !has_slid && self.is_still => PlantStatus::NotLanded,
+            Phase::Landed if !self.has_slid() => PlantStatus::Landed,
+            Phase::Landing if !self.has_slid() && self.is_still => PlantStatus::NotLanded,
             Phase::Landing | Phase::Landed => PlantStatus::Slid,
             Phase::Standing | Phase::TakingOff => PlantStatus::NotLanded,
         }
@@ -154,7 +162,8 @@ mod tests {
         fn go(&mut self, seconds: f64, footing: Footing, speed_mps: f64, idle: f64) -> PlantStatus {
             let motion = Kinematics { velocity_mps: [speed_mps, 0.0, 0.0], ..Kinematics::default() };
             for _ in 0..(seconds * 1e3).round() as u32 {
-                self.0.observe(&motion, footing, [self.1 * idle; 3], STEP_NS);
+                let slid_m = if footing == Footing::None { 0.0 } else { speed_mps * STEP_NS as f64 / 1e9 };
+                self.0.observe(&motion, footing, slid_m, [self.1 * idle; 3], STEP_NS);
             }
             self.0.in_flight()
         }
@@ -204,6 +213,31 @@ mod tests {
         );
         assert_eq!(vehicle.go(2.0, Footing::All, 0.0, 0.0), PlantStatus::Standing);
         assert_eq!(vehicle.0.at_the_end(), PlantStatus::Slid);
+    }
+
+    #[test]
+    fn a_landing_lasts_until_the_feet_slide_as_far_again_or_something_lifts_the_vehicle() {
+        let max_slide_m = scenario(false).plant.ground.max_slide_m;
+        let landed = || {
+            let mut vehicle = Vehicle::new(false);
+            vehicle.go(1.0, Footing::None, 0.0, 5.0);
+            vehicle.go(max_slide_m * 0.8, Footing::All, 1.0, 1.0);
+            vehicle.go(1.5, Footing::All, 0.0, 0.0);
+            assert_eq!(vehicle.0.at_the_end(), PlantStatus::Landed);
+            vehicle
+        };
+        let mut waits = landed();
+        waits.go(600.0, Footing::All, 0.0, 0.0);
+        waits.go(0.01, Footing::Some, 0.5, 0.0); // a gust rocks it
+        assert_eq!(waits.0.at_the_end(), PlantStatus::Landed);
+        for (seconds, end) in [(0.9, PlantStatus::Landed), (1.1, PlantStatus::Slid)] {
+            let mut blown = landed();
+            blown.go(seconds * max_slide_m, Footing::All, 1.0, 0.0);
+            assert_eq!(blown.0.at_the_end(), end);
+        }
+        let mut lifted = landed();
+        lifted.go(0.5, Footing::None, 0.0, 0.0);
+        assert_ne!(lifted.0.at_the_end(), PlantStatus::Landed);
     }
 
     #[test]

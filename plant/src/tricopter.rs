@@ -62,9 +62,10 @@ impl Tricopter {
         });
         dynamics::normalise(&mut x);
         self.diverged = divergence(&x).or_else(|| self.dynamics.breaks(&self.x, &x));
+        let slid_m = self.dynamics.settle(&x);
         if let Some(landing) = &mut self.landing {
-            let rotor_speed = dynamics::actuation(&x).rotor_speed;
-            landing.observe(&dynamics::kinematics(&x), self.dynamics.footing(&x), rotor_speed, until_ns - from_ns);
+            let (footing, rotor_speed) = (self.dynamics.footing(&x), dynamics::actuation(&x).rotor_speed);
+            landing.observe(&dynamics::kinematics(&x), footing, slid_m, rotor_speed, until_ns - from_ns);
         }
         self.x = x;
     }
@@ -121,6 +122,7 @@ impl Vehicle for Tricopter {
         tape.numbers(&mut self.x);
         self.diverged = divergence(&self.x);
         self.battery.iter_mut().for_each(|battery| battery.remember(tape));
+        self.dynamics.remember(tape);
         self.landing.iter_mut().for_each(|landing| landing.remember(tape));
         self.air.remember(tape, tick);
         self.actuator_faults.remember(tape);
