@@ -63,6 +63,7 @@ mod tests;
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::{Actuation, angle};
+use bytemuck::Zeroable;
 use contract::Scenario;
 use contract::delay::{Delay, Switch};
 use contract::message::{Controls, Kinematics, Reference, SolveStatus, State};
@@ -76,7 +77,7 @@ use coupling::Coupling;
 use disturbance::DisturbanceLaw;
 use geometric::Geometric;
 use goal::Goal;
-use indi::Indi;
+use indi::{Indi, Stage};
 use level::Level;
 use ltv::Ltv;
 use memory::{Memory, WarmStart, Whole};
@@ -271,16 +272,17 @@ impl AttitudeMpc {
         let mut stage = self.memory.stage;
         // A vehicle that stands on the ground follows nothing: estimate and integrals would adapt to that.
         let stands = self.idle_speed.is_some_and(|idle| command.rotor_speed.iter().all(|speed| *speed <= idle));
-        let disturbance = if let UnconstrainedLaw::Indi(indi) = &self.unconstrained {
+        let mut integral = self.memory.integral;
+        let disturbance = if stands {
+            (stage, integral) = (Stage::zeroed(), Vector4::zeros());
+            Vector4::zeros()
+        } else if let UnconstrainedLaw::Indi(indi) = &self.unconstrained {
             let actuators = indi.actuators(state.sensed.into(), actuation);
             let states = [self.memory.state(), self.work.x.as_view()];
             indi.observe(tick, (&state.measured, &actuators), states, &self.memory.disturbance, &mut stage)
-        } else if stands {
-            Vector4::zeros()
         } else {
             self.estimate(&command, samples)
         };
-        let mut integral = if stands { Vector4::zeros() } else { self.memory.integral };
         self.predict(tick, &input, &delay, &disturbance);
         let age_ns = goal.tick.get().map_or(0, |of| tick.saturating_sub(of)) as f64 * self.sample_ns as f64;
         preview::write_changes(&goal, age_ns + self.delay_ns(&delay), self.sample_ns, &mut self.work.changes);
