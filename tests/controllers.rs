@@ -351,12 +351,23 @@ fn a_function_in_the_form_of_casadi_is_found_by_its_names() {
     let source = top().join("tests/controllers/function.c");
     let function = |trap: u32| compiled(&source, folder.path(), &format!("law{trap}"), &[&format!("-DTRAP={trap}")]);
     hovers_in_every_mode(&function(0));
+    let [standing, lying, in_full] = [0, 15, 16].map(|trap| hover("inprocess", &[&exec(&function(trap)), P]));
+    assert_eq!((lying.code(), lying.state_hash()), (Some(0), standing.state_hash()), "{}", lying.stderr);
+    assert_eq!((in_full.code(), in_full.state_hash()), (Some(0), standing.state_hash()), "{}", in_full.stderr);
     for (trap, why) in [
         (1, "no input of attitude-mpc is called `speed`; there are time, position, velocity, attitude, rates"),
         (2, "input `attitude` of `law` is sparse"),
-        (3, "input `attitude_ref` of `law` has 2 numbers, not 3"),
+        (3, "input `attitude_ref` of `law` is 2 x 1, not 3 x 1"),
         (4, "`law_casadi_int_size` is not 8"),
-        (5, "input `z` and output `z_next` go together"),
+        (5, "input `z` and output `z_next` go together, and are 4 x 1 and 0 x 0"),
+        (7, "`law_n_in` says that there are -1"),
+        (8, "`law_n_out` says that there are -1"),
+        (9, "input `attitude` of `law` is -3 x -1, which is no shape"),
+        (10, "input `preview` of `law` is 8 x 4, not 4 x 8"),
+        (11, "output `demand` of `law` is 2 x 2, not 4 x 1"),
+        (12, "input `z` and output `z_next` go together, and are 2 x 2 and 4 x 1"),
+        (13, "input `attitude` of `law` is there twice"),
+        (14, "input `attitude` of `law` has a pattern that is none of CasADi's"),
     ] {
         let refused = hover("inprocess", &[&exec(&function(trap)), P]);
         assert_eq!(refused.code(), Some(2), "trap {trap}: {}", refused.stderr);
@@ -376,6 +387,28 @@ fn a_function_in_the_form_of_casadi_is_found_by_its_names() {
 }
 
 #[test]
+fn a_function_is_found_beside_one_whose_name_ends_in_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = top().join("tests/controllers/function.c");
+    let alone = hover("inprocess", &[&exec(&compiled(&source, folder.path(), "alone", &[])), P]);
+    let both = compiled(&source, folder.path(), "both", &["-DJACOBIAN", "-Wl,-O1", "-s"]);
+    let bytes = std::fs::read(&both).unwrap();
+    let has = |text: &[u8]| bytes.windows(text.len()).any(|window| window == text);
+    assert!(has(b"jac_law_n_in\0") && !has(b"\0law_n_in\0"), "one name is kept as the tail of the other");
+    let named =
+        |name: &str| hover("inprocess", &[&exec(&both), P, &format!("node.attitude-mpc.settings.function={name}")]);
+    let law = named("law");
+    assert_eq!((law.code(), law.state_hash()), (Some(0), alone.state_hash()), "{}", law.stderr);
+    for (refused, why) in [
+        (hover("inprocess", &[&exec(&both), P]), r#"give `settings.function` one of ["jac_law", "law"]"#),
+        (named("aw"), r#"it has no CasADi function `aw`, but ["jac_law", "law"]"#),
+    ] {
+        assert_eq!(refused.code(), Some(2), "{}", refused.stderr);
+        assert!(refused.stderr.contains(why), "{}", refused.stderr);
+    }
+}
+
+#[test]
 fn an_mpc_of_casadi_flies_as_it_was_generated() {
     let folder = tempfile::tempdir().unwrap();
     let Some(python) = python_with(&["casadi==3.8.2"]) else { return };
@@ -384,6 +417,27 @@ fn an_mpc_of_casadi_flies_as_it_was_generated() {
     assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));
     let function = compiled(&source, folder.path(), "mpc", &["-Wno-unused-parameter", "-Wno-unused-function"]);
     hovers_in_every_mode(&function);
+}
+
+#[test]
+fn a_law_of_casadi_is_found_beside_its_jacobian_and_its_matrix_has_one_shape() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(python) = python_with(&["casadi==3.8.2"]) else { return };
+    let script = top().join("tests/python/casadi_jacobian.py");
+    let law = |name: &str, shape: [&str; 2]| {
+        let source = folder.path().join(name).with_extension("c");
+        let generated = Command::new(&python).arg(&script).arg(&source).args(shape).output().unwrap();
+        assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));
+        compiled(&source, folder.path(), name, &["-Wno-unused-parameter", "-Wno-unused-function"])
+    };
+    let fly = |library: &Path| {
+        hover("inprocess", &[&exec(library), P, "node.attitude-mpc.settings.function=law", "guidance.preview_s=0.2"])
+    };
+    let flown = fly(&law("law", ["4", "8"]));
+    assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    let turned = fly(&law("turned", ["8", "4"]));
+    assert_eq!(turned.code(), Some(2), "{}", turned.stderr);
+    assert!(turned.stderr.contains("input `preview` of `law` is 8 x 4, not 4 x 8"), "{}", turned.stderr);
 }
 
 #[test]
