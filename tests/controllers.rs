@@ -408,6 +408,70 @@ fn a_function_is_found_beside_one_whose_name_ends_in_its_own() {
     }
 }
 
+/// Compiles `tests/controllers/sharing.c` into the new folder `name`, beside a `libdep.so.0` of its own with this gain.
+pub fn with_dependency(folder: &Path, name: &str, gain: &str) -> PathBuf {
+    let source = top().join("tests/controllers/sharing.c");
+    let folder = folder.join(name);
+    std::fs::create_dir(&folder).expect("a new folder");
+    let dependency = compiled(&source, &folder, "libdep", &[&format!("-DGAIN={gain}"), "-Wl,-soname,libdep.so.0"]);
+    std::fs::rename(dependency, folder.join("libdep.so.0")).expect("can be renamed");
+    compiled(&source, &folder, name, &[&needs_dependency(&folder)[..], &["-Wl,-rpath,$ORIGIN"]].concat())
+}
+
+/// Flags for a library or program that needs the `libdep.so.0` in `folder`.
+pub fn needs_dependency(folder: &Path) -> [&'static str; 3] {
+    ["-Wl,--no-as-needed", format!("-L{}", folder.display()).leak(), "-l:libdep.so.0"]
+}
+
+#[test]
+fn libraries_with_dependencies_of_one_name_fly_in_processes_of_their_own_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] =
+        [("one", "1.0"), ("other", "0.8")].map(|(name, gain)| with_dependency(folder.path(), name, gain));
+    let too = one.with_file_name("too.so");
+    std::fs::copy(&one, &too).unwrap();
+    let [by_one, by_other, by_too] = [&one, &other, &too]
+        .map(|file| ["guidance", "attitude-mpc"].map(|node| format!("node.{node}.exec={}", file.display())));
+    let second = "run.duration_s=1";
+    let refused = |said: &str| {
+        let files = ["one", "other"].map(|name| folder.path().join(name).join("libdep.so.0").display().to_string());
+        let words =
+            ["it needs `libdep.so.0`", &files[0], &files[1], "lockstep", "link both with one file of that name"];
+        for words in words {
+            assert!(said.contains(words), "should say {words:?}: {said}");
+        }
+    };
+    let mixed = [&by_one[0] as &str, &by_other[1], second];
+    let in_process = hover("inprocess", &mixed);
+    assert_eq!(in_process.code(), Some(2), "{}", in_process.stderr);
+    refused(&in_process.stderr);
+    let lockstep = hover("lockstep", &mixed);
+    assert_eq!(lockstep.code(), Some(0), "{}", lockstep.stderr);
+    for settings in
+        [&[&by_one[0] as &str, &by_too[1], second][..], &[&by_one[0], &by_one[1], second], &[&by_other[1], second]]
+    {
+        let [in_process, lockstep] = ["inprocess", "lockstep"].map(|mode| hover(mode, settings));
+        assert_eq!((in_process.code(), lockstep.code()), (Some(0), Some(0)), "{}", in_process.stderr);
+        assert_eq!(in_process.state_hash(), lockstep.state_hash(), "one file for both");
+    }
+
+    let swap =
+        format!("swap=[{{ node='attitude-mpc', at_s=0.5, standby_s=0.1, watch_s=0.1, exec='{}' }}]", other.display());
+    let swapped = hover("inprocess", &[&by_one[1], &swap, second]);
+    assert_eq!(swapped.code(), Some(2), "{}", swapped.stderr);
+    refused(&swapped.stderr);
+
+    let named = [("guidance", &one), ("attitude-mpc", &other)].map(|(node, file)| format!("{node}={}", file.display()));
+    let (code, said) = replay(&lockstep.out, &["--program", &named[0], "--program", &named[1]]);
+    assert_ne!(code, Some(0), "{said}");
+    refused(&said);
+    for program in &named {
+        let (code, said) = replay(&lockstep.out, &["--program", program]);
+        assert_eq!(code, Some(0), "{said}");
+        assert!(said.contains("no difference in what was compared"), "{said}");
+    }
+}
+
 #[test]
 fn an_mpc_of_casadi_flies_as_it_was_generated() {
     let folder = tempfile::tempdir().unwrap();
