@@ -375,12 +375,23 @@ fn a_function_in_the_form_of_casadi_is_found_by_its_names() {
     let source = top().join("tests/controllers/function.c");
     let function = |trap: u32| compiled(&source, folder.path(), &format!("law{trap}"), &[&format!("-DTRAP={trap}")]);
     hovers_in_every_mode(&function(0));
+    let [standing, lying, in_full] = [0, 15, 16].map(|trap| hover("inprocess", &[&exec(&function(trap)), P]));
+    assert_eq!((lying.code(), lying.state_hash()), (Some(0), standing.state_hash()), "{}", lying.stderr);
+    assert_eq!((in_full.code(), in_full.state_hash()), (Some(0), standing.state_hash()), "{}", in_full.stderr);
     for (trap, why) in [
         (1, "no input of attitude-mpc is called `speed`; there are time, position, velocity, attitude, rates"),
         (2, "input `attitude` of `law` is sparse"),
-        (3, "input `attitude_ref` of `law` has 2 numbers, not 3"),
+        (3, "input `attitude_ref` of `law` is 2 x 1, not 3 x 1"),
         (4, "`law_casadi_int_size` is not 8"),
-        (5, "input `z` and output `z_next` go together"),
+        (5, "input `z` and output `z_next` go together, and are 4 x 1 and 0 x 0"),
+        (7, "`law_n_in` says that there are -1"),
+        (8, "`law_n_out` says that there are -1"),
+        (9, "input `attitude` of `law` is -3 x -1, which is no shape"),
+        (10, "input `preview` of `law` is 8 x 4, not 4 x 8"),
+        (11, "output `demand` of `law` is 2 x 2, not 4 x 1"),
+        (12, "input `z` and output `z_next` go together, and are 2 x 2 and 4 x 1"),
+        (13, "input `attitude` of `law` is there twice"),
+        (14, "input `attitude` of `law` has a pattern that is none of CasADi's"),
     ] {
         let refused = hover("inprocess", &[&exec(&function(trap)), P]);
         assert_eq!(refused.code(), Some(2), "trap {trap}: {}", refused.stderr);
@@ -400,6 +411,92 @@ fn a_function_in_the_form_of_casadi_is_found_by_its_names() {
 }
 
 #[test]
+fn a_function_is_found_beside_one_whose_name_ends_in_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = top().join("tests/controllers/function.c");
+    let alone = hover("inprocess", &[&exec(&compiled(&source, folder.path(), "alone", &[])), P]);
+    let both = compiled(&source, folder.path(), "both", &["-DJACOBIAN", "-Wl,-O1", "-s"]);
+    let bytes = std::fs::read(&both).unwrap();
+    let has = |text: &[u8]| bytes.windows(text.len()).any(|window| window == text);
+    assert!(has(b"jac_law_n_in\0") && !has(b"\0law_n_in\0"), "one name is kept as the tail of the other");
+    let named =
+        |name: &str| hover("inprocess", &[&exec(&both), P, &format!("node.attitude-mpc.settings.function={name}")]);
+    let law = named("law");
+    assert_eq!((law.code(), law.state_hash()), (Some(0), alone.state_hash()), "{}", law.stderr);
+    for (refused, why) in [
+        (hover("inprocess", &[&exec(&both), P]), r#"give `settings.function` one of ["jac_law", "law"]"#),
+        (named("aw"), r#"it has no CasADi function `aw`, but ["jac_law", "law"]"#),
+    ] {
+        assert_eq!(refused.code(), Some(2), "{}", refused.stderr);
+        assert!(refused.stderr.contains(why), "{}", refused.stderr);
+    }
+}
+
+/// Compiles `tests/controllers/sharing.c` into the new folder `name`, beside a `libdep.so.0` of its own with this gain.
+pub fn with_dependency(folder: &Path, name: &str, gain: &str) -> PathBuf {
+    let source = top().join("tests/controllers/sharing.c");
+    let folder = folder.join(name);
+    std::fs::create_dir(&folder).expect("a new folder");
+    let dependency = compiled(&source, &folder, "libdep", &[&format!("-DGAIN={gain}"), "-Wl,-soname,libdep.so.0"]);
+    std::fs::rename(dependency, folder.join("libdep.so.0")).expect("can be renamed");
+    compiled(&source, &folder, name, &[&needs_dependency(&folder)[..], &["-Wl,-rpath,$ORIGIN"]].concat())
+}
+
+/// Flags for a library or program that needs the `libdep.so.0` in `folder`.
+pub fn needs_dependency(folder: &Path) -> [&'static str; 3] {
+    ["-Wl,--no-as-needed", format!("-L{}", folder.display()).leak(), "-l:libdep.so.0"]
+}
+
+#[test]
+fn libraries_with_dependencies_of_one_name_fly_in_processes_of_their_own_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] =
+        [("one", "1.0"), ("other", "0.8")].map(|(name, gain)| with_dependency(folder.path(), name, gain));
+    let too = one.with_file_name("too.so");
+    std::fs::copy(&one, &too).unwrap();
+    let [by_one, by_other, by_too] = [&one, &other, &too]
+        .map(|file| ["guidance", "attitude-mpc"].map(|node| format!("node.{node}.exec={}", file.display())));
+    let second = "run.duration_s=1";
+    let refused = |said: &str| {
+        let files = ["one", "other"].map(|name| folder.path().join(name).join("libdep.so.0").display().to_string());
+        let words =
+            ["it needs `libdep.so.0`", &files[0], &files[1], "lockstep", "link both with one file of that name"];
+        for words in words {
+            assert!(said.contains(words), "should say {words:?}: {said}");
+        }
+    };
+    let mixed = [&by_one[0] as &str, &by_other[1], second];
+    let in_process = hover("inprocess", &mixed);
+    assert_eq!(in_process.code(), Some(2), "{}", in_process.stderr);
+    refused(&in_process.stderr);
+    let lockstep = hover("lockstep", &mixed);
+    assert_eq!(lockstep.code(), Some(0), "{}", lockstep.stderr);
+    for settings in
+        [&[&by_one[0] as &str, &by_too[1], second][..], &[&by_one[0], &by_one[1], second], &[&by_other[1], second]]
+    {
+        let [in_process, lockstep] = ["inprocess", "lockstep"].map(|mode| hover(mode, settings));
+        assert_eq!((in_process.code(), lockstep.code()), (Some(0), Some(0)), "{}", in_process.stderr);
+        assert_eq!(in_process.state_hash(), lockstep.state_hash(), "one file for both");
+    }
+
+    let swap =
+        format!("swap=[{{ node='attitude-mpc', at_s=0.5, standby_s=0.1, watch_s=0.1, exec='{}' }}]", other.display());
+    let swapped = hover("inprocess", &[&by_one[1], &swap, second]);
+    assert_eq!(swapped.code(), Some(2), "{}", swapped.stderr);
+    refused(&swapped.stderr);
+
+    let named = [("guidance", &one), ("attitude-mpc", &other)].map(|(node, file)| format!("{node}={}", file.display()));
+    let (code, said) = replay(&lockstep.out, &["--program", &named[0], "--program", &named[1]]);
+    assert_ne!(code, Some(0), "{said}");
+    refused(&said);
+    for program in &named {
+        let (code, said) = replay(&lockstep.out, &["--program", program]);
+        assert_eq!(code, Some(0), "{said}");
+        assert!(said.contains("no difference in what was compared"), "{said}");
+    }
+}
+
+#[test]
 fn an_mpc_of_casadi_flies_as_it_was_generated() {
     let folder = tempfile::tempdir().unwrap();
     let Some(python) = python_with(&["casadi==3.8.2"]) else { return };
@@ -408,6 +505,27 @@ fn an_mpc_of_casadi_flies_as_it_was_generated() {
     assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));
     let function = compiled(&source, folder.path(), "mpc", &["-Wno-unused-parameter", "-Wno-unused-function"]);
     hovers_in_every_mode(&function);
+}
+
+#[test]
+fn a_law_of_casadi_is_found_beside_its_jacobian_and_its_matrix_has_one_shape() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(python) = python_with(&["casadi==3.8.2"]) else { return };
+    let script = top().join("tests/python/casadi_jacobian.py");
+    let law = |name: &str, shape: [&str; 2]| {
+        let source = folder.path().join(name).with_extension("c");
+        let generated = Command::new(&python).arg(&script).arg(&source).args(shape).output().unwrap();
+        assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));
+        compiled(&source, folder.path(), name, &["-Wno-unused-parameter", "-Wno-unused-function"])
+    };
+    let fly = |library: &Path| {
+        hover("inprocess", &[&exec(library), P, "node.attitude-mpc.settings.function=law", "guidance.preview_s=0.2"])
+    };
+    let flown = fly(&law("law", ["4", "8"]));
+    assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    let turned = fly(&law("turned", ["8", "4"]));
+    assert_eq!(turned.code(), Some(2), "{}", turned.stderr);
+    assert!(turned.stderr.contains("input `preview` of `law` is 8 x 4, not 4 x 8"), "{}", turned.stderr);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use campaign::table::Table;
 use contract::exit;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::controllers::library;
+use crate::controllers::{library, with_dependency};
 use crate::harness::{launcher, namespace, wait_until};
 
 /// Sixty flights, some of which three of the four controllers end. Which ones follows from the vehicle's mass.
@@ -125,6 +125,27 @@ fn a_library_that_crashes_exits_or_hangs_costs_its_flights_and_the_table_stays_t
 
 /// Two flights of the library `lib.so`.
 const OF_ONE: &str = "settings.run.duration_s = 0.1\nvary.plant.airframe.mass_kg = [1.1, 1.12]\n[controller.lib]\nnode.attitude-mpc.exec = 'lib.so'\n";
+
+#[test]
+fn controllers_that_cannot_be_in_one_process_fly_in_one_campaign() {
+    let place = Place::new(
+        "settings.run.duration_s = 0.5\nvary.plant.airframe.mass_kg = [1.1, 1.12]\n\
+         [controller.one]\nnode.attitude-mpc.exec = 'one/one.so'\n\
+         [controller.other]\nnode.attitude-mpc.exec = 'other/other.so'\n",
+    );
+    for (name, gain) in [("one", "1.0"), ("other", "0.8")] {
+        with_dependency(&place.at(""), name, gain);
+    }
+    let flown = place.command(&[], "out").env("RAYON_NUM_THREADS", "1").output().unwrap();
+    assert_eq!(flown.status.code(), Some(0), "{}", said(&flown));
+    let (flights, _) = Table::from_parquet(place.table("out"), 4).unwrap();
+    let flight = |row: usize| ["controller", "hash"].map(|column| flights.column(column).unwrap().text(row).to_owned());
+    let flights: Vec<[String; 2]> = (0..4).map(flight).collect();
+    for [controller, hash] in &flights {
+        let others = flights.iter().filter(|[other, _]| other != controller);
+        assert!(others.clone().count() == 2 && others.clone().all(|[_, other]| other != hash), "{flights:?}");
+    }
+}
 
 #[test]
 fn another_file_under_the_same_name_is_refused() {

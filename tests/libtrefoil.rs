@@ -7,6 +7,7 @@ use std::sync::{LazyLock, Once};
 
 use serde_json::Value;
 
+use crate::controllers::{needs_dependency, with_dependency};
 use crate::harness::{Outcome, fly, launcher, python_with, top};
 
 /// Folder of libtrefoil as built for these tests, linked from a file of the usual name.
@@ -138,6 +139,27 @@ fn a_stepped_flight_in_c_has_the_bits_of_the_same_law_in_a_library() {
         let refused = step(&["run.mode=lockstep"]);
         assert_eq!(refused.status.code(), Some(2));
         assert!(said(&refused).contains("a stepped flight is in process"), "{}", said(&refused));
+    }
+}
+
+#[test]
+fn a_stepped_flight_refuses_a_library_whose_dependency_its_program_has_from_another_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| with_dependency(folder.path(), name, "1.0"));
+    let beside_one = one.parent().unwrap();
+    let rpath = format!("-Wl,-rpath,{}", beside_one.display());
+    let flags = [&needs_dependency(beside_one)[..], &["-DSTEPPED", &rpath]].concat();
+    let program = program(&library_folder(folder.path()), "stepped", &flags);
+    let step = |guidance: &Path| {
+        let exec = format!("node.guidance.exec={}", guidance.display());
+        let mut command = Command::new(&program);
+        command.current_dir(top()).args(["scenarios/survey.toml", "run.duration_s=1", BOUND, &exec]).output().unwrap()
+    };
+    assert_eq!(step(&one).status.code(), Some(0), "{}", said(&step(&one)));
+    let refused = step(&other);
+    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+    for file in [&one, &other].map(|file| file.with_file_name("libdep.so.0").display().to_string()) {
+        assert!(said(&refused).contains(&file), "should name {file}: {}", said(&refused));
     }
 }
 

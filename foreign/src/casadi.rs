@@ -15,6 +15,7 @@
 
 #![expect(unsafe_code, reason = "functions of other languages are called")]
 
+use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 
@@ -23,11 +24,13 @@ use contract::message::Kinematics;
 use contract::scenario::{NodeProgram, Scenario};
 use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
+use object::read::elf::ElfFile64;
+use object::{Endianness, Object, ObjectSymbol};
 use plant::vehicle::start;
 
 use crate::abi::{TREFOIL_MEMORY_BYTES, TrefoilAttitudeAnswer};
 use crate::engine::Engine;
-use crate::protocol::{Layout, Place};
+use crate::protocol::{Layout, Place, Shape};
 
 /// Ending of the function that gives the number of inputs, by which a CasADi function is recognised.
 const NUMBER_OF_INPUTS: &str = "_n_in";
@@ -60,6 +63,8 @@ const INPUTS: &[(&str, Meaning)] =
 /// Input or output of a function.
 struct Argument {
     meaning: Meaning,
+    shape: Shape,
+    /// Column by column.
     values: Vec<f64>,
 }
 
@@ -85,22 +90,20 @@ impl Function {
     /// Finds the CasADi function of the library at `path`; `None` if it has none. Of several, the settings of the
     /// `program` name one as `function`.
     pub fn find(handle: &Handle, path: &Path, program: &NodeProgram) -> Option<Result<Self, String>> {
-        let bytes = std::fs::read(path).ok()?;
-        let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
-        let words = bytes.split(|byte| !is_word(byte)).filter_map(|word| std::str::from_utf8(word).ok());
-        let mut names: Vec<&str> = words.filter_map(|word| word.strip_suffix(NUMBER_OF_INPUTS)).collect();
-        names.sort_unstable();
-        names.dedup();
         // SAFETY: the addresses are only compared with null.
         let has = |symbol: &str| unsafe { handle.get::<*const c_void>(symbol.as_bytes()) }.is_ok();
-        names.retain(|name| has(name) && has(&format!("{name}{NUMBER_OF_INPUTS}")));
         let wanted = program.settings.get("function").and_then(toml::Value::as_str);
-        match (names.as_slice(), wanted) {
-            ([], _) => None,
-            (names, Some(wanted)) if names.contains(&wanted) => Some(Ok(Self(wanted.into()))),
-            (names, Some(wanted)) => Some(Err(format!("it has no CasADi function `{wanted}`, but {names:?}"))),
-            ([only], None) => Some(Ok(Self((*only).into()))),
-            (names, None) => {
+        if let Some(wanted) = wanted.filter(|wanted| has(wanted) && has(&format!("{wanted}{NUMBER_OF_INPUTS}"))) {
+            return Some(Ok(Self(wanted.into())));
+        }
+        let bytes = std::fs::read(path).ok()?;
+        let names = exported(&bytes).map_err(|error| format!("its dynamic symbol table cannot be read: {error}"));
+        match (names.as_deref(), wanted) {
+            (Err(why), _) => Some(Err(why.clone())),
+            (Ok([]), _) => None,
+            (Ok(names), Some(wanted)) => Some(Err(format!("it has no CasADi function `{wanted}`, but {names:?}"))),
+            (Ok([only]), None) => Some(Ok(Self((*only).into()))),
+            (Ok(names), None) => {
                 Some(Err(format!("it has several CasADi functions: give `settings.function` one of {names:?}")))
             }
         }
@@ -172,13 +175,16 @@ impl Function {
             let sparsity_of: SparsityOf = self.required(handle, &format!("_sparsity_{side}"))?;
             (count(), name_of, sparsity_of)
         };
+        if count < 0 {
+            return Err(format!("`{}_n_{side}` says that there are {count}", self.0));
+        }
         let own: &[(&str, Meaning)] = match (side, topic) {
             ("in", Topic::State) => &[INPUTS, &[("start", Meaning::Start)]].concat(),
             ("in", _) => INPUTS,
             (_, Topic::Controls) => &[("status", Meaning::Status), ("z_next", Meaning::Memory)],
             _ => &[("z_next", Meaning::Memory)],
         };
-        let mut all = vec![];
+        let (mut all, mut names) = (vec![], BTreeSet::new());
         for i in 0..count {
             // SAFETY: the index is below the number of names, which are C strings.
             let (name, sparsity) = unsafe { (name_of(i), sparsity_of(i)) };
@@ -187,17 +193,15 @@ impl Function {
             }
             // SAFETY: CasADi gives each name as a C string.
             let name = unsafe { CStr::from_ptr(name) }.to_string_lossy().into_owned();
-            // SAFETY: a pattern has rows, columns, then 1 if it is dense, or else the offsets of the columns.
-            let numbers = unsafe { dense(sparsity) };
-            let Some(numbers) = numbers else {
-                return Err(format!("{side}put `{name}` of `{}` is sparse: make it dense (`densify`)", self.0));
-            };
+            let it = format!("{side}put `{name}` of `{}`", self.0);
+            // SAFETY: the pattern is the one that CasADi gives.
+            let shape = unsafe { dense(sparsity) }.map_err(|why| format!("{it} {why}"))?;
             let place = known.iter().find(|place| place.name == name);
-            let (meaning, count) = match (place, own.iter().find(|(own, _)| *own == name)) {
-                (Some(place), _) => (Meaning::Place(place.at), Some(place.count)),
+            let (meaning, wanted) = match (place, own.iter().find(|(own, _)| *own == name)) {
+                (Some(place), _) => (Meaning::Place(place.at), Some(place.shape)),
                 (None, Some((_, meaning @ (Meaning::Parameters | Meaning::Memory)))) => (*meaning, None),
-                (None, Some((_, meaning @ Meaning::Start))) => (*meaning, Some(START)),
-                (None, Some((_, meaning))) => (*meaning, Some(1)),
+                (None, Some((_, meaning @ Meaning::Start))) => (*meaning, Some(Shape { rows: START, columns: 1 })),
+                (None, Some((_, meaning))) => (*meaning, Some(Shape { rows: 1, columns: 1 })),
                 (None, None) => {
                     let known: Vec<&str> =
                         known.iter().map(|place| place.name).chain(own.iter().map(|own| own.0)).collect();
@@ -205,10 +209,13 @@ impl Function {
                     return Err(format!("no {side}put of {} is called `{name}`; there are {known}", topic.publisher()));
                 }
             };
-            if let Some(count) = count.filter(|count| *count != numbers) {
-                return Err(format!("{side}put `{name}` of `{}` has {numbers} numbers, not {count}", self.0));
+            if let Some(wanted) = wanted.filter(|wanted| !wanted.fits(shape)) {
+                return Err(format!("{it} is {shape}, not {wanted}"));
             }
-            all.push(Argument { meaning, values: vec![0.0; numbers] });
+            if !names.insert(name) {
+                return Err(format!("{it} is there twice"));
+            }
+            all.push(Argument { meaning, shape, values: vec![0.0; shape.count()] });
         }
         Ok(all)
     }
@@ -233,20 +240,47 @@ impl Function {
     }
 }
 
-/// Largest size of a work vector that a function may ask for.
+/// Returns the names of the CasADi functions that the library of these `bytes` exports, in order. They are read from
+/// its table of symbols: the linker may keep a name as the tail of another, `law_n_in` in `jac_law_n_in`.
+fn exported(bytes: &[u8]) -> object::Result<Vec<&str>> {
+    let file = ElfFile64::<Endianness>::parse(bytes)?;
+    let symbols = file.dynamic_symbols().filter(ObjectSymbol::is_definition);
+    let symbols: BTreeSet<&str> = symbols.filter_map(|symbol| symbol.name().ok()).collect();
+    let names = symbols.iter().filter_map(|symbol| symbol.strip_suffix(NUMBER_OF_INPUTS));
+    Ok(names.filter(|name| symbols.contains(name)).collect())
+}
+
+/// Largest size of a work vector, and largest number of values of an input or output.
 const MOST_WORK: i64 = 1 << 26;
 
-/// Returns the number of values of a pattern; `None` if it is not dense.
+/// Returns the shape of a dense pattern: rows, columns, then 1, or else the offsets of the columns in the values, and
+/// the row of each value.
+///
+/// # Errors
+/// The pattern is sparse, or is none.
 ///
 /// # Safety
-/// `pattern` is one of CasADi's.
-unsafe fn dense(pattern: *const i64) -> Option<usize> {
-    // SAFETY: the caller vouches for rows, columns and what follows them.
+/// `pattern` is one of CasADi's if its rows and columns are not negative.
+unsafe fn dense(pattern: *const i64) -> Result<Shape, String> {
+    // SAFETY: the caller vouches for rows, columns and what follows them; nothing follows those of an empty pattern.
     unsafe {
-        let (rows, columns, third) = (*pattern, *pattern.add(1), *pattern.add(2));
-        let all = rows.checked_mul(columns).filter(|all| (0..=MOST_WORK).contains(all))?;
-        let is_dense = third == 1 || *pattern.add(2 + columns as usize) == all;
-        is_dense.then_some(all as usize)
+        let (rows, columns) = (*pattern, *pattern.add(1));
+        if rows < 0 || columns < 0 || rows.checked_mul(columns).is_none_or(|all| all > MOST_WORK) {
+            return Err(format!("is {rows} x {columns}, which is no shape"));
+        }
+        let shape = Shape { rows: rows as usize, columns: columns as usize };
+        if shape.count() == 0 || *pattern.add(2) == 1 {
+            return Ok(shape);
+        }
+        let offsets = std::slice::from_raw_parts(pattern.add(2), shape.columns + 1);
+        if !offsets.iter().zip(0..).all(|(offset, column)| *offset == column * rows) {
+            return Err("is sparse: make it dense (`densify`)".into());
+        }
+        let rows_of_values = std::slice::from_raw_parts(pattern.add(3 + shape.columns), shape.count());
+        if !rows_of_values.iter().zip((0..rows).cycle()).all(|(row, expected)| *row == expected) {
+            return Err("has a pattern that is none of CasADi's".into());
+        }
+        Ok(shape)
     }
 }
 
@@ -294,9 +328,12 @@ impl Casadi {
         if topic == Topic::State && !self.inputs.iter().any(|input| matches!(input.meaning, Meaning::Start)) {
             return Err("a vehicle needs the input `start`: its state when the flight begins".into());
         }
-        let z_next = self.outputs.iter().find(|output| matches!(output.meaning, Meaning::Memory));
-        if z_next.map_or(0, |z_next| z_next.values.len()) != self.memory {
-            return Err("input `z` and output `z_next` go together, and have as many numbers".into());
+        let [z, z_next] = [&self.inputs, &self.outputs].map(|arguments| {
+            let memory = arguments.iter().find(|argument| matches!(argument.meaning, Meaning::Memory));
+            memory.map_or(Shape { rows: 0, columns: 0 }, |memory| memory.shape)
+        });
+        if !z.fits(z_next) {
+            return Err(format!("input `z` and output `z_next` go together, and are {z} and {z_next}"));
         }
         if !self.outputs.iter().any(|output| matches!(output.meaning, Meaning::Place(_))) {
             return Err(format!("the function has no output for {}", topic.publisher()));
@@ -313,7 +350,7 @@ impl Casadi {
 
 impl Engine for Casadi {
     fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), String> {
-        for Argument { meaning, values } in &mut self.inputs {
+        for Argument { meaning, values, .. } in &mut self.inputs {
             match *meaning {
                 Meaning::Place(at) => {
                     for (value, bytes) in values.iter_mut().zip(input[at..].chunks_exact(8)) {
@@ -336,7 +373,7 @@ impl Engine for Casadi {
         if result != 0 {
             return Err(format!("the function returned {result}"));
         }
-        for Argument { meaning, values } in &self.outputs {
+        for Argument { meaning, values, .. } in &self.outputs {
             match *meaning {
                 Meaning::Place(at) => answer[at..at + 8 * values.len()].copy_from_slice(cast_slice(values)),
                 Meaning::Status => {

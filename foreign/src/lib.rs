@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! [node.mixer] exec = "my.so"
-//!   -> Library: dlopen, a guard around every call                                    (library)
+//!   -> Library: dlopen, a guard around every call                                    (loading, library)
 //!   -> Engine: the function table of trefoil.h, or a function of CasADi              (table, casadi)
 //!   -> Foreign<Protocol>: messages to the types of trefoil.h, answers back           (core, protocol)
 //!   -> runtime::node: the same ports, loop and faults as for every core
@@ -13,6 +13,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`abi`] | the types of `trefoil.h` |
+//! | `loading` | dlopen, and which dependencies a library gets |
 //! | `library` | a loaded library, and the guard around every call into it |
 //! | `engine` | what every interface of a library can do |
 //! | `table` | a library with the function table of `trefoil.h` |
@@ -32,6 +33,7 @@ mod casadi;
 mod core;
 mod engine;
 mod library;
+mod loading;
 mod protocol;
 pub mod rounding;
 pub mod setup;
@@ -40,5 +42,6 @@ mod vehicle;
 
 pub use asked::{open_asked, sizes};
 pub use core::{Foreign, open, try_out};
+pub use loading::in_program_of_others;
 pub use protocol::AttitudeMpc;
 pub use vehicle::{vehicle, vehicle_of_program};

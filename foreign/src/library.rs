@@ -2,19 +2,16 @@
 //!
 //! A library is never unloaded: its threads and exit handlers may still use its code.
 
-#![expect(unsafe_code, reason = "code from other languages is loaded")]
-
-use std::mem::ManuallyDrop;
 use std::path::absolute;
 
 use contract::scenario::Scenario;
 use contract::topic::Topic;
-use libloading::os::unix::{Library as Handle, RTLD_LOCAL, RTLD_NOW};
 use runtime::error::SessionError;
 
 use crate::abi::TrefoilNode;
 use crate::casadi::Function;
 use crate::engine::Engine;
+use crate::loading;
 use crate::protocol::Layout;
 use crate::rounding::Rounding;
 use crate::table::Table;
@@ -39,11 +36,10 @@ impl Library {
         let rounding = Rounding::now();
         // dlopen takes a name without a slash for one in the system's folders.
         let path = absolute(file).map_err(|error| refused(error.to_string()))?;
-        // SAFETY: the code of the library runs here, and nothing can vouch for it. The user named it as the program of
-        // a node, the launcher has tried it in a process of its own before, and a crash costs this process.
-        let handle = unsafe { Handle::open(Some(&path), RTLD_NOW | RTLD_LOCAL) };
-        let handle = ManuallyDrop::new(handle.map_err(|error| refused(in_words(&error)))?);
-        unchanged(rounding).map_err(|why| refused(format!("{why} while it was loaded")))?;
+        let handle = loading::load(&path);
+        let loaded = unchanged(rounding).map_err(|why| refused(format!("{why} while it was loaded")));
+        let handle = handle.map_err(refused)?;
+        loaded?;
         let function = || Function::find(&handle, &path, scenario.node.of(topic));
         let engine = match if Table::is_in(&handle) { None } else { function() } {
             Some(function) => function.and_then(|function| function.open(&handle, scenario, topic, layout)),
@@ -108,12 +104,4 @@ fn unchanged(usual: Rounding) -> Result<(), String> {
     }
     usual.set();
     Err("it changed the rounding mode of the processor (was it built with -ffast-math?)".into())
-}
-
-/// Returns the reason of the system for a library that cannot be loaded.
-fn in_words(error: &libloading::Error) -> String {
-    match error {
-        libloading::Error::DlOpen { source } => source.to_string(),
-        other => other.to_string(),
-    }
 }

@@ -1,5 +1,6 @@
 //! Input and answer of each node: messages of the ring to the types of `trefoil.h`, and back.
 
+use std::fmt::{self, Display, Formatter};
 use std::mem::offset_of;
 
 use bytemuck::Pod;
@@ -51,14 +52,45 @@ pub struct Place {
     pub name: &'static str,
     /// First byte.
     pub at: usize,
-    /// Number of `f64`.
-    pub count: usize,
+    pub shape: Shape,
 }
 
-/// Makes the places of fields: `name = path in the type: count`.
+/// Shape of a matrix of `f64`, whose values are kept column by column, as those of CasADi are. An array of C of
+/// `[columns][rows]` keeps them so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    pub rows: usize,
+    pub columns: usize,
+}
+
+impl Shape {
+    /// Returns the number of values.
+    pub fn count(self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// Returns whether the values of a matrix of the shape `other` are those of one of this shape, in the same order: a
+    /// vector may lie or stand.
+    pub fn fits(self, other: Self) -> bool {
+        let is_vector = |Self { rows, columns }: Self| rows <= 1 || columns <= 1;
+        self == other || is_vector(self) && is_vector(other) && self.count() == other.count()
+    }
+}
+
+impl Display for Shape {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} x {}", self.rows, self.columns)
+    }
+}
+
+/// Makes the places of fields: `name = path in the type: rows`, or `rows x columns`.
 macro_rules! places {
-    ($type:ty { $($name:literal = $($field:ident).+ : $count:literal),* }) => {
-        &[$(Place { name: $name, at: offset_of!($type, $($field).+), count: $count }),*]
+    ($type:ty { $($name:literal = $($field:ident).+ : $rows:literal $(x $columns:literal)?),* }) => {
+        &[$(Place {
+            name: $name,
+            at: offset_of!($type, $($field).+),
+            shape: Shape { rows: $rows, columns: 1 $(* $columns)? },
+        }),*]
     };
 }
 
@@ -110,7 +142,7 @@ impl Protocol for AttitudeMpc {
             "position_ref" = reference.position_m: 3, "velocity_ref" = reference.velocity_mps: 3,
             "attitude_ref" = reference.attitude_rad: 3, "rates_ref" = reference.rates_radps: 3,
             "w_ref" = reference.w_mps: 1, "preview_step" = reference.preview_step_s: 1,
-            "preview" = reference.preview: 32
+            "preview" = reference.preview: 4 x 8
         }),
         places!(TrefoilAttitudeAnswer { "demand" = demand: 4 }),
     ];
@@ -214,6 +246,6 @@ mod tests {
         let seen = reference(7, &newest);
         assert_eq!((seen.age_ticks, seen.preview_step_s, seen.preview[7]), (2, 0.025, [1.0, 2.0, 3.0, 4.0]));
         let place = AttitudeMpc::NAMES[0].iter().find(|place| place.name == "preview").expect("CasADi's name");
-        assert_eq!(8 * place.count, size_of_val(&seen.preview));
+        assert_eq!((place.shape.rows, place.shape.columns), (seen.preview[0].len(), seen.preview.len()));
     }
 }

@@ -46,6 +46,12 @@ fn the_page_of_types_is_generated_from_the_types() {
         }
     }
     assert!(page.matches("\n## ").count() > 8, "the types are found");
+    let header = std::fs::read_to_string(in_crate("include/trefoil.h")).expect("trefoil.h");
+    for row in page.lines().filter(|row| row.contains("| double[")) {
+        let [name, lengths] = row.split(" | ").take(2).collect::<Vec<_>>().try_into().expect("name and type");
+        let declared = format!("{name}{};", &lengths["double".len()..]).replace("| `", " ").replace('`', "");
+        assert!(header.contains(&declared), "trefoil.h has no `{declared}`");
+    }
     is_generated("../docs/controllers-reference.md", &page);
 }
 
@@ -74,7 +80,15 @@ fn doc(attributes: &[Attribute]) -> String {
 /// Returns the form of a type in C; a type of `trefoil.h` is a link to its section.
 fn in_c(of: &Type) -> String {
     match of {
-        Type::Array(array) => format!("{}[{}]", in_c(&array.elem), array.len.to_token_stream()),
+        Type::Array(_) => {
+            // The length of the outer array is the last in Rust, and the first in C.
+            let (mut element, mut lengths) = (of, String::new());
+            while let Type::Array(array) = element {
+                write!(lengths, "[{}]", array.len.to_token_stream()).expect("a string grows");
+                element = &array.elem;
+            }
+            in_c(element) + &lengths
+        }
         Type::Ptr(_) => "const char \\*".into(),
         Type::Path(path) => {
             let name = path.path.segments.last().expect("a type has a name").ident.to_string();

@@ -112,7 +112,7 @@ enum Command {
     /// Load a library as a node, and have it answer to a few samples (the launcher starts this before a flight)
     #[command(hide = true)]
     TryLibrary {
-        /// plant, guidance, attitude-mpc or mixer
+        /// plant, guidance, attitude-mpc or mixer; or `all`, one after the other
         node: String,
     },
     /// Fly with libraries for the launcher that starts this, one flight after the other

@@ -9,37 +9,58 @@
 #define INT_32 4
 #define NO_Z_NEXT 5
 #define FAILS 6
+#define NEGATIVE_INPUTS 7
+#define NEGATIVE_OUTPUTS 8
+#define NEGATIVE_SHAPE 9
+#define LYING_PREVIEW 10 // 8 x 4: as many numbers as 4 x 8, in another order
+#define SQUARE_VECTOR 11
+#define SQUARE_MEMORY 12
+#define TWICE 13
+#define WRONG_ROWS 14
+#define LYING_VECTORS 15 // no trap
+#define FULL_PATTERN 16  // no trap: offsets and rows instead of the mark for dense
 #ifndef TRAP
 #define TRAP 0
 #endif
 
 static const char *INPUTS[] = {"attitude", "rates", "velocity", TRAP == UNKNOWN_NAME ? "speed" : "attitude_ref",
-                               "rates_ref", "w_ref", "tick", "p", "z"};
-static const char *OUTPUTS[] = {"demand", "status", TRAP == NO_Z_NEXT ? "status" : "z_next"};
+                               TRAP == TWICE ? "attitude" : "rates_ref", "w_ref", "tick", "p", "z", "preview"};
+static const char *OUTPUTS[] = {"demand", "status", "z_next"};
 static const long long COUNT_IN[] = {3, 3, 3, TRAP == WRONG_SHAPE ? 2 : 3, 3, 1, 1, 4, 4};
-static const long long COUNT_OUT[] = {4, 1, TRAP == NO_Z_NEXT ? 1 : 4};
+static const long long COUNT_OUT[] = {4, 1, 4};
 
-long long law_n_in(void) { return 9; }
-long long law_n_out(void) { return 3; }
+long long law_n_in(void) { return TRAP == NEGATIVE_INPUTS ? -1 : 10; }
+long long law_n_out(void) { return TRAP == NEGATIVE_OUTPUTS ? -1 : TRAP == NO_Z_NEXT ? 2 : 3; }
 const char *law_name_in(long long i) { return INPUTS[i]; }
 const char *law_name_out(long long i) { return OUTPUTS[i]; }
 int law_casadi_int_size(void) { return TRAP == INT_32 ? 4 : 8; }
 
-static const long long *dense(long long rows) {
-  static long long patterns[5][3];
-  long long *pattern = patterns[rows];
-  pattern[0] = rows, pattern[1] = 1, pattern[2] = 1;
+// Writes the pattern of a dense matrix to `pattern`, and returns it.
+static const long long *dense(long long *pattern, long long rows, long long columns) {
+  pattern[0] = rows, pattern[1] = columns, pattern[2] = 1;
+  if (TRAP == LYING_VECTORS && columns == 1) pattern[0] = 1, pattern[1] = rows;
+  if (TRAP != FULL_PATTERN && TRAP != WRONG_ROWS) return pattern;
+  for (long long column = 0; column <= columns; column++) pattern[2 + column] = column * rows;
+  for (long long i = 0; i < rows * columns; i++) pattern[3 + columns + i] = TRAP == WRONG_ROWS ? 0 : i % rows;
   return pattern;
 }
 
 const long long *law_sparsity_in(long long i) {
-  static const long long half[] = {3, 1, 0, 2, 0, 2};
-  return TRAP == SPARSE && i == 0 ? half : dense(COUNT_IN[i]);
+  static const long long half[] = {3, 1, 0, 2, 0, 2}, negative[] = {-3, -1, 1};
+  static long long patterns[10][64];
+  if (TRAP == SPARSE && i == 0) return half;
+  if (TRAP == NEGATIVE_SHAPE && i == 0) return negative;
+  if (TRAP == SQUARE_MEMORY && i == 8) return dense(patterns[8], 2, 2);
+  if (i == 9) return TRAP == LYING_PREVIEW ? dense(patterns[9], 8, 4) : dense(patterns[9], 4, 8);
+  return dense(patterns[i], COUNT_IN[i], 1);
 }
-const long long *law_sparsity_out(long long i) { return dense(COUNT_OUT[i]); }
+const long long *law_sparsity_out(long long i) {
+  static long long patterns[3][16];
+  return TRAP == SQUARE_VECTOR && i == 0 ? dense(patterns[0], 2, 2) : dense(patterns[i], COUNT_OUT[i], 1);
+}
 
 int law_work(long long *arg, long long *res, long long *iw, long long *w) {
-  *arg = 9, *res = 3, *iw = 0, *w = 4;
+  *arg = 10, *res = 3, *iw = 0, *w = 4;
   return 0;
 }
 
@@ -59,3 +80,13 @@ int law(const double **arg, double **res, long long *iw, double *w, int mem) {
     for (int i = 0; i < 4; i++) res[2][i] = w[i];
   return 0;
 }
+
+#ifdef JACOBIAN
+// Function beside the law, as CasADi generates it of `law.jacobian()`: the names of the law's functions are the tails of
+// its own.
+long long jac_law_n_in(void) { return 0; }
+int jac_law(const double **arg, double **res, long long *iw, double *w, int mem) {
+  (void)arg, (void)res, (void)iw, (void)w, (void)mem;
+  return 1;
+}
+#endif

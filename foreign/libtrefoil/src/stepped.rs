@@ -53,6 +53,7 @@ impl TrefoilFlight {
         let scenario = settings::load_untried(scenario.map(Path::new), &given.collect::<Vec<_>>());
         let scenario = scenario.map_err(|error| Failure::of_usage(error.to_string()))?;
         check(&scenario, topic)?;
+        foreign::in_program_of_others();
         let mut open = [nodes::open as runtime::node::Open; TOPICS.len()];
         open[place(topic)] = open_asked;
         Ok(Self {

@@ -3,7 +3,7 @@
 //! A library is tried in a process of its own: a constructor that crashes, ends its process or never returns is an
 //! error of the settings, and costs no flight.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write as _};
@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use contract::Topic;
 use contract::exit;
-use contract::scenario::{self, NodeProgram, ProgramKind, Scenario, ScenarioError, Swap, candidate, to_toml};
+use contract::scenario::{self, Mode, NodeProgram, ProgramKind, Scenario, ScenarioError, Swap, candidate, to_toml};
 use runtime::console::eprint_line;
 use rustix::fs::{Access, access};
 use sha2::{Digest, Sha256};
@@ -25,6 +25,9 @@ use crate::stack::children::wait;
 
 /// Longest time that a library may take to be loaded and to answer to a few samples.
 const TRIAL_LIMIT: Duration = Duration::from_secs(10);
+
+/// Name for the trial of all libraries of a flight in one process, in the place of that of a node.
+const TOGETHER: &str = "all";
 
 /// Last line of a trial that went well. A library that ends the process does not write it.
 const ANSWERS: &str = "the library answers";
@@ -124,7 +127,7 @@ pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError>
         return Ok(());
     }
     pin(&mut program.clone(), topic.publisher())?;
-    try_in_child(scenario, topic).map_err(|why| {
+    try_in_child(scenario, topic.publisher(), &program.env).map_err(|why| {
         let file = &program.exec;
         let why = why.strip_prefix(&format!("{file}: ")).unwrap_or(&why);
         let title = format!("the library `{file}` of {} cannot be flown: {why}", topic.publisher());
@@ -134,10 +137,46 @@ pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError>
     Ok(())
 }
 
-/// Tries the library of a node in a child; returns why it cannot be flown.
-fn try_in_child(scenario: &Scenario, topic: Topic) -> Result<(), String> {
+/// Returns the nodes that are libraries in a flight of `scenario`, from the beginning and then by its swaps, each with
+/// its settings.
+pub fn libraries(scenario: &Scenario) -> Vec<(Topic, Scenario)> {
+    let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node.topic()?, candidate(scenario, swap).ok()?)));
+    let own = scenario.node.libraries().map(|topic| (topic, scenario.clone()));
+    own.chain(swapped.filter(|(topic, own)| own.node.of(*topic).kind() == ProgramKind::Library)).collect()
+}
+
+/// Returns the files of the libraries in a flight of `scenario`, each with its hash.
+pub fn files(scenario: &Scenario) -> BTreeSet<(String, String)> {
+    let all = libraries(scenario).into_iter();
+    all.map(|(topic, own)| own.node.of(topic).clone()).map(|program| (program.exec, program.sha256)).collect()
+}
+
+/// Checks that all libraries of a flight of `scenario` can be loaded into one process, if the flight is in process.
+///
+/// # Errors
+/// One of them would get a file of another, or fails beside it.
+pub fn check_together(scenario: &Scenario) -> Result<(), ScenarioError> {
+    let files = files(scenario);
+    let env = scenario.node.libraries().flat_map(|topic| scenario.node.of(topic).env.clone()).collect();
+    let what = format!("{TOGETHER} {files:?} {env:?}");
+    let is_known = || TRIED.lock().is_ok_and(|tried| tried.contains(&what));
+    if scenario.run.mode != Mode::Inprocess || files.len() < 2 || is_known() {
+        return Ok(());
+    }
+    try_in_child(scenario, TOGETHER, &env).map_err(|why| {
+        let names: Vec<String> = files.iter().map(|(exec, _)| format!("`{exec}`")).collect();
+        let title = format!("the libraries {} cannot be flown in one process: {why}", names.join(" and "));
+        ScenarioError::of(title, String::new())
+    })?;
+    TRIED.lock().map(|mut tried| tried.insert(what)).ok();
+    Ok(())
+}
+
+/// Tries the library of the node `name` in a child with the variables `env`, or all of them, if it is [`TOGETHER`];
+/// returns why it cannot be flown.
+fn try_in_child(scenario: &Scenario, name: &str, env: &BTreeMap<String, String>) -> Result<(), String> {
     let mut command = own_program();
-    command.args(["try-library", topic.publisher()]).envs(&scenario.node.of(topic).env);
+    command.args(["try-library", name]).envs(env);
     let command = command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(|error| format!("no process to try it in: {error}"))?;
     // A child that ends before it has read its settings says why on stderr.
@@ -164,13 +203,20 @@ fn try_in_child(scenario: &Scenario, topic: Topic) -> Result<(), String> {
     }
 }
 
-/// Tries the library that the settings on stdin name for the node `name`, in this process; returns the exit code.
+/// Tries the library that the settings on stdin name for the node `name`, or all, in this process; returns the exit
+/// code.
 pub fn try_library(name: &str) -> u8 {
     let tried = || -> Result<(), String> {
         let text = io::read_to_string(io::stdin()).map_err(|error| error.to_string())?;
         let scenario = scenario::from_merged(&text, "stdin").map_err(|error| error.to_string())?;
         let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
-        foreign::try_out(topic.ok_or("no such node")?, &scenario).map_err(|error| error.to_string())
+        let tried = match topic {
+            Some(topic) => vec![(topic, scenario)],
+            None if name == TOGETHER => libraries(&scenario),
+            None => return Err("no such node".into()),
+        };
+        let mut tried = tried.iter();
+        tried.try_for_each(|(topic, own)| foreign::try_out(*topic, own)).map_err(|error| error.to_string())
     };
     match tried() {
         Ok(()) => {

@@ -35,7 +35,8 @@ pub fn load_untried(file: Option<&Path>, overrides: &[String]) -> Result<Scenari
 pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
     AttitudeMpc::try_new(scenario)?;
     programs::check(scenario)?;
-    scenario.swap.iter().try_for_each(|swap| check_swap(scenario, swap))
+    scenario.swap.iter().try_for_each(|swap| check_swap(scenario, swap))?;
+    programs::check_together(scenario)
 }
 
 fn of_swap(swap: &Swap, error: &ScenarioError) -> ScenarioError {

@@ -1,6 +1,6 @@
 //! The parent's end of a child that flies with libraries.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, ExitStatus, Stdio};
@@ -17,6 +17,7 @@ use crate::event::{Event, What};
 use crate::inprocess::Flown;
 use crate::log::{Memory, Record};
 use crate::own_program;
+use crate::programs;
 use crate::stack::Ended;
 use crate::stack::children::kill;
 
@@ -29,6 +30,8 @@ pub struct Host {
     pipes: SharedPipes,
     /// Variables that the child was started with, of all nodes.
     env: BTreeMap<String, String>,
+    /// Libraries that it flies with, and has loaded after its first flight: the file of each, and its hash.
+    libraries: BTreeSet<(String, String)>,
     /// Answers that were read; the first `taken` words were taken.
     words: Vec<u64>,
     taken: usize,
@@ -51,14 +54,16 @@ impl Host {
             command.arg("fly-guarded").envs(&env).process_group(0);
             command.stdin(file).stdout(io::stderr()).stderr(Stdio::inherit());
             die_with_parent(&mut command);
-            Ok(Self { child: command.spawn()?, pipes, env, words: vec![], taken: 0, is_idle: true })
+            let libraries = programs::files(scenario);
+            Ok(Self { child: command.spawn()?, pipes, env, libraries, words: vec![], taken: 0, is_idle: true })
         };
         start().map_err(|why| SessionError::Io { what: "a process to fly libraries in".into(), why })
     }
 
-    /// Returns whether the child has the environment that the libraries of `scenario` shall have.
+    /// Returns whether the child has the libraries of `scenario`, and no others, and the environment that they shall
+    /// have.
     pub fn suits(&self, scenario: &Scenario) -> bool {
-        self.env == env_of(scenario)
+        self.env == env_of(scenario) && self.libraries == programs::files(scenario)
     }
 
     /// Returns whether the child waits for a flight.

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! fly(scenario) -- without a library --> inprocess, here
-//!               -- with one -----------> child of this thread, started once for many flights
+//!               -- with one -----------> child of this thread, started once for many flights with the same libraries
 //!                                        request: the settings    ->
 //!                                        <- every message, and the end of the flight
 //! ```
@@ -26,7 +26,7 @@ mod host;
 
 use std::cell::RefCell;
 
-use contract::scenario::{Scenario, candidate};
+use contract::scenario::Scenario;
 use runtime::error::SessionError;
 
 pub use child::serve;
@@ -34,12 +34,17 @@ pub use command::{command, exit_code};
 
 use crate::inprocess::{self, Flown};
 use crate::log::{Memory, Record};
+use crate::programs;
 use frames::Request;
 use host::Host;
 
+/// Most children of a thread that wait; beyond them the one that has waited longest ends.
+const MOST_IDLE: usize = 8;
+
 thread_local! {
-    /// Child of this thread that waits for the next flight.
-    static IDLE: RefCell<Option<Host>> = const { RefCell::new(None) };
+    /// Children of this thread that wait for the next flight, one for each set of libraries: two controllers that
+    /// cannot be in one process are compared in a campaign all the same.
+    static IDLE: RefCell<Vec<Host>> = const { RefCell::new(vec![]) };
 }
 
 /// Flies as [`inprocess::fly`] does.
@@ -73,8 +78,7 @@ pub fn fly_unlogged(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> 
 
 /// Returns whether a node is a library, from the beginning or by a swap.
 fn has_library(scenario: &Scenario) -> bool {
-    let mut swapped = scenario.swap.iter().filter_map(|swap| candidate(scenario, swap).ok());
-    scenario.node.libraries().next().is_some() || swapped.any(|own| own.node.libraries().next().is_some())
+    !programs::libraries(scenario).is_empty()
 }
 
 fn fly_in_child(
@@ -83,11 +87,18 @@ fn fly_in_child(
     watch: impl FnMut(&Record) -> bool,
     remember: impl FnMut(&Memory),
 ) -> Result<Flown, SessionError> {
-    let idle = IDLE.take().filter(|host| host.suits(scenario));
+    let idle = IDLE.with_borrow_mut(|idle| {
+        let suits = idle.iter().position(|host| host.suits(scenario));
+        suits.map(|at| idle.remove(at))
+    });
     let mut host = idle.map_or_else(|| Host::start(scenario), Ok)?;
     let flown = host.fly(&Request { logged, scenario: scenario.clone() }, watch, remember)?;
     if host.is_idle() {
-        IDLE.set(Some(host));
+        IDLE.with_borrow_mut(|idle| {
+            idle.push(host);
+            let surplus = idle.len().saturating_sub(MOST_IDLE);
+            idle.drain(..surplus);
+        });
     }
     Ok(flown)
 }
