@@ -5,6 +5,8 @@
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
+use rustix::process::Pid;
+
 use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// Numbers of the processes whose command line names `namespace`.
@@ -33,6 +35,18 @@ pub fn process_of(namespace: &str, node: &str) -> i32 {
 fn runs(pid: i32, node: &str) -> bool {
     let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
     line.split('\0').any(|word| word == node)
+}
+
+/// The children of process `pid` that run `command`.
+pub fn children_of(pid: u32, command: &str) -> Vec<i32> {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+    let children = lists.flat_map(|list| list.split(' ').filter_map(|pid| pid.parse().ok()).collect::<Vec<i32>>());
+    children.filter(|child| runs(*child, command)).collect()
+}
+
+pub fn niceness(pid: i32) -> i32 {
+    rustix::process::getpriority_process(Pid::from_raw(pid)).expect("it runs")
 }
 
 pub fn kill(signal: &str, pids: &[i32]) {

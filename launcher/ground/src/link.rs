@@ -55,20 +55,20 @@ impl Link {
         }
     }
 
-    /// Returns the next message that has arrived, with its sender; datagrams that are no MAVLink are dropped.
-    pub fn receive(&mut self) -> Option<(MavHeader, MavMessage)> {
+    /// Reads the next datagram that has arrived; `None` if there is none. Its message comes with the sender, and is
+    /// `None` if it is no MAVLink.
+    pub fn receive(&mut self) -> Option<Option<(MavHeader, MavMessage)>> {
         let mut bytes = [0; 2048];
-        loop {
-            let (length, from) = match self.socket.recv_from(&mut bytes) {
-                Ok(received) => received,
-                // The answer of a host where no station listens.
-                Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => continue,
-                Err(_) => return None,
-            };
-            if let Ok((header, message)) = MavlinkReader::new(&bytes[..length]).read_any_message::<MavMessage>() {
-                self.peer = Some(from);
-                return Some((header, message));
-            }
+        let (length, from) = match self.socket.recv_from(&mut bytes) {
+            Ok(received) => received,
+            // The answer of a host where no station listens.
+            Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => return Some(None),
+            Err(_) => return None,
+        };
+        let message = MavlinkReader::new(&bytes[..length]).read_any_message::<MavMessage>().ok();
+        if message.is_some() {
+            self.peer = Some(from);
         }
+        Some(message)
     }
 }
