@@ -298,8 +298,9 @@ fn with_the_token_too_another_website_and_a_name_that_is_not_of_loopback_are_ref
     drop(server);
 }
 
-/// Reads the page, opens its websocket and sends orders, ten times each, once with an end at once and once waiting for
-/// the answer, whose first line it prints. `PORT` is the port.
+/// Reads the page, opens its websocket and sends orders: ten times each with an end at once, in connections that are open
+/// before, so that some have ended when the server looks at them, and ten times waiting for the answer, whose first line
+/// it prints. `PORT` is the port.
 const ATTACK: &str = r#"
 look() { printf 'GET %s HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n%b\r\n' "$1" "$2" >&3; }
 order() {
@@ -313,10 +314,9 @@ socket() {
 inject() { order '{"command":"inject","target":"payload","kind":"mass","for":"1s"}'; }
 stop() { order '{"command":"stop"}'; }
 for attempt in page socket inject stop; do
-  for round in 1 2 3 4 5 6 7 8 9 10; do
-    exec 3<>/dev/tcp/127.0.0.1/PORT; $attempt; exec 3>&-
-    exec 3<>/dev/tcp/127.0.0.1/PORT; $attempt; head -1 <&3; exec 3>&-
-  done
+  for fd in {10..19}; do eval "exec $fd<>/dev/tcp/127.0.0.1/PORT"; done
+  for fd in {10..19}; do $attempt 3>&$fd; eval "exec $fd>&-"; done
+  for round in {0..9}; do exec 3<>/dev/tcp/127.0.0.1/PORT; $attempt; head -1 <&3; exec 3>&-; done
 done
 "#;
 
@@ -334,12 +334,11 @@ fn another_user_neither_reads_nor_commands_the_flight_of_a_page_on_loopback() {
     attack.args(&words[1..]).args(["timeout", "60", "bash", "-c", &ATTACK.replace("PORT", &port.to_string())]);
     let output = attack.output().expect("bash runs");
     let [told, failed] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    tell(&ns, &["stop"]).unwrap_or_else(|error| panic!("the flight was stopped: {error} {told} {failed}"));
+    let run = flight.finish().run();
+    assert!(run["faults"] == json!([]) && run["events"] == json!([]), "{} {}", run["faults"], run["events"]);
     let answers: Vec<&str> = told.lines().map(str::trim_end).collect();
     assert_eq!(answers, ["HTTP/1.1 401 Unauthorized"; 40], "{failed}");
-    tell(&ns, &["stop"]).expect("it still flies");
-    let outcome = flight.finish();
-    let run = outcome.run();
-    assert!(run["faults"] == json!([]) && run["events"] == json!([]), "{} {}", run["faults"], run["events"]);
 }
 
 #[test]
