@@ -298,9 +298,9 @@ fn with_the_token_too_another_website_and_a_name_that_is_not_of_loopback_are_ref
     drop(server);
 }
 
-/// Reads the page, opens its websocket and sends orders: ten times each with an end at once, in connections that are open
-/// before, so that some have ended when the server looks at them, and ten times waiting for the answer, whose first line
-/// it prints. `PORT` is the port.
+/// Reads the page, opens its websocket and sends orders: ten times each with an end at once, in connections that are
+/// open before, so that some have ended when the server looks at them, and ten times waiting for the answer, whose
+/// first line it prints. `PORT` is the port.
 const ATTACK: &str = r#"
 look() { printf 'GET %s HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n%b\r\n' "$1" "$2" >&3; }
 order() {

@@ -184,7 +184,7 @@ fn a_station_that_is_not_there_costs_the_flight_nothing() {
     assert_eq!((outcome.code(), outcome.stderr.as_str()), (Some(0), ""));
 }
 
-/// PARAM_REQUEST_LIST of a ground station to the vehicle: the request with the most answers.
+/// `PARAM_REQUEST_LIST` of a ground station to the vehicle: the request with the most answers.
 const LIST: [u8; 14] = [0xfd, 2, 0, 0, 0, 0xff, 0xbe, 21, 0, 0, 1, 1, 0x88, 0xc0];
 /// Most datagrams of a flood to one port.
 const FLOOD: usize = 20_000_000;

@@ -1,5 +1,5 @@
-//! Processes beside a flight that only watch it: the page of `--web`, and `--mavlink`. No process of the flight waits for
-//! them, and what happens to them is a reservation of the flight, never its verdict.
+//! Processes beside a flight that only watch it: the page of `--web`, and `--mavlink`. No process of the flight waits
+//! for them, and what happens to them is a reservation of the flight, never its verdict.
 
 use std::io;
 use std::process::{Child, Command, ExitStatus};
@@ -28,7 +28,7 @@ impl Beside {
         Ok(Self { option, child })
     }
 
-    /// Has `all` end, because their flight is over; returns what a reader must know of them.
+    /// Ends `all`, because their flight is over; returns the failures, in words.
     pub fn finish(all: Vec<Self>) -> Vec<String> {
         let deadline = Instant::now() + END_LIMIT;
         all.into_iter().filter_map(|mut beside| beside.end(deadline)).collect()

@@ -97,9 +97,11 @@ pub fn show(
 fn answer(link: &mut Link, station: &mut Station) {
     let mut answered = 0;
     for _ in 0..DATAGRAMS {
-        let Some(datagram) = link.receive() else { return };
+        let Ok(datagram) = link.receive() else { return };
         let answers = datagram.map_or(vec![], |(from, request)| station.answer(from, &request));
-        answers.iter().for_each(|answer| link.send(answer));
+        for answer in &answers {
+            link.send(answer);
+        }
         answered += answers.len();
         if answered >= ANSWERS {
             return;

@@ -99,8 +99,9 @@ impl Access {
             return Err(Refused::Host);
         }
         match text(header::ORIGIN) {
-            Some(origin) if !is_page_of(origin, host) && !(is_foxglove && is_given) => Err(Refused::Origin),
-            _ => Ok(()),
+            None => Ok(()),
+            Some(origin) if is_page_of(origin, host) || is_foxglove && is_given => Ok(()),
+            Some(_) => Err(Refused::Origin),
         }
     }
 

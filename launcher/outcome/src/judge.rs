@@ -24,7 +24,7 @@ pub struct Circumstances {
     pub refused: Refused,
     /// Failures of ports, by node.
     pub port_failures: PortFailures,
-    /// What went wrong with processes that only watched the flight, in words: reservations, and never its verdict.
+    /// Failures of processes that only watched the flight, in words: reservations, and never its verdict.
     pub observers: Vec<String>,
 }
 
