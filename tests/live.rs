@@ -1,11 +1,11 @@
 //! The live page: its frames, its buttons, who may connect, and clients that misbehave.
 
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use flight::foxglove::Channel;
 use rustix::process::{Pid, Signal, kill_process};
@@ -16,12 +16,19 @@ use tungstenite::{Message, WebSocket};
 use crate::control::{flying, status, tell};
 use crate::harness::{AS_NOBODY, Flight, Outcome, fly, has_root, launcher, namespace, shared_memory_of, wait_until};
 use crate::pages;
+use crate::processes::{children_of, kill, niceness};
 
 /// Settings of a flight on a loaded machine.
 const CALM: [&str; 3] = ["--no-log", "--set", "supervision.hang_ms=5000"];
 /// Setting without which a vehicle does not feel the wind.
 const DRAG: &str = "plant.drag_linear_nspm=[0.2, 0.2, 0.1]";
 const TOKEN: &str = "0123456789abcdef";
+/// The token in a header, and in the addresses of the websockets.
+const BEARER: &str = "Authorization: Bearer 0123456789abcdef";
+const PAGE: &str = "/ws?token=0123456789abcdef";
+const FOXGLOVE: &str = "/foxglove?token=0123456789abcdef";
+/// Type of an order.
+const JSON: &str = "Content-Type: application/json";
 
 type Socket = WebSocket<TcpStream>;
 
@@ -33,7 +40,7 @@ fn free_port() -> u16 {
 /// A flight with its page.
 fn with_page(namespace: &str, port: u16, settings: &[&str]) -> Flight {
     let address = format!("127.0.0.1:{port}");
-    let flight = Flight::start(namespace, &[&["--web", &address], &CALM[..], settings].concat());
+    let flight = Flight::start(namespace, &[&["--web", &address, "--token", TOKEN], &CALM[..], settings].concat());
     wait_until("the stack flies", || status(namespace)["time_s"].as_f64() > Some(0.2));
     flight
 }
@@ -42,12 +49,25 @@ fn with_page(namespace: &str, port: u16, settings: &[&str]) -> Flight {
 struct Server(Child);
 
 impl Server {
-    fn start(namespace: &str, port: u16, more: &[&str]) -> Self {
+    fn start(namespace: &str, port: u16) -> Self {
         let mut command = launcher();
-        command.args(["web", "--namespace", namespace, &format!("127.0.0.1:{port}")]).args(more);
+        command.args(["web", "--namespace", namespace, &format!("127.0.0.1:{port}"), "--token", TOKEN]);
         let server = Self(command.stderr(Stdio::null()).spawn().expect("it starts"));
         wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
         server
+    }
+
+    /// Starts it at `host` with a token of its own; returns that too, as it is printed.
+    fn with_own_token(namespace: &str, host: &str, port: u16) -> (Self, String) {
+        let mut command = launcher();
+        command.args(["web", "--namespace", namespace, &format!("{host}:{port}")]).stderr(Stdio::piped());
+        let mut server = Self(command.spawn().expect("it starts"));
+        let mut line = String::new();
+        BufReader::new(server.0.stderr.take().expect("a pipe")).read_line(&mut line).expect("a line");
+        let address = format!("live page: http://{host}:{port}/?token=");
+        let token = line.trim_end().strip_prefix(&address).unwrap_or_else(|| panic!("no token: {line}")).to_owned();
+        wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
+        (server, token)
     }
 }
 
@@ -79,7 +99,7 @@ fn ask(port: u16, request: &str, headers: &[&str], body: &str) -> (u16, String) 
 
 /// Sends an order of the page; returns its answer.
 fn order(port: u16, order: &Value) -> Value {
-    let (code, answer) = ask(port, "POST /command", &["Content-Type: application/json"], &order.to_string());
+    let (code, answer) = ask(port, "POST /command", &[JSON, BEARER], &order.to_string());
     assert_eq!(code, 200, "{answer}");
     serde_json::from_str(answer.split_once("\r\n\r\n").expect("a body").1).expect("JSON")
 }
@@ -129,12 +149,12 @@ fn is(kind: &str) -> impl Fn(&Value) -> bool {
 fn a_page_shows_its_flight_and_says_when_it_ends() {
     let (ns, port) = (namespace(), free_port());
     let flight = with_page(&ns, port, &["--set", "run.duration_s=10.0", "--set", DRAG]);
-    let (code, page) = ask(port, "GET /", &[], "");
+    let (code, page) = ask(port, "GET /", &[BEARER], "");
     assert!(
         code == 200 && page.contains("<title>Live flight</title>") && page.contains("script-src 'nonce-"),
         "{code}"
     );
-    let mut socket = open(port, "/ws", &[("origin", &format!("http://127.0.0.1:{port}"))]).expect("its own page");
+    let mut socket = open(port, PAGE, &[("origin", &format!("http://127.0.0.1:{port}"))]).expect("its own page");
     let told = frame(&mut socket, is("flight"));
     assert_eq!((&told["namespace"], &told["duration_s"]), (&json!(ns), &json!(10.0)));
     let columns = told["columns"].as_array().expect("columns").len();
@@ -158,7 +178,11 @@ fn a_page_shows_its_flight_and_says_when_it_ends() {
     assert_eq!(end["why"], "the flight has ended");
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains(&format!("live page: http://127.0.0.1:{port}/\n")), "{}", outcome.stderr);
+    assert!(
+        outcome.stderr.contains(&format!("live page: http://127.0.0.1:{port}/?token={TOKEN}\n")),
+        "{}",
+        outcome.stderr
+    );
     assert!(TcpStream::connect(("127.0.0.1", port)).is_err(), "the page's process has ended with the flight");
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
 }
@@ -178,7 +202,10 @@ fn buttons_do_what_the_command_line_does_and_say_so() {
     assert!(unknown["ok"] == false && said(&unknown).contains("did you mean `rotor1`?"), "{unknown}");
     let program = order(port, &json!({ "command": "swap", "node": "mixer", "set": ["node.mixer.exec='/bin/true'"] }));
     assert!(program["ok"] == false && said(&program).contains("starts no other program"), "{program}");
-    let (code, _) = ask(port, "POST /command", &["Content-Type: application/json"], r#"{"command":"fly"}"#);
+    let priority = order(port, &json!({ "command": "swap", "node": "mixer", "set": ["realtime.priority=95"] }));
+    let by_hand = "on the command line: launcher swap NODE --set realtime.priority=95";
+    assert!(priority["ok"] == false && said(&priority).contains(by_hand), "{priority}");
+    let (code, _) = ask(port, "POST /command", &[JSON, BEARER], r#"{"command":"fly"}"#);
     assert_eq!(code, 422);
     let swapped = order(port, &json!({ "command": "swap", "node": "guidance" }));
     assert!(said(&swapped).contains("guidance epoch 2"), "{swapped}");
@@ -192,109 +219,193 @@ fn buttons_do_what_the_command_line_does_and_say_so() {
 }
 
 #[test]
-fn without_a_token_only_this_user_gets_in_and_no_other_website() {
+fn no_address_answers_without_the_token_also_on_loopback_and_for_reading() {
+    for host in ["127.0.0.1", "0.0.0.0"] {
+        let (ns, port) = (namespace(), free_port());
+        let (server, token) = Server::with_own_token(&ns, host, port);
+        let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
+        for path in ["/", "/ws", "/foxglove", "/command", "/nothing", "/favicon.ico", "//", "/?token=", "/?token=wrong"]
+        {
+            for method in ["GET", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"] {
+                let (code, answer) = ask(port, &format!("{method} {path}"), &[JSON], r#"{"command":"stop"}"#);
+                assert!(code == 401 && answer.ends_with("Bearer TOKEN`"), "{method} {path}: {answer}");
+                assert!(!answer.to_lowercase().contains("set-cookie"), "{answer}");
+            }
+            assert_eq!(ask(port, &format!("HEAD {path}"), &[], "").0, 401, "{path}");
+            assert_eq!(refused(port, path, &[spoken]), 401, "{path}");
+        }
+        for header in
+            ["Authorization: Bearer wrong", &format!("Authorization: Basic {token}"), &format!("Cookie: {token}")]
+        {
+            assert_eq!(ask(port, "GET /", &[header], "").0, 401, "{header}");
+        }
+        assert_eq!(ask(port, &format!("GET /?token={token}"), &[], "").0, 303, "the token that was printed");
+        drop(server);
+    }
+}
+
+#[test]
+fn the_token_moves_from_the_address_into_a_cookie_that_opens_everything() {
     let (ns, port) = (namespace(), free_port());
-    let server = Server::start(&ns, port, &[]);
-    let code = |headers: &[&str]| ask(port, "GET /", headers, "").0;
+    let server = Server::start(&ns, port);
+    let (code, moved) = ask(port, &format!("GET /?token={TOKEN}"), &[], "");
+    let header = |name: &str| moved.lines().find_map(|line| line.strip_prefix(name)).map(str::trim);
+    assert_eq!((code, header("location:")), (303, Some("/")), "{moved}");
+    let set = format!("trefoil-{port}={TOKEN}; HttpOnly; SameSite=Strict; Path=/");
+    assert_eq!(header("set-cookie:"), Some(set.as_str()), "{moved}");
+    let cookie = format!("theme=dark; trefoil-{port}={TOKEN}");
+    let kept = format!("Cookie: {cookie}");
+    let (code, page) = ask(port, "GET /", &[&kept], "");
+    assert!(code == 200 && page.contains("<title>Live flight</title>") && !page.contains(TOKEN), "{code}");
+    assert_eq!(ask(port, "GET /nothing", &[&kept], "").0, 404);
+    assert_eq!(ask(port, "POST /command", &[&kept, JSON], r#"{"command":"stop"}"#).0, 200);
+    let other = format!("Cookie: trefoil-{}={TOKEN}", port - 1);
+    assert_eq!(ask(port, "GET /", &[&other], "").0, 401, "that of another port");
+    let spoken = ("sec-websocket-protocol", "foxglove.websocket.v1");
+    let own = format!("http://127.0.0.1:{port}");
+    for path in ["/ws", "/foxglove"] {
+        let headers = [("cookie", cookie.as_str()), ("origin", &own), spoken];
+        open(port, path, &headers[..if path == "/ws" { 2 } else { 3 }]).expect("the cookie opens it");
+        // To a browser all ports of a host are one site, so it sends the cookie along for a page of any of them.
+        for origin in ["https://evil.example", "null", "http://127.0.0.1:1"] {
+            assert_eq!(refused(port, path, &[("cookie", &cookie), ("origin", origin), spoken]), 403, "{path} {origin}");
+        }
+    }
+    open(port, FOXGLOVE, &[spoken, ("origin", "https://app.foxglove.dev")]).expect("its owner gave it the token");
+    assert_eq!(refused(port, PAGE, &[("origin", "https://app.foxglove.dev")]), 403);
+    drop(server);
+}
+
+#[test]
+fn with_the_token_too_another_website_and_a_name_that_is_not_of_loopback_are_refused() {
+    let (ns, port) = (namespace(), free_port());
+    let server = Server::start(&ns, port);
+    let code = |headers: &[&str]| ask(port, "GET /", &[&[BEARER], headers].concat(), "").0;
     assert_eq!([code(&[]), code(&[&format!("Host: localhost:{port}")])], [200, 200]);
     assert_eq!([code(&["Host: evil.example"]), code(&[&format!("Host: evil.example:{port}")])], [403, 403]);
     assert_eq!(code(&["Origin: https://evil.example"]), 403);
-    for path in ["/ws", "/foxglove"] {
+    for path in [PAGE, FOXGLOVE] {
         let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
-        for origin in ["https://evil.example", "null", "http://127.0.0.1:1"] {
-            assert_eq!(refused(port, path, &[("origin", origin), spoken]), 403, "{path} {origin}");
-        }
         assert_eq!(refused(port, path, &[("host", "evil.example"), spoken]), 403);
     }
-    let json = "Content-Type: application/json";
     let stop = r#"{"command":"stop"}"#;
-    assert_eq!(ask(port, "POST /command", &[json, "Origin: https://evil.example"], stop).0, 403);
+    assert_eq!(ask(port, "POST /command", &[BEARER, JSON, "Origin: https://evil.example"], stop).0, 403);
     // A form of another website can send no JSON.
-    assert_eq!(ask(port, "POST /command", &["Content-Type: text/plain"], stop).0, 415);
-    assert_eq!(ask(port, "POST /command", &[json], &" ".repeat(20_000)).0, 413);
-    assert_eq!(ask(port, "GET /nothing", &[], "").0, 404);
-    assert_eq!(ask(port, "GET /nothing", &["Host: evil.example"], "").0, 403, "no path is left out");
-    if has_root() {
-        let script = format!(
-            "exec 3<>/dev/tcp/127.0.0.1/{port}; printf 'GET / HTTP/1.1\\r\\nHost: 127.0.0.1:{port}\\r\\nConnection: close\\r\\n\\r\\n' >&3; head -1 <&3"
-        );
-        let words: Vec<&str> = AS_NOBODY.split(' ').collect();
-        let output =
-            Command::new(words[0]).args(&words[1..]).args(["bash", "-c", &script]).output().expect("bash runs");
-        let answer = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(answer.contains("403"), "another user: {answer} {}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(ask(port, "POST /command", &[BEARER, "Content-Type: text/plain"], stop).0, 415);
+    assert_eq!(ask(port, "POST /command", &[BEARER, JSON], &" ".repeat(20_000)).0, 413);
+    assert_eq!(ask(port, "GET /nothing", &[BEARER], "").0, 404);
+    assert_eq!(ask(port, "GET /nothing", &[BEARER, "Host: evil.example"], "").0, 403, "no path is left out");
+    drop(server);
+}
+
+/// Reads the page, opens its websocket and sends orders: ten times each with an end at once, in connections that are
+/// open before, so that some have ended when the server looks at them, and ten times waiting for the answer, whose
+/// first line it prints. `PORT` is the port.
+const ATTACK: &str = r#"
+look() { printf 'GET %s HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n%b\r\n' "$1" "$2" >&3; }
+order() {
+  printf 'POST /command HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\nContent-Type: application/json\r\nConnection: close\r\n' >&3
+  printf 'Content-Length: %d\r\n\r\n%s' ${#1} "$1" >&3
+}
+page() { look / 'Connection: close\r\n'; }
+socket() {
+  look /ws 'Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n'
+}
+inject() { order '{"command":"inject","target":"payload","kind":"mass","for":"1s"}'; }
+stop() { order '{"command":"stop"}'; }
+for attempt in page socket inject stop; do
+  for fd in {10..19}; do eval "exec $fd<>/dev/tcp/127.0.0.1/PORT"; done
+  for fd in {10..19}; do $attempt 3>&$fd; eval "exec $fd>&-"; done
+  for round in {0..9}; do exec 3<>/dev/tcp/127.0.0.1/PORT; $attempt; head -1 <&3; exec 3>&-; done
+done
+"#;
+
+#[test]
+fn another_user_neither_reads_nor_commands_the_flight_of_a_page_on_loopback() {
+    if !has_root() {
+        return;
+    }
+    let (ns, port) = (namespace(), free_port());
+    let address = format!("127.0.0.1:{port}");
+    let flight =
+        flying(&ns, &["--web", &address, "--set", "run.duration_s=3600.0", "--set", "supervision.hang_ms=5000"]);
+    let words: Vec<&str> = AS_NOBODY.split(' ').collect();
+    let mut attack = Command::new(words[0]);
+    attack.args(&words[1..]).args(["timeout", "60", "bash", "-c", &ATTACK.replace("PORT", &port.to_string())]);
+    let output = attack.output().expect("bash runs");
+    let [told, failed] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    tell(&ns, &["stop"]).unwrap_or_else(|error| panic!("the flight was stopped: {error} {told} {failed}"));
+    let run = flight.finish().run();
+    assert!(run["faults"] == json!([]) && run["events"] == json!([]), "{} {}", run["faults"], run["events"]);
+    let answers: Vec<&str> = told.lines().map(str::trim_end).collect();
+    assert_eq!(answers, ["HTTP/1.1 401 Unauthorized"; 40], "{failed}");
+}
+
+#[test]
+fn a_frame_that_is_too_long_ends_its_connection_before_it_is_read() {
+    let (ns, port) = (namespace(), free_port());
+    let server = Server::start(&ns, port);
+    let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
+    for path in [PAGE, FOXGLOVE] {
+        let spoken: &[_] = if path == FOXGLOVE { &[spoken] } else { &[] };
+        let mut socket = open(port, path, spoken).expect("it opens");
+        // Binary, masked, of 15 MB; the payload never comes.
+        let header = [&[0x82, 0xff][..], &15_000_000_u64.to_be_bytes(), &[0; 4]].concat();
+        socket.get_mut().write_all(&header).expect("it is sent");
+        let mut rest = vec![];
+        if let Err(error) = socket.get_mut().read_to_end(&mut rest) {
+            assert_eq!(error.kind(), std::io::ErrorKind::ConnectionReset, "{path}: still open");
+        }
     }
     drop(server);
 }
 
 #[test]
-fn a_token_opens_everything_and_is_required_everywhere() {
-    let (ns, port) = (namespace(), free_port());
-    let server = Server::start(&ns, port, &["--token", TOKEN]);
-    let spoken = ("sec-websocket-protocol", "foxglove.websocket.v1");
-    for (request, headers, body) in [
-        ("GET /", vec![], ""),
-        ("GET /?token=", vec![], ""),
-        ("GET /?token=0123456789abcdeX", vec![], ""),
-        ("GET /", vec!["Authorization: Bearer wrong"], ""),
-        ("GET /nothing", vec![], ""),
-        ("POST /command", vec!["Content-Type: application/json"], r#"{"command":"stop"}"#),
-    ] {
-        assert_eq!(ask(port, request, &headers, body).0, 401, "{request} {headers:?}");
+fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends_soon() {
+    for (signal, told) in [("-STOP", "did not end and was killed"), ("-KILL", "failed (signal: 9")] {
+        let (ns, port) = (namespace(), free_port());
+        let flight = with_page(&ns, port, &["--set", "run.duration_s=3.0"]);
+        let pages = children_of(flight.child.id(), "serve-page");
+        assert!(pages.len() == 1 && niceness(pages[0]) == 10, "{pages:?}");
+        kill(signal, &pages);
+        wait_until("the flight is over", || status(&ns).is_null());
+        let over = Instant::now();
+        let outcome = flight.finish();
+        // A second for the page; it was six.
+        assert!(over.elapsed() < Duration::from_secs(4), "{:?}", over.elapsed());
+        let run = outcome.run();
+        assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &json!(0)), "{}", outcome.stderr);
+        let expected = format!("the process of --web {told}");
+        assert!(run["but"].to_string().contains(&expected), "{}", run["but"]);
     }
-    assert_eq!(ask(port, &format!("GET /?token={TOKEN}"), &["Host: any.name"], "").0, 200);
-    assert_eq!(ask(port, "GET /", &[&format!("Authorization: Bearer {TOKEN}")], "").0, 200);
-    let (page, foxglove) = (format!("/ws?token={TOKEN}"), format!("/foxglove?token={TOKEN}"));
-    assert_eq!([refused(port, "/ws", &[]), refused(port, "/foxglove", &[spoken])], [401, 401]);
-    assert_eq!(refused(port, &page, &[("origin", "https://evil.example")]), 403);
-    open(port, &page, &[]).expect("the token opens it");
-    open(port, &foxglove, &[spoken, ("origin", "https://app.foxglove.dev")]).expect("its owner gave it to Foxglove");
-    drop(server);
-
-    // Off loopback there is always one, and it is printed.
-    let port = free_port();
-    let mut child = launcher()
-        .args(["web", "--namespace", &ns, &format!("0.0.0.0:{port}")])
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("it starts");
-    let mut line = String::new();
-    std::io::BufRead::read_line(&mut std::io::BufReader::new(child.stderr.take().expect("a pipe")), &mut line)
-        .expect("a line");
-    let token = line.trim().split_once("?token=").unwrap_or_else(|| panic!("no token: {line}")).1.to_owned();
-    wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
-    assert_eq!(ask(port, "GET /", &[], "").0, 401);
-    assert_eq!(ask(port, &format!("GET /?token={token}"), &[], "").0, 200);
-    child.kill().expect("it runs");
-    child.wait().expect("it has ended");
 }
 
 #[test]
 fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_flight_nothing() {
     let (ns, port) = (namespace(), free_port());
     let flight = flying(&ns, &["--set", "run.duration_s=3600.0", "--set", "supervision.hang_ms=5000"]);
-    let server = Server::start(&ns, port, &[]);
-    let sleeping = open(port, "/ws", &[]).expect("it opens");
+    let server = Server::start(&ns, port);
+    let sleeping = open(port, PAGE, &[]).expect("it opens");
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
-    let mut unread = open(port, "/foxglove", &[spoken]).expect("it opens");
+    let mut unread = open(port, FOXGLOVE, &[spoken]).expect("it opens");
     let all: Vec<Value> = (0..6).map(|channel| json!({ "id": channel, "channelId": channel })).collect();
     let subscribe = json!({ "op": "subscribe", "subscriptions": all });
     unread.send(Message::text(subscribe.to_string())).expect("it is sent");
-    let mut browsers: Vec<Socket> = (0..20).map(|_| open(port, "/ws", &[]).expect("it opens")).collect();
+    let mut browsers: Vec<Socket> = (0..20).map(|_| open(port, PAGE, &[]).expect("it opens")).collect();
     for browser in &mut browsers {
         let told = frame(browser, is("flight"));
         assert_eq!(told["namespace"], json!(ns));
         frame(browser, is("rows"));
     }
     // One that reloads has the last minute again.
-    browsers.pop();
-    let mut again = open(port, "/ws", &[]).expect("it opens");
+    frame(&mut browsers.pop().expect("twenty"), is("rows")); // the second
+    let mut again = open(port, PAGE, &[]).expect("it opens");
     let rows = frame(&mut again, is("rows"));
     assert!(rows["rows"].as_array().map(Vec::len) > Some(1), "the rows since the page joined");
     drop(server); // by SIGKILL, in the middle of it
     // The place of the dead one is free, and the ring did not notice.
-    let server = Server::start(&ns, port, &[]);
-    let mut socket = open(port, "/ws", &[]).expect("it opens");
+    let server = Server::start(&ns, port);
+    let mut socket = open(port, PAGE, &[]).expect("it opens");
     frame(&mut socket, is("rows"));
     tell(&ns, &["stop"]).expect("it flies");
     let end = frame(&mut socket, |frame| frame["kind"] == "phase" && frame["phase"] == "ended");
@@ -304,7 +415,7 @@ fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_fli
     drop((sleeping, unread, browsers));
 
     // It stays, keeps the last picture for those who come, and shows the next flight.
-    let mut late = open(port, "/ws", &[]).expect("it opens");
+    let mut late = open(port, PAGE, &[]).expect("it opens");
     assert_eq!(frame(&mut late, is("phase"))["phase"], "ended");
     let next = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     frame(&mut late, is("flight"));
@@ -320,9 +431,9 @@ fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_fli
 fn foxglove_gets_the_channels_of_the_log_with_their_bytes() {
     let (ns, port) = (namespace(), free_port());
     let flight = with_page(&ns, port, &["--set", "run.duration_s=3600.0"]);
-    assert_eq!(refused(port, "/foxglove", &[]), 400, "a client that does not speak the protocol");
+    assert_eq!(refused(port, FOXGLOVE, &[]), 400, "a client that does not speak the protocol");
     for protocol in ["foxglove.sdk.v1", "foxglove.websocket.v1"] {
-        let mut socket = open(port, "/foxglove", &[("sec-websocket-protocol", protocol)]).expect("it is spoken");
+        let mut socket = open(port, FOXGLOVE, &[("sec-websocket-protocol", protocol)]).expect("it is spoken");
         let text = |socket: &mut Socket| frame(socket, |_| true);
         let info = text(&mut socket);
         assert!(info["op"] == "serverInfo" && info["name"].as_str().is_some_and(|name| name.contains(&ns)), "{info}");
@@ -359,10 +470,10 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_log_has_them() {
     let (ns, port) = (namespace(), free_port());
     let address = format!("127.0.0.1:{port}");
     let settings = ["--set", "run.duration_s=8.0", "--set", "supervision.hang_ms=5000"];
-    let flight = Flight::start(&ns, &[&["--web", &address], &settings[..]].concat());
+    let flight = Flight::start(&ns, &[&["--web", &address, "--token", TOKEN], &settings[..]].concat());
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
-    let mut socket = open(port, "/foxglove", &[spoken]).expect("it is spoken");
+    let mut socket = open(port, FOXGLOVE, &[spoken]).expect("it is spoken");
     let advertised = frame(&mut socket, |frame| frame["op"] == "advertise");
     let topic = |channel: &Value| channel["topic"].as_str().expect("a topic").to_owned();
     let channels: Vec<(String, u64)> = advertised["channels"]
@@ -452,7 +563,7 @@ impl Replay {
     fn start(run: &Path, more: &[&str]) -> Self {
         let port = free_port();
         let mut command = launcher();
-        command.arg("replay").arg(run).args(["--web", &format!("127.0.0.1:{port}")]).args(more);
+        command.arg("replay").arg(run).args(["--web", &format!("127.0.0.1:{port}"), "--token", TOKEN]).args(more);
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
         Self { child, port }
     }
@@ -460,7 +571,7 @@ impl Replay {
     /// Opens the page's websocket, which answers once the log is read.
     fn page(&self) -> Socket {
         wait_until("the port is open", || TcpStream::connect(("127.0.0.1", self.port)).is_ok());
-        open(self.port, "/ws", &[]).expect("it opens")
+        open(self.port, PAGE, &[]).expect("it opens")
     }
 
     /// Ends it by Ctrl-C; returns its exit code and what it printed.
@@ -505,7 +616,7 @@ fn a_recorded_flight_plays_pauses_and_jumps_as_it_is_told() {
     let mut socket = replay.page();
     let told = frame(&mut socket, is("flight"));
     assert_eq!((&told["begin_s"], &told["end_s"]), (&json!(0.0), &json!(12.0)), "{told}");
-    let (code, page) = ask(port, "GET /", &[], "");
+    let (code, page) = ask(port, "GET /", &[BEARER], "");
     assert!(code == 200 && page.contains("Recorded flight") && page.contains("id=\"player\""), "{code}");
     assert!(!page.contains("id=\"inject\"") && !page.contains("id=\"stop\""), "no button that cannot act");
     let done = |body: Value| {
@@ -536,7 +647,7 @@ fn a_recorded_flight_plays_pauses_and_jumps_as_it_is_told() {
         happened["events"].as_array().is_some_and(|all| all.iter().all(|event| event["at_s"].as_f64() <= Some(3.0)))
     );
     // One who comes sees the same.
-    let mut other = open(port, "/ws", &[]).expect("it opens");
+    let mut other = open(port, PAGE, &[]).expect("it opens");
     assert_eq!(newest_s(&frame(&mut other, is("rows"))), 3.0);
     let position = frame(&mut other, is("position"));
     assert_eq!(position, json!({ "kind": "position", "position_s": 3.0, "speed": 1.0, "playing": false }));
@@ -551,11 +662,10 @@ fn a_recorded_flight_plays_pauses_and_jumps_as_it_is_told() {
 #[test]
 fn wrong_orders_to_a_replay_are_refused_with_words_and_those_of_the_other_kind_too() {
     let flown = fly(&["--mode", "inprocess", "--set", "run.duration_s=2.0"]);
-    let replay = Replay::start(&flown.out, &["--token", TOKEN]);
+    let replay = Replay::start(&flown.out, &[]);
     let port = replay.port;
     wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
-    let post = format!("POST /command?token={TOKEN}");
-    let json = "Content-Type: application/json";
+    let post = "POST /command";
     for (body, expected) in [
         (r#"{"command":"seek","time_s":2.5}"#, "it goes from 0.00 to 2.00 s"),
         (r#"{"command":"seek","time_s":-1}"#, "is not in what is played"),
@@ -563,24 +673,24 @@ fn wrong_orders_to_a_replay_are_refused_with_words_and_those_of_the_other_kind_t
         (r#"{"command":"speed","speed":20.5}"#, "times real time"),
         (r#"{"command":"speed","speed":-1}"#, "times real time"),
     ] {
-        let (code, answer) = ask(port, &post, &[json], body);
+        let (code, answer) = ask(port, post, &[JSON, BEARER], body);
         assert!(code == 200 && answer.contains(r#""ok":false"#) && answer.contains(expected), "{body}: {answer}");
     }
     for body in [r#"{"command":"stop"}"#, r#"{"command":"seek"}"#, r#"{"command":"seek","time_s":"x"}"#, "{", ""] {
-        let (code, answer) = ask(port, &post, &[json], body);
+        let (code, answer) = ask(port, post, &[JSON, BEARER], body);
         assert!(code == 422 && answer.contains("no order to a recorded flight"), "{body}: {answer}");
     }
     let pause = r#"{"command":"pause"}"#;
-    assert_eq!(ask(port, "POST /command", &[json], pause).0, 401, "without the token");
-    assert_eq!(ask(port, &post, &[json, "Origin: https://evil.example"], pause).0, 403);
-    assert_eq!(ask(port, &post, &["Content-Type: text/plain"], pause).0, 415);
+    assert_eq!(ask(port, post, &[JSON], pause).0, 401, "without the token");
+    assert_eq!(ask(port, post, &[JSON, BEARER, "Origin: https://evil.example"], pause).0, 403);
+    assert_eq!(ask(port, post, &["Content-Type: text/plain", BEARER], pause).0, 415);
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
-    assert_eq!(refused(port, &format!("/foxglove?token={TOKEN}"), &[spoken]), 404);
+    assert_eq!(refused(port, FOXGLOVE, &[spoken]), 404);
     assert_eq!(replay.interrupt().0, Some(0));
 
     let (ns, port) = (namespace(), free_port());
-    let server = Server::start(&ns, port, &[]);
-    let (code, answer) = ask(port, "POST /command", &[json], pause);
+    let server = Server::start(&ns, port);
+    let (code, answer) = ask(port, post, &[JSON, BEARER], pause);
     assert!(code == 422 && answer.contains("no order to a flight under way") && answer.contains("inject"), "{answer}");
     drop(server);
 }
@@ -614,7 +724,7 @@ fn a_recorded_flight_plays_in_a_browser_narrow_and_wide_light_and_dark_and_by_ke
     let flown = eventful();
     let replay = Replay::start(&flown.out, &[]);
     drop(replay.page());
-    let url = format!("http://127.0.0.1:{}/", replay.port);
+    let url = format!("http://127.0.0.1:{}/?token={TOKEN}", replay.port);
     let output = Command::new("node").arg(scripts.join("replay.mjs")).arg(&url).output().expect("node starts");
     let [told, failed] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
     assert!(output.status.success(), "{told}{failed}");
@@ -650,20 +760,19 @@ fn a_campaign_fills_its_page_while_it_flies_and_flies_the_same_bits() {
     let child = campaign(folder.path(), "shown", 60, &["--shard", "7", "--web", &address, "--token", TOKEN]).spawn();
     let child = child.expect("it starts");
     wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
-    let get = format!("GET /?token={TOKEN}");
     assert_eq!(ask(port, "GET /", &[], "").0, 401);
-    assert_eq!(ask(port, &get, &["Origin: https://evil.example"], "").0, 403);
-    let (code, first) = ask(port, &get, &[], "");
+    assert_eq!(ask(port, "GET /", &[BEARER, "Origin: https://evil.example"], "").0, 403);
+    let (code, first) = ask(port, "GET /", &[BEARER], "");
     assert!(code == 200 && first.contains("script-src 'nonce-") && first.contains("<progress"), "{code}");
-    let stop = ask(port, &format!("POST /command?token={TOKEN}"), &["Content-Type: application/json"], "{}");
+    let stop = ask(port, "POST /command", &[JSON, BEARER], "{}");
     assert!(stop.0 == 404 && stop.1.contains("a campaign takes no orders"), "{stop:?}");
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
-    assert_eq!(refused(port, &format!("/foxglove?token={TOKEN}"), &[spoken]), 404);
-    let mut socket = open(port, &format!("/ws?token={TOKEN}"), &[]).expect("the token opens it");
+    assert_eq!(refused(port, FOXGLOVE, &[spoken]), 404);
+    let mut socket = open(port, PAGE, &[]).expect("the token opens it");
     let mut counts = vec![counted(&first)];
     let mut last = first;
     while frame(&mut socket, is("phase"))["phase"] == "changed" {
-        last = ask(port, &get, &[], "").1;
+        last = ask(port, "GET /", &[BEARER], "").1;
         counts.push(counted(&last));
     }
     assert!(counts.is_sorted() && counts[0] < 120 && counts.last() == Some(&120), "{counts:?}");
@@ -691,9 +800,10 @@ fn the_page_of_a_campaign_keeps_its_place_in_a_browser() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let port = free_port();
     let address = format!("127.0.0.1:{port}");
-    let child = campaign(folder.path(), "shown", 20_000, &["--web", &address]).spawn().expect("it starts");
+    let child =
+        campaign(folder.path(), "shown", 20_000, &["--web", &address, "--token", TOKEN]).spawn().expect("it starts");
     wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
-    let url = format!("http://{address}/");
+    let url = format!("http://{address}/?token={TOKEN}");
     let output = Command::new("node").arg(scripts.join("campaign.mjs")).arg(&url).output().expect("node starts");
     kill_process(Pid::from_child(&child), Signal::INT).expect("it flies");
     assert_eq!(child.wait_with_output().expect("it ends").status.code(), Some(130));
@@ -711,7 +821,8 @@ fn a_page_that_cannot_be_is_refused_before_the_flight() {
     let address = taken.local_addr().expect("an address").to_string();
     for (arguments, expected) in [
         (&["fly", "--mode", "inprocess", "--web"][..], "a flight in process is over"),
-        (&["fly", "--token"], "there is none"),
+        (&["fly", "--token", TOKEN], "there is none"),
+        (&["fly", "--web", "--token"], "a value is required"),
         (&["fly", "--web", &address], "give another address"),
         (&["fly", "--web", "scenarios/survey.toml"], "a scenario before --web"),
         (&["fly", "--web", "--token", "short"], "a token has 16"),
@@ -719,11 +830,11 @@ fn a_page_that_cannot_be_is_refused_before_the_flight() {
         (&["web", "--namespace", "no/name"], "no/name"),
         (&["serve-page"], "for `launcher fly --web`"),
         (&["campaign", "fifty-seeds", "--web", &address], "give another address"),
-        (&["campaign", "fifty-seeds", "--token"], "there is none"),
+        (&["campaign", "fifty-seeds", "--token", TOKEN], "there is none"),
         (&["campaign", "fifty-seeds", "--slurm", "--web"], "on this machine"),
         (&["campaign", "fifty-seeds", "--plan", "--web"], "on this machine"),
         (&["replay", "runs/none", "--web", &address], "give another address"),
-        (&["replay", "runs/none", "--token"], "there is none"),
+        (&["replay", "runs/none", "--token", TOKEN], "there is none"),
         (&["replay", "runs/none", "--web"], "is not there"),
         (&["replay", "runs/none", "--web", "--node", "mixer", "--exec", "x"], "--web goes without --exec"),
     ] {
@@ -738,7 +849,7 @@ fn the_page_works_in_a_browser_narrow_and_wide_light_and_dark_and_by_keyboard() 
     let (ns, port) = (namespace(), free_port());
     let settings = ["--set", "run.duration_s=3600.0", "--set", "mission.trajectory=hover", "--set", DRAG];
     let flight = with_page(&ns, port, &settings);
-    let url = format!("http://127.0.0.1:{port}/");
+    let url = format!("http://127.0.0.1:{port}/?token={TOKEN}");
     let output = Command::new("node").arg(scripts.join("live.mjs")).arg(&url).output().expect("node starts");
     let [told, failed] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
     assert!(output.status.success(), "{told}{failed}");

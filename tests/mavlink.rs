@@ -2,15 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader, Read};
+use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use contract::message::State;
 use flight::log;
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::control::{status, tell};
 use crate::harness::{Flight, fly, launcher, namespace, python_with, top, wait_until};
+use crate::processes::{kill, niceness, processes_named};
 
 /// A ground station in Python.
 struct Station {
@@ -178,4 +182,84 @@ fn a_station_that_is_not_there_costs_the_flight_nothing() {
     let settings = ["--no-log", "--mode", "lockstep", "--set", "run.duration_s=2.0"];
     let outcome = fly(&[&settings[..], &["--mavlink", "udpout:127.0.0.1:9"]].concat());
     assert_eq!((outcome.code(), outcome.stderr.as_str()), (Some(0), ""));
+}
+
+/// `PARAM_REQUEST_LIST` of a ground station to the vehicle: the request with the most answers.
+const LIST: [u8; 14] = [0xfd, 2, 0, 0, 0, 0xff, 0xbe, 21, 0, 0, 1, 1, 0x88, 0xc0];
+/// Most datagrams of a flood to one port.
+const FLOOD: usize = 20_000_000;
+
+/// Sends `datagram` to each of the `ports`, again and again, until `is_over`.
+fn flood(ports: [u16; 2], datagram: &[u8], is_over: &AtomicBool) {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    for _ in 0..FLOOD {
+        for port in ports {
+            let _ = socket.send_to(datagram, ("127.0.0.1", port)); // refused once its process has ended
+        }
+        if is_over.load(Ordering::Relaxed) {
+            return;
+        }
+    }
+    panic!("the flood has ended before the flight");
+}
+
+#[test]
+fn a_flood_of_requests_neither_holds_up_the_end_of_a_flight_nor_an_interrupt() {
+    for datagram in [&LIST[..], b"no MAVLink"] {
+        let ns = namespace();
+        let ports =
+            [0; 2].map(|_| UdpSocket::bind("127.0.0.1:0").and_then(|of| of.local_addr()).expect("a port").port());
+        let [beside, later] = ports.map(|port| format!("udpin:127.0.0.1:{port}"));
+        let settings = ["--no-log", "--set", "run.duration_s=4.0", "--set", "supervision.hang_ms=5000"];
+        let flight = Flight::start(&ns, &[&settings[..], &["--mavlink", &beside]].concat());
+        wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
+        let is_over = AtomicBool::new(false);
+        let outcome = std::thread::scope(|scope| {
+            scope.spawn(|| flood(ports, datagram, &is_over));
+            let _over = Over(&is_over); // also after a failure
+            let mut command = launcher();
+            command.args(["mavlink", "--namespace", &ns, &later]).stdout(Stdio::piped());
+            let mut watching = command.spawn().expect("it starts");
+            let mut line = String::new();
+            BufReader::new(watching.stdout.take().expect("it is piped")).read_line(&mut line).expect("it has joined");
+            kill_process(Pid::from_child(&watching), Signal::INT).expect("it runs");
+            let mut ended = None;
+            wait_until("it ends while the flood goes on", || {
+                ended = watching.try_wait().expect("it can be waited for");
+                ended.is_some()
+            });
+            assert_eq!(ended.and_then(|status| status.code()), Some(0), "{line}");
+            flight.finish()
+        });
+        let run = outcome.run();
+        assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &Value::from(0)), "{}", outcome.stderr);
+        assert!(!run["but"].to_string().contains("--mavlink"), "{}", run["but"]);
+    }
+}
+
+/// Sets what it holds when it is dropped.
+struct Over<'a>(&'a AtomicBool);
+
+impl Drop for Over<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn a_mavlink_process_that_is_stopped_or_killed_is_a_reservation_and_no_verdict() {
+    for (signal, told) in [("-STOP", "did not end and was killed"), ("-KILL", "failed (signal: 9")] {
+        let ns = namespace();
+        let settings = ["--no-log", "--set", "run.duration_s=3.0", "--set", "supervision.hang_ms=5000"];
+        let flight = Flight::start(&ns, &[&settings[..], &["--mavlink", "udpout:127.0.0.1:9"]].concat());
+        wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
+        let beside = processes_named(&ns, "mavlink");
+        assert!(beside.len() == 1 && niceness(beside[0]) == 10, "{beside:?}");
+        kill(signal, &beside);
+        let outcome = flight.finish();
+        let run = outcome.run();
+        assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &Value::from(0)), "{}", outcome.stderr);
+        let expected = format!("the process of --mavlink {told}");
+        assert!(run["but"].to_string().contains(&expected), "{}", run["but"]);
+    }
 }

@@ -5,18 +5,19 @@
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
+use rustix::process::Pid;
+
 use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// Numbers of the processes whose command line names `namespace`.
 pub fn processes_of(namespace: &str) -> Vec<i32> {
+    processes().filter(|pid| runs(*pid, namespace)).collect()
+}
+
+/// Numbers of all processes.
+fn processes() -> impl Iterator<Item = i32> {
     let all = std::fs::read_dir("/proc").expect("/proc can be listed");
-    all.flatten()
-        .filter_map(|entry| entry.file_name().to_str()?.parse().ok())
-        .filter(|pid: &i32| {
-            let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-            line.split(|b| *b == 0).any(|word| word == namespace.as_bytes())
-        })
-        .collect()
+    all.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok())
 }
 
 /// The processes that run `node` in `namespace`.
@@ -29,10 +30,22 @@ pub fn process_of(namespace: &str, node: &str) -> i32 {
     *processes_named(namespace, node).first().unwrap_or_else(|| panic!("{node} does not run"))
 }
 
-/// Returns whether process `pid` runs `node`.
-fn runs(pid: i32, node: &str) -> bool {
-    let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-    line.split('\0').any(|word| word == node)
+/// Returns whether process `pid` has `word` in its command line, as the name of a node or of a namespace.
+fn runs(pid: i32, word: &str) -> bool {
+    let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    line.split(|b| *b == 0).any(|of| of == word.as_bytes())
+}
+
+/// The children of process `pid` that run `command`.
+pub fn children_of(pid: u32, command: &str) -> Vec<i32> {
+    let parent = format!("PPid:\t{pid}");
+    let status = |of: i32| std::fs::read_to_string(format!("/proc/{of}/status")).unwrap_or_default();
+    let is_child = |of: &i32| status(*of).lines().any(|line| line == parent) && runs(*of, command);
+    processes().filter(is_child).collect()
+}
+
+pub fn niceness(pid: i32) -> i32 {
+    rustix::process::getpriority_process(Pid::from_raw(pid)).expect("it runs")
 }
 
 pub fn kill(signal: &str, pids: &[i32]) {

@@ -13,10 +13,11 @@ use contract::exit;
 use contract::scenario::{self, Mode};
 use rustix::process::{Resource, getrlimit};
 
-use crate::mavlink::Beside;
+use crate::beside::Beside;
+use crate::mavlink;
 use crate::mission;
 use crate::progress::Progress;
-use crate::web::{self, Page, TokenArgs};
+use crate::web::{self, TokenArgs};
 use flight::event::name;
 use flight::folder::Folder;
 use flight::guarded;
@@ -136,11 +137,10 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let flown = match scenario.run.mode {
         Mode::Inprocess => fly_inprocess(&scenario, log.as_deref(), &mut summary, &interrupts),
         Mode::Realtime | Mode::Lockstep => {
-            fly_processes(args, &mut scenario, log.as_deref(), &mut summary, &interrupts)
+            fly_processes(args, &mut scenario, page, log.as_deref(), &mut summary, &interrupts)
         }
     };
-    drop(page);
-    let Flown { mut how, wall, scheduling, beside_error } = match flown {
+    let Flown { mut how, wall, scheduling } = match flown {
         Ok(flown) => flown,
         Err(error) => {
             out.withdraw();
@@ -183,8 +183,8 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let written = written.and_then(|()| if log.is_some() { write_report(&out.path) } else { Ok(()) });
     let log_error = how.log.as_ref().and_then(|log| log.error.clone());
     let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
-    let failed = written.is_err() || beside_error.is_some();
-    for error in [log_error, write_error, beside_error].into_iter().flatten() {
+    let failed = written.is_err();
+    for error in [log_error, write_error].into_iter().flatten() {
         eprint_line(&format!("error: {error}"));
     }
     // What the flight came to is graver than what could not be written of it.
@@ -192,7 +192,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
 }
 
 /// Starts the process of the page, if the arguments ask for one.
-fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Page>> {
+fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Beside>> {
     let Some(address) = args.web else {
         ensure!(!args.token.is_given(), "--token protects the page of --web, and there is none");
         return Ok(None);
@@ -201,7 +201,7 @@ fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Page>> {
         scenario.run.mode != Mode::Inprocess,
         "--web shows a flight through processes; a flight in process is over before a browser is open"
     );
-    Page::start(address, &args.token, &args.namespace).map(Some)
+    web::beside(address, &args.token, &args.namespace).map(Some)
 }
 
 /// Writes the report. That can take longer than the flight, which is flown again to find the cost of disturbed ticks.
@@ -231,8 +231,6 @@ struct Flown {
     wall: Duration,
     /// Scheduling that the kernel gave each node; empty in process.
     scheduling: Vec<(String, Scheduling)>,
-    /// Failure of the process of `--mavlink`, if it failed.
-    beside_error: Option<String>,
 }
 
 fn fly_inprocess(
@@ -268,13 +266,15 @@ fn fly_inprocess(
     if interrupts.load(Ordering::Relaxed) > 0 {
         how.ended = Ended::Interrupted;
     }
-    Ok(Flown { how, wall, scheduling: vec![], beside_error: None })
+    Ok(Flown { how, wall, scheduling: vec![] })
 }
 
-/// Flies with processes, and adds to `scenario` the faults and swaps that were ordered meanwhile.
+/// Flies with processes, and adds to `scenario` the faults and swaps that were ordered meanwhile. The process of the
+/// `page`, if there is one, has to end with the flight.
 fn fly_processes(
     args: &FlyArgs,
     scenario: &mut Scenario,
+    page: Option<Beside>,
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
@@ -282,7 +282,7 @@ fn fly_processes(
     let stack = Stack::start(&args.namespace, scenario, log, interrupts).map_err(with_file_limit)?;
     tell_shortfalls(scenario, &stack.scheduling);
     let home = args.home.as_deref().unwrap_or(Home::USUAL);
-    let mavlink = args.mavlink.map(|address| Beside::start(&args.namespace, &address, home)).transpose()?;
+    let mavlink = args.mavlink.map(|address| mavlink::beside(&args.namespace, &address, home)).transpose()?;
     let progress = Progress::start();
     let summary = RefCell::new(summary);
     let flown = stack.fly(
@@ -294,10 +294,11 @@ fn fly_processes(
         },
     );
     progress.finish();
-    let beside_error = mavlink.and_then(Beside::finish);
     *scenario = flown.scenario.clone();
     let (wall, scheduling) = (flown.wall, flown.scheduling.clone());
-    Ok(Flown { how: flown.into(), wall, scheduling, beside_error })
+    let mut how = Circumstances::from(flown);
+    how.observers = Beside::finish(page.into_iter().chain(mavlink).collect());
+    Ok(Flown { how, wall, scheduling })
 }
 
 /// Prints what the scenario asks for and the processes did not get, as `doctor` does.

@@ -91,7 +91,7 @@ pub const HELP: &[Help] = &[
     },
     help("inject", &["inject controls drop --for 500ms", "inject wind step --vector 5,0,0 --for 2s"]),
     help("clear", &["clear", "clear controls"]),
-    help("web", &["web", "web 0.0.0.0:8080 --token"]),
+    help("web", &["web", "web 0.0.0.0:8080"]),
     help("mavlink", &["mavlink udpout:127.0.0.1:14550"]),
     help("stop", &["stop", "stop --namespace mine"]),
     Help {

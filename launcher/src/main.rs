@@ -9,6 +9,7 @@
 //! | `progress` | the line shown while flying |
 //! | `manage` | `status` and `stop` |
 //! | `mavlink` | `mavlink`: a flying stack for ground stations |
+//! | `beside` | processes of `--web` and `--mavlink` beside a flight |
 //! | `command` | `inject` and `clear` |
 //! | `swap` | `swap`: replaces the process of a node of a flying stack |
 //! | `replay` | `replay` and `explain`: a flight flown again from its folder |
@@ -23,6 +24,7 @@
 //! | `target` | the flying stack that a command is for |
 //! | `web` | `web` and `fly --web`: the live page |
 
+mod beside;
 mod campaign;
 mod cli;
 mod command;

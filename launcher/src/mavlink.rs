@@ -1,7 +1,6 @@
 //! `mavlink`: shows a flying stack to a ground station. `fly --mavlink` starts it beside the flight.
 
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, ensure};
 use contract::exit;
@@ -14,12 +13,11 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::read;
 use rustix::time::Timespec;
 
+use crate::beside::{Beside, be_nice};
 use crate::target::{self, TargetArgs};
 
 /// Longest wait until the process observes the flight \[s\].
 const JOIN_LIMIT_S: i64 = 10;
-/// Longest wait for the end of the process after that of the flight.
-const END_LIMIT: Duration = Duration::from_secs(2);
 
 /// Arguments of `mavlink`.
 #[derive(clap::Args)]
@@ -36,6 +34,7 @@ pub struct MavlinkArgs {
 
 /// Shows a flight until it ends, or until Ctrl-C; returns the exit code.
 pub fn mavlink(args: &MavlinkArgs) -> anyhow::Result<u8> {
+    be_nice();
     let interrupts = catch_interrupts()?;
     let domain = args.stack.find()?;
     let tell = || print(&format!("showing {} at {}; Ctrl-C ends it\n", target::describe(&domain), args.address));
@@ -43,48 +42,18 @@ pub fn mavlink(args: &MavlinkArgs) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-/// Process of `mavlink` beside a flight. Dropping it kills it.
-pub struct Beside(Child);
-
-impl Beside {
-    /// Starts it for the flight in `namespace`, and waits until it observes the flight.
-    pub fn start(namespace: &str, address: &Address, home: &str) -> anyhow::Result<Self> {
-        let mut command: Command = own_program();
-        command.args(["mavlink", "--namespace", namespace, "--home", home]).arg(address.to_string());
-        command.stdin(Stdio::null()).stdout(Stdio::piped());
-        die_with_parent(&mut command);
-        let mut beside = Self(command.spawn().context("cannot start the process of --mavlink")?);
-        // It prints a line when it has joined, and closes the pipe when it ends.
-        let output = beside.0.stdout.take().context("the pipe was asked for")?;
-        let limit = Timespec { tv_sec: JOIN_LIMIT_S, tv_nsec: 0 };
-        let is_told = poll(&mut [PollFd::new(&output, PollFlags::IN)], Some(&limit)).is_ok_and(|ready| ready > 0);
-        let mut line = [0; 1];
-        ensure!(
-            is_told && read(&output, &mut line).is_ok_and(|bytes| bytes > 0),
-            "--mavlink cannot observe the flight"
-        );
-        Ok(beside)
-    }
-
-    /// Waits for its end after the flight has ended; returns what went wrong, if anything did.
-    pub fn finish(mut self) -> Option<String> {
-        let deadline = Instant::now() + END_LIMIT;
-        while Instant::now() < deadline {
-            match self.0.try_wait() {
-                Ok(Some(status)) if status.success() => return None,
-                Ok(Some(status)) => return Some(format!("the process of --mavlink failed ({status})")),
-                Ok(None) => std::thread::sleep(Duration::from_millis(2)),
-                Err(error) => return Some(format!("the process of --mavlink was lost: {error}")),
-            }
-        }
-        Some("the process of --mavlink did not end and was killed".into())
-    }
-}
-
-impl Drop for Beside {
-    fn drop(&mut self) {
-        // Both succeed for a process that has ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// Starts the process for the flight in `namespace`, and waits until it observes the flight.
+pub fn beside(namespace: &str, address: &Address, home: &str) -> anyhow::Result<Beside> {
+    let mut command: Command = own_program();
+    command.args(["mavlink", "--namespace", namespace, "--home", home]).arg(address.to_string());
+    command.stdin(Stdio::null()).stdout(Stdio::piped());
+    die_with_parent(&mut command);
+    let mut beside = Beside::start("--mavlink", &mut command)?;
+    // It prints a line when it has joined, and closes the pipe when it ends.
+    let output = beside.child.stdout.take().context("the pipe was asked for")?;
+    let limit = Timespec { tv_sec: JOIN_LIMIT_S, tv_nsec: 0 };
+    let is_told = poll(&mut [PollFd::new(&output, PollFlags::IN)], Some(&limit)).is_ok_and(|ready| ready > 0);
+    let mut line = [0; 1];
+    ensure!(is_told && read(&output, &mut line).is_ok_and(|bytes| bytes > 0), "--mavlink cannot observe the flight");
+    Ok(beside)
 }

@@ -9,7 +9,7 @@ use std::io::Read;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::process::CommandExt;
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::Thread;
@@ -26,19 +26,15 @@ use live::player::Player;
 use runtime::console::eprint_line;
 use serde::{Deserialize, Serialize};
 
+use crate::beside::{Beside, be_nice};
+
 /// Port of an address that is given without one.
 const PORT: u16 = 8080;
-/// Niceness of the process: the ring and the recorder go first.
-const NICENESS: i32 = 10;
-/// Wait for the process to end with its flight. After that its stdin is closed, in case there was no flight.
-const END_LIMIT: Duration = Duration::from_millis(300);
-/// Longest wait for the process after that, in which it can tell its browsers.
-const LEAVE_LIMIT: Duration = Duration::from_secs(6);
 
 /// Arguments of `web`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "The page also stands at /foxglove for Foxglove and Lichtblick (\"Open connection\", ws://ADDRESS/foxglove)."
+    after_help = "The page also stands at /foxglove for Foxglove and Lichtblick (\"Open connection\", ws://ADDRESS/foxglove?token=TOKEN)."
 )]
 pub struct WebArgs {
     /// Address of the page: ADDRESS:PORT, ADDRESS or PORT
@@ -54,8 +50,8 @@ pub struct WebArgs {
 /// Argument that protects a page.
 #[derive(clap::Args, Clone, Default)]
 pub struct TokenArgs {
-    /// Require this token of every request; without TOKEN one is made. Always required off loopback
-    #[arg(long, value_name = "TOKEN", num_args = 0..=1, default_missing_value = "")]
+    /// Token that every request to the page must carry. Without it one is made: other users can read this one in /proc
+    #[arg(long, value_name = "TOKEN")]
     token: Option<String>,
 }
 
@@ -185,49 +181,20 @@ impl OpenPage {
 #[derive(Serialize, Deserialize)]
 struct Task {
     namespace: String,
-    token: Option<String>,
+    token: String,
 }
 
-/// Process that serves the page of a flight. Dropping it ends it.
-pub struct Page(Child);
-
-impl Page {
-    /// Opens the port, and starts the process, which waits for the flight in `namespace`.
-    pub fn start(address: SocketAddr, token: &TokenArgs, namespace: &str) -> anyhow::Result<Self> {
-        let (listener, access) = token.open_live(address)?;
-        let mut command = own_program();
-        command.arg("serve-page").stdin(Stdio::piped()).stdout(OwnedFd::from(listener));
-        command.process_group(0); // Ctrl-C is for the launcher
-        let mut child = command.spawn().context("cannot start the process of the page")?;
-        let task = Task { namespace: namespace.into(), token: access.token().map(str::to_owned) };
-        let stdin = child.stdin.as_mut().context("the process of the page has no stdin")?;
-        std::io::Write::write_all(stdin, (serde_json::to_string(&task)? + "\n").as_bytes())?;
-        Ok(Self(child))
-    }
-
-    /// Waits for the end of the process, no longer than `limit`; returns whether it has ended.
-    fn has_ended(&mut self, limit: Duration) -> bool {
-        let deadline = Instant::now() + limit;
-        while Instant::now() < deadline {
-            if !matches!(self.0.try_wait(), Ok(None)) {
-                return true;
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        false
-    }
-}
-
-impl Drop for Page {
-    fn drop(&mut self) {
-        // It ends with the flight; without one, when its stdin is closed.
-        if !self.has_ended(END_LIMIT) {
-            drop(self.0.stdin.take());
-            self.has_ended(LEAVE_LIMIT);
-        }
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// Opens the port, and starts the process that serves the page of the flight in `namespace`, for which it waits.
+pub fn beside(address: SocketAddr, token: &TokenArgs, namespace: &str) -> anyhow::Result<Beside> {
+    let (listener, access) = token.open_live(address)?;
+    let mut command = own_program();
+    command.arg("serve-page").stdin(Stdio::piped()).stdout(OwnedFd::from(listener));
+    command.process_group(0); // Ctrl-C is for the launcher
+    let mut beside = Beside::start("--web", &mut command)?;
+    let task = Task { namespace: namespace.into(), token: access.token().into() };
+    let stdin = beside.child.stdin.as_mut().context("the process of the page has no stdin")?;
+    std::io::Write::write_all(stdin, (serde_json::to_string(&task)? + "\n").as_bytes())?;
+    Ok(beside)
 }
 
 /// Serves the page of one flight, as a process that `fly --web` has started.
@@ -245,15 +212,9 @@ pub fn serve_page() -> anyhow::Result<u8> {
         ends.fetch_add(1, Ordering::Relaxed);
     })?;
     be_nice();
-    let access = Access::new(address, token)?;
+    let access = Access::new(address, Some(token))?;
     live::serve(listener, access, Source::Flights { namespace: Some(namespace), one_flight: true }, interrupts)?;
     Ok(exit::FLOWN)
-}
-
-/// Lets others go first: lowers the priority of this thread and of those that it starts from now on. Fails only if the
-/// system forbids it, which harms no flight.
-fn be_nice() {
-    let _ = rustix::process::setpriority_process(None, NICENESS);
 }
 
 #[cfg(test)]

@@ -33,6 +33,7 @@ try {
   await ready(page);
   const begun = parseFloat(await text(page, '#time'));
   await until(page, before => parseFloat(document.getElementById('time').textContent) > before + 0.3, begun);
+  expect('the token has left the address', page.url() === new URL('/', url).href && await page.evaluate(() => document.cookie) === '');
   expect('the vehicle is drawn', await page.evaluate(() => document.querySelector('#scene canvas') !== null));
 
   // By keyboard alone: the first field of the form, then on to its button.

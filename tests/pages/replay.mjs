@@ -16,7 +16,7 @@ const found = [];
 const expect = (what, holds) => { if (!holds) found.push(`not so: ${what}`); };
 const until = (page, condition, value) => page.waitForFunction(condition, value, { timeout: LIMIT_MS })
   .catch(() => { throw new Error(`after ${LIMIT_MS} ms it is not so: ${condition}`); });
-const order = body => fetch(new URL('command', url), { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body) });
+const order = body => fetch(new URL('command', url), { method: 'POST', headers: { 'Content-Type': 'application/json', Authorization: `Bearer ${new URL(url).searchParams.get('token')}` }, body: JSON.stringify(body) });
 
 // Waits until every part of the page shows the flight.
 const ready = page => until(page, () => document.querySelectorAll('.uplot').length >= 12

@@ -24,10 +24,11 @@ KINDS = ["alone", "attached", "with a browser"]
 WATCH = Path(__file__).parents[1] / "pages" / "watch.mjs"
 
 
-async def foxglove(address):
+async def foxglove(address, token):
     """Subscribes to every channel and reads until the flight ends; returns the number of messages."""
     count = 0
-    async with websockets.connect(f"ws://{address}/foxglove", subprotocols=["foxglove.sdk.v1"], max_size=None) as server:
+    url = f"ws://{address}/foxglove?token={token}"
+    async with websockets.connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as server:
         try:
             async for message in server:
                 if isinstance(message, bytes):
@@ -64,16 +65,17 @@ def fly(launcher, kind, seconds, folder):
     mavlink = f"udpout:127.0.0.1:{station.getsockname()[1]}"
     command += ["--out", folder, "--web", "127.0.0.1:0", "--mavlink", mavlink]
     flight = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    address = next(found[1] for line in flight.stderr if (found := re.search(r"http://([\d.]+:\d+)", line)))
+    printed = r"http://([\d.]+:\d+)/\?token=(\S+)"
+    address, token = next(found.groups() for line in flight.stderr if (found := re.search(printed, line)))
     is_over, received = threading.Event(), {}
     clients = [
-        threading.Thread(target=lambda: received.update(foxglove=asyncio.run(foxglove(address)))),
+        threading.Thread(target=lambda: received.update(foxglove=asyncio.run(foxglove(address, token)))),
         threading.Thread(target=lambda: received.update(mavlink=receive(station, is_over))),
     ]
     for client in clients:
         client.start()
     if kind == "with a browser":
-        browser = subprocess.Popen(["node", WATCH, f"http://{address}/"], stdout=subprocess.PIPE, text=True)
+        browser = subprocess.Popen(["node", WATCH, f"http://{address}/?token={token}"], stdout=subprocess.PIPE, text=True)
     printed, _ = flight.communicate()
     is_over.set()
     for client in clients:

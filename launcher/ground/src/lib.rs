@@ -41,6 +41,12 @@ use parameters::Parameters;
 use streams::Streams;
 use vehicle::Vehicle;
 
+/// Largest number of datagrams that are read after one look at the flight; the kernel keeps some more, and drops those
+/// of a flood.
+const DATAGRAMS: usize = 32;
+/// Number of answers after one look from which on no more datagrams are read: a list of parameters has 65.
+const ANSWERS: usize = 130;
+
 /// Shows the flight of `namespace` to the ground station at `address`, until the flight ends or an interrupt. Calls
 /// `joined` as soon as no message can be missed.
 ///
@@ -67,9 +73,7 @@ pub fn show(
             Seen::Message(record) => station.vehicle.observe(record),
             Seen::Event(event) => vehicle::status_texts(event).iter().for_each(|text| link.send(text)),
         });
-        while let Some((from, request)) = link.receive() {
-            station.answer(from, &request).iter().for_each(|answer| link.send(answer));
-        }
+        answer(&mut link, &mut station);
         for id in station.streams.due(Instant::now()) {
             if let Some(message) = station.vehicle.message(id) {
                 link.send(&message);
@@ -84,6 +88,23 @@ pub fn show(
                 return Ok(());
             }
             Look::Lost => bail!("the flight's launcher was killed"),
+        }
+    }
+}
+
+/// Answers what has arrived, but no more than a look may cost: a flood must neither hide the end of the flight nor take
+/// the processor from it.
+fn answer(link: &mut Link, station: &mut Station) {
+    let mut answered = 0;
+    for _ in 0..DATAGRAMS {
+        let Ok(datagram) = link.receive() else { return };
+        let answers = datagram.map_or(vec![], |(from, request)| station.answer(from, &request));
+        for answer in &answers {
+            link.send(answer);
+        }
+        answered += answers.len();
+        if answered >= ANSWERS {
+            return;
         }
     }
 }

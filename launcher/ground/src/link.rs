@@ -1,5 +1,6 @@
 //! MAVLink 2 frames in UDP datagrams, one frame each. Nothing here waits: what cannot be sent now is lost.
 
+use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 use anyhow::Context;
@@ -55,20 +56,21 @@ impl Link {
         }
     }
 
-    /// Returns the next message that has arrived, with its sender; datagrams that are no MAVLink are dropped.
-    pub fn receive(&mut self) -> Option<(MavHeader, MavMessage)> {
+    /// Reads the next datagram; returns its message and sender, `None` if it is no MAVLink.
+    ///
+    /// # Errors
+    /// None has arrived.
+    pub fn receive(&mut self) -> io::Result<Option<(MavHeader, MavMessage)>> {
         let mut bytes = [0; 2048];
-        loop {
-            let (length, from) = match self.socket.recv_from(&mut bytes) {
-                Ok(received) => received,
-                // The answer of a host where no station listens.
-                Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => continue,
-                Err(_) => return None,
-            };
-            if let Ok((header, message)) = MavlinkReader::new(&bytes[..length]).read_any_message::<MavMessage>() {
-                self.peer = Some(from);
-                return Some((header, message));
-            }
+        let (length, from) = match self.socket.recv_from(&mut bytes) {
+            // The answer of a host where no station listens.
+            Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => return Ok(None),
+            received => received?,
+        };
+        let message = MavlinkReader::new(&bytes[..length]).read_any_message::<MavMessage>().ok();
+        if message.is_some() {
+            self.peer = Some(from);
         }
+        Ok(message)
     }
 }

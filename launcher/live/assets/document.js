@@ -33,7 +33,7 @@
   }
 
   function connect() {
-    const socket = new WebSocket(`ws${location.protocol.slice(4)}//${location.host}/ws${location.search}`);
+    const socket = new WebSocket(`ws${location.protocol.slice(4)}//${location.host}/ws`);
     let ended = false;
     socket.onmessage = ({ data }) => {
       ended = JSON.parse(data).phase === 'ended';

@@ -1,20 +1,21 @@
-//! Rules for connections to a live server.
+//! Rules for connections to a live server, the same for every address and websocket of it.
 //!
 //! | request | accepted if |
 //! |---|---|
-//! | any, server with a token | it carries the token, as `?token=` or `Authorization: Bearer`, compared in constant time |
-//! | any, server without one (loopback only) | the other end is a process of this user or of root, and `Host` is a name of this machine's loopback |
-//! | command, websocket of the page | besides, `Origin` is absent or the page's own |
-//! | websocket of Foxglove | besides, `Origin` is no website, or the page's own; with the token any |
+//! | any | it carries the token: in the cookie, as `Authorization: Bearer`, or as `?token=` |
+//! | any, server on loopback | besides, `Host` is a name of this machine's loopback, with the server's port |
+//! | any | besides, `Origin` is absent or the page's own |
+//! | websocket of Foxglove, token not in the cookie | besides, `Origin` is anything: its application is another origin |
 //!
-//! The check of `Host` refuses a website whose name was made to point to this machine (DNS rebinding); the check of
-//! `Origin` refuses a website that opens a websocket to it. The user behind a loopback connection stands in
-//! `/proc/net/tcp`: other users of the machine could connect otherwise.
+//! Nothing else tells users of one machine apart: every one of them reaches a port on loopback. The check of `Host`
+//! refuses a website whose name was made to point to this machine (DNS rebinding). The check of `Origin` refuses a page
+//! of another origin that has the cookie sent along: to a browser all ports of a host are one site.
 
 use std::fs;
 use std::net::{IpAddr, SocketAddr};
 
 use anyhow::{Context, ensure};
+use axum::http::{HeaderMap, HeaderName, Uri, header};
 
 /// Shortest token that is accepted \[characters\].
 const TOKEN_CHARS: usize = 16;
@@ -25,26 +26,13 @@ const TOKEN_BYTES: usize = 18;
 #[derive(Debug, Clone)]
 pub struct Access {
     address: SocketAddr,
-    token: Option<String>,
-}
-
-/// One request, as far as it decides on access.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Asked<'a> {
-    pub host: Option<&'a str>,
-    pub origin: Option<&'a str>,
-    /// `Authorization`, and the query of the address.
-    pub authorization: Option<&'a str>,
-    pub query: Option<&'a str>,
-    /// `true` for the websocket of Foxglove, whose application is another origin.
-    pub is_foxglove: bool,
+    token: String,
 }
 
 /// Reason for which a request is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refused {
     Token,
-    User,
     Host,
     Origin,
 }
@@ -53,75 +41,76 @@ impl Refused {
     /// Describes the reason and the remedy.
     pub fn describe(self) -> &'static str {
         match self {
-            Self::Token => "the token is missing or wrong: use the whole address that `launcher` has printed",
-            Self::User => "only the user who flies may connect without a token; start with --token to let others in",
+            Self::Token => {
+                "the token is missing or wrong: open the whole address that `launcher` has printed, or send \
+                 `Authorization: Bearer TOKEN`"
+            }
             Self::Host => "this is no name of this machine: use the address that `launcher` has printed",
-            Self::Origin => "another website may not connect; Foxglove in a browser needs a server with --token",
+            Self::Origin => "another website may not connect; Foxglove needs its address with ?token=TOKEN",
         }
     }
 }
 
 impl Access {
-    /// Makes the rule for a server on `address`. A token is needed off loopback. One is made if it is needed and not
-    /// given, or empty.
+    /// Makes the rule for a server on `address`, and a token unless one is given.
     ///
     /// # Errors
     /// The token is too short, or has characters that an address cannot have.
     pub fn new(address: SocketAddr, token: Option<String>) -> anyhow::Result<Self> {
-        let token = match token {
-            Some(given) if !given.is_empty() => {
-                let is_fit = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-                ensure!(
-                    given.len() >= TOKEN_CHARS && given.chars().all(is_fit),
-                    "a token has {TOKEN_CHARS} letters, digits, - and _ at least; --token alone makes one"
-                );
-                Some(given)
-            }
-            None if address.ip().is_loopback() => None,
-            Some(_) | None => Some(random()?),
-        };
+        let is_fit = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        let token = token.map_or_else(random, Ok)?;
+        ensure!(
+            token.len() >= TOKEN_CHARS && token.chars().all(is_fit),
+            "a token has {TOKEN_CHARS} letters, digits, - and _ at least; without --token one is made"
+        );
         Ok(Self { address, token })
     }
 
     /// Address of the page for a browser, with the token.
     pub fn url(&self) -> String {
-        let query = self.token.as_ref().map_or(String::new(), |token| format!("?token={token}"));
-        format!("http://{}/{query}", self.address)
+        format!("http://{}/?token={}", self.address, self.token)
     }
 
-    /// Token that every request must carry, if any.
-    pub fn token(&self) -> Option<&str> {
-        self.token.as_deref()
+    pub fn token(&self) -> &str {
+        &self.token
     }
 
-    /// Decides on a request; `user` finds the user of the process at the other end.
-    pub fn check(&self, asked: &Asked, user: impl FnOnce() -> Option<u32>) -> Result<(), Refused> {
-        if let Some(token) = &self.token {
-            let bearer = asked.authorization.and_then(|value| value.strip_prefix("Bearer "));
-            let in_query = asked.query.and_then(|query| query.split('&').find_map(|pair| pair.strip_prefix("token=")));
-            let given = bearer.or(in_query).unwrap_or_default();
-            if !is_same(given, token) {
-                return Err(Refused::Token);
-            }
-            if asked.is_foxglove {
-                return Ok(()); // a website that has the token got it from its owner
-            }
-        } else {
-            let own = rustix::process::geteuid().as_raw();
-            if !user().is_some_and(|user| user == own || user == 0) {
-                return Err(Refused::User);
-            }
-            if !asked.host.is_some_and(|host| self.is_own_host(host)) {
-                return Err(Refused::Host);
-            }
+    /// Value of `Set-Cookie` with which a browser keeps the token. The name has the port, because a browser sends the
+    /// cookies of a host to all of its ports.
+    pub fn cookie(&self) -> String {
+        format!("{}={}; HttpOnly; SameSite=Strict; Path=/", self.cookie_name(), self.token)
+    }
+
+    fn cookie_name(&self) -> String {
+        format!("trefoil-{}", self.address.port())
+    }
+
+    /// Decides on a request by its `headers` and address; `is_foxglove` if that is Foxglove's websocket.
+    pub fn check(&self, headers: &HeaderMap, uri: &Uri, is_foxglove: bool) -> Result<(), Refused> {
+        // A value that is not text is one that fits nothing, not an absent one.
+        let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or_default());
+        let bearer = text(header::AUTHORIZATION).and_then(|value| value.strip_prefix("Bearer "));
+        let is_given = [bearer, token_in(uri)].into_iter().flatten().any(|given| is_same(given, &self.token));
+        if !is_given && !self.has_cookie(headers) {
+            return Err(Refused::Token);
         }
-        match asked.origin {
+        let host = text(header::HOST).unwrap_or_default();
+        if self.address.ip().is_loopback() && !self.is_own_host(host) {
+            return Err(Refused::Host);
+        }
+        match text(header::ORIGIN) {
             None => Ok(()),
-            Some(origin) if asked.host.is_some_and(|host| is_page_of(origin, host)) => Ok(()),
-            // What no website can have: applications with a scheme of their own.
-            Some(origin) if asked.is_foxglove && !origin.starts_with("http") && origin != "null" => Ok(()),
+            Some(origin) if is_page_of(origin, host) || is_foxglove && is_given => Ok(()),
             Some(_) => Err(Refused::Origin),
         }
+    }
+
+    /// Returns whether a cookie of the request has the token.
+    fn has_cookie(&self, headers: &HeaderMap) -> bool {
+        let name = self.cookie_name();
+        let lists = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
+        let mut pairs = lists.flat_map(|list| list.split(';')).filter_map(|pair| pair.trim().split_once('='));
+        pairs.any(|(of, given)| of == name && is_same(given, &self.token))
     }
 
     /// Returns whether `host` is a name of this machine's loopback, with the server's port.
@@ -134,6 +123,11 @@ impl Access {
         let address = name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
         given == Some(port) && (name == "localhost" || address.is_ok_and(|address| address.is_loopback()))
     }
+}
+
+/// Token in an address, whether right or wrong.
+pub fn token_in(uri: &Uri) -> Option<&str> {
+    uri.query()?.split('&').find_map(|pair| pair.strip_prefix("token="))
 }
 
 fn is_page_of(origin: &str, host: &str) -> bool {
@@ -157,133 +151,93 @@ pub fn random() -> anyhow::Result<String> {
     Ok(BASE64_URL_SAFE_NO_PAD.encode(bytes))
 }
 
-/// Finds the user of the process that connected from `peer` to `own`, both on this machine; `None` if it is not there.
-pub fn user_of(peer: SocketAddr, own: SocketAddr) -> Option<u32> {
-    let tables = ["/proc/net/tcp", "/proc/net/tcp6"].map(|path| fs::read_to_string(path).unwrap_or_default());
-    tables.iter().find_map(|table| user_in(table, peer, own))
-}
-
-/// Finds the user of a connection in a table of the kernel: local and remote address, hexadecimal, then the user.
-fn user_in(table: &str, peer: SocketAddr, own: SocketAddr) -> Option<u32> {
-    let row = |line: &str| {
-        let cells: Vec<&str> = line.split_whitespace().collect();
-        let is = |cell: Option<&&str>, address| cell.and_then(|cell| address_of(cell)) == Some(plain(address));
-        (is(cells.get(1), peer) && is(cells.get(2), own)).then(|| cells.get(7)?.parse().ok())?
-    };
-    table.lines().find_map(row)
-}
-
-/// Returns the address without the form of IPv4 inside IPv6.
-fn plain(address: SocketAddr) -> SocketAddr {
-    SocketAddr::new(address.ip().to_canonical(), address.port())
-}
-
-/// Reads an address of `/proc/net/tcp`: words of 32 bit in the order of this machine, then the port.
-fn address_of(cell: &str) -> Option<SocketAddr> {
-    let (address, port) = cell.split_once(':')?;
-    let word = |i: usize| u32::from_str_radix(address.get(8 * i..8 * i + 8)?, 16).ok().map(u32::to_ne_bytes);
-    let ip: IpAddr = match address.len() {
-        8 => IpAddr::from(word(0)?),
-        32 => {
-            let words: Option<Vec<[u8; 4]>> = (0..4).map(word).collect();
-            IpAddr::from(<[u8; 16]>::try_from(words?.concat()).ok()?)
-        }
-        _ => return None,
-    };
-    Some(plain(SocketAddr::new(ip, u16::from_str_radix(port, 16).ok()?)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const OWN: Asked =
-        Asked { host: Some("127.0.0.1:8080"), origin: None, authorization: None, query: None, is_foxglove: false };
+    const TOKEN: &str = "0123456789abcdef";
+    const HOST: (HeaderName, &str) = (header::HOST, "127.0.0.1:8080");
 
     fn at(address: &str, token: Option<&str>) -> Access {
-        let token = token.map(str::to_owned);
-        Access::new(address.parse().unwrap(), token).unwrap()
+        Access::new(address.parse().unwrap(), token.map(str::to_owned)).unwrap()
     }
 
-    #[expect(clippy::unnecessary_wraps, reason = "it stands for a look-up that may fail")]
-    fn me() -> Option<u32> {
-        Some(rustix::process::geteuid().as_raw())
-    }
-
-    #[test]
-    fn without_a_token_only_this_user_and_only_under_names_of_loopback() {
-        let access = at("127.0.0.1:8080", None);
-        assert_eq!(access.token(), None);
-        for host in ["127.0.0.1:8080", "localhost:8080", "[::1]:8080"] {
-            assert_eq!(access.check(&Asked { host: Some(host), ..OWN }, me), Ok(()), "{host}");
-        }
-        for host in ["evil.example:8080", "127.0.0.1", "localhost:80", "127.0.0.1.evil.example:8080", ""] {
-            assert_eq!(access.check(&Asked { host: Some(host), ..OWN }, me), Err(Refused::Host), "{host}");
-        }
-        assert_eq!(access.check(&Asked { host: None, ..OWN }, me), Err(Refused::Host));
-        assert_eq!(access.check(&OWN, || Some(65_533)), Err(Refused::User));
-        assert_eq!(access.check(&OWN, || None), Err(Refused::User));
-    }
-
-    #[test]
-    fn another_website_is_refused_and_an_application_gets_foxglove_only() {
-        let access = at("127.0.0.1:8080", None);
-        let from = |origin, is_foxglove| access.check(&Asked { origin: Some(origin), is_foxglove, ..OWN }, me);
-        for is_foxglove in [false, true] {
-            assert_eq!(from("http://127.0.0.1:8080", is_foxglove), Ok(()));
-            for origin in ["https://evil.example", "http://127.0.0.1:9999", "null", "http://localhost:8080"] {
-                assert_eq!(from(origin, is_foxglove), Err(Refused::Origin), "{origin}");
-            }
-        }
-        assert_eq!([from("app://lichtblick", true), from("app://lichtblick", false)], [Ok(()), Err(Refused::Origin)]);
+    /// Decides on a request for `path` with `headers`.
+    fn check(access: &Access, path: &str, headers: &[(HeaderName, &str)]) -> Result<(), Refused> {
+        let headers = headers.iter().map(|(name, value)| (name.clone(), value.parse().unwrap())).collect();
+        access.check(&headers, &path.parse().unwrap(), path.starts_with("/foxglove"))
     }
 
     #[test]
     fn the_token_opens_and_nothing_else_does() {
-        let token = "0123456789abcdef";
-        let access = at("0.0.0.0:8080", Some(token));
-        let unasked = || -> Option<u32> { panic!("the token decides") };
-        let query = format!("a=b&token={token}");
-        let bearer = format!("Bearer {token}");
-        let (named, far) = (Asked { query: Some(&query), ..OWN }, Some("https://app.foxglove.dev"));
-        assert_eq!(access.check(&named, unasked), Ok(()));
-        assert_eq!(access.check(&Asked { authorization: Some(&bearer), ..OWN }, unasked), Ok(()));
-        assert_eq!(access.check(&Asked { origin: far, ..named }, unasked), Err(Refused::Origin));
-        assert_eq!(access.check(&Asked { origin: far, is_foxglove: true, ..named }, unasked), Ok(()));
-        for query in ["", "token=", "token=0123456789abcdeX", "token=0123456789abcde", "token=0123456789abcdef0"] {
-            assert_eq!(access.check(&Asked { query: Some(query), ..OWN }, unasked), Err(Refused::Token), "{query}");
+        for address in ["127.0.0.1:8080", "0.0.0.0:8080"] {
+            let access = at(address, Some(TOKEN));
+            let [bearer, cookie] = [format!("Bearer {TOKEN}"), format!("a=b; trefoil-8080={TOKEN}")];
+            assert_eq!(check(&access, &format!("/?a=b&token={TOKEN}"), &[HOST]), Ok(()));
+            assert_eq!(check(&access, "/", &[HOST, (header::AUTHORIZATION, &bearer)]), Ok(()));
+            assert_eq!(
+                check(&access, "/", &[HOST, (header::COOKIE, "trefoil-8080=old"), (header::COOKIE, &cookie)]),
+                Ok(())
+            );
+            for path in ["/", "/?token=", "/?token=0123456789abcdeX", "/?token=0123456789abcde", "/foxglove"] {
+                assert_eq!(check(&access, path, &[HOST]), Err(Refused::Token), "{path}");
+            }
+            for cookie in ["", "trefoil-8080=", "trefoil-8080", "trefoil-8081=0123456789abcdef", "0123456789abcdef"] {
+                assert_eq!(check(&access, "/", &[HOST, (header::COOKIE, cookie)]), Err(Refused::Token), "{cookie}");
+            }
+            for value in ["", "Bearer ", "Bearer 0123456789abcdef0", "Basic 0123456789abcdef", "0123456789abcdef"] {
+                assert_eq!(
+                    check(&access, "/", &[HOST, (header::AUTHORIZATION, value)]),
+                    Err(Refused::Token),
+                    "{value}"
+                );
+            }
         }
+        assert_eq!(
+            at("127.0.0.1:8080", Some(TOKEN)).cookie(),
+            format!("trefoil-8080={TOKEN}; HttpOnly; SameSite=Strict; Path=/")
+        );
     }
 
     #[test]
-    fn off_loopback_there_is_always_a_token_and_no_two_are_equal() {
-        let made = |address: &str, token| Access::new(address.parse().unwrap(), token).unwrap();
-        let all = [
-            made("0.0.0.0:1", None),
-            made("[::]:1", None),
-            made("10.0.0.1:1", None),
-            made("127.0.0.1:1", Some(String::new())),
-        ];
-        let tokens: Vec<&str> = all.iter().filter_map(Access::token).collect();
-        assert!(tokens.len() == 4 && tokens.iter().all(|token| token.len() == 24), "{tokens:?}");
-        assert_ne!(tokens[0], tokens[1]);
-        for token in ["short", "0123456789abcde?", "0123456789 abcdef"] {
+    fn a_server_on_loopback_answers_to_names_of_loopback_only() {
+        let (access, path) = (at("127.0.0.1:8080", Some(TOKEN)), format!("/?token={TOKEN}"));
+        for host in ["127.0.0.1:8080", "localhost:8080", "[::1]:8080"] {
+            assert_eq!(check(&access, &path, &[(header::HOST, host)]), Ok(()), "{host}");
+        }
+        for host in ["evil.example:8080", "127.0.0.1", "localhost:80", "127.0.0.1.evil.example:8080", ""] {
+            assert_eq!(check(&access, &path, &[(header::HOST, host)]), Err(Refused::Host), "{host}");
+        }
+        assert_eq!(check(&access, &path, &[]), Err(Refused::Host));
+        assert_eq!(check(&at("0.0.0.0:8080", Some(TOKEN)), &path, &[(header::HOST, "a.name")]), Ok(()));
+    }
+
+    #[test]
+    fn another_website_is_refused_but_by_foxglove_with_the_token_in_its_address() {
+        let access = at("127.0.0.1:8080", Some(TOKEN));
+        let (cookie, address) = (format!("trefoil-8080={TOKEN}"), |path: &str| format!("{path}?token={TOKEN}"));
+        for path in ["/", "/ws", "/foxglove"] {
+            let from = |origin| check(&access, path, &[HOST, (header::COOKIE, &cookie), (header::ORIGIN, origin)]);
+            assert_eq!(from("http://127.0.0.1:8080"), Ok(()));
+            for origin in
+                ["https://evil.example", "http://127.0.0.1:9999", "null", "http://localhost:8080", "app://x", "ü"]
+            {
+                assert_eq!(from(origin), Err(Refused::Origin), "{path} {origin}");
+            }
+        }
+        let far = [HOST, (header::ORIGIN, "https://app.foxglove.dev")];
+        assert_eq!(check(&access, &address("/ws"), &far), Err(Refused::Origin));
+        assert_eq!(check(&access, &address("/foxglove"), &far), Ok(()), "its owner gave it the token");
+    }
+
+    #[test]
+    fn there_is_always_a_token_and_no_two_are_equal() {
+        let [one, other] = [at("127.0.0.1:1", None), at("127.0.0.1:1", None)];
+        assert!(one.token().len() == 24 && one.url().ends_with(one.token()), "{one:?}");
+        assert_ne!(one.token(), other.token());
+        for token in ["", "short", "0123456789abcde?", "0123456789 abcdef"] {
             let given = Some(token.to_owned());
             assert!(Access::new("127.0.0.1:1".parse().unwrap(), given).is_err(), "{token}");
         }
-    }
-
-    #[test]
-    fn the_user_of_a_connection_is_found() {
-        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let own = listener.local_addr().unwrap();
-        let client = std::net::TcpStream::connect(own).unwrap();
-        let peer = client.local_addr().unwrap();
-        assert_eq!(user_of(peer, own), me());
-        assert_eq!(user_of("127.0.0.1:1".parse().unwrap(), own), None);
-        let table = "  sl  local_address                         remote_address\n   0: \
-                     0000000000000000FFFF00000100007F:1F90 0000000000000000FFFF00000100007F:9C40 01 0:0 0:0 0 1000 0 1";
-        let [peer, own] = ["127.0.0.1:8080", "127.0.0.1:40000"].map(|address| address.parse().unwrap());
-        assert_eq!(user_in(table, peer, own), Some(1000));
     }
 }

@@ -12,7 +12,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`access`] | rules for connections: token, user, host, origin |
+//! | [`access`] | rules for connections: token, host, origin |
 //! | `server` | the requests of HTTP, and the websocket of the page |
 //! | `hub` | frames on their way from the flight to the clients |
 //! | `watch` | the thread that observes the flights of a namespace, one after the other |

@@ -1,7 +1,8 @@
 //! Buttons of the page as command lines: each runs `launcher inject`, `clear`, `swap` or `stop`, and shows its answer.
 //!
-//! The page therefore can do what these commands can, with one exception: a swap to another program, or with settings
-//! that name one, is refused, because who controls a flight must not gain the account of the user who flies.
+//! The page therefore can do what these commands can, with one exception: a swap takes settings of the control laws
+//! only. Who controls a flight must not gain the account of the user who flies by another program, nor a process with
+//! more of the machine than the scenario gives it: priority, processors, locked memory, CPU time, time to solve.
 
 use std::process::Stdio;
 
@@ -12,8 +13,10 @@ use serde::{Deserialize, Serialize};
 const WORD_CHARS: usize = 200;
 /// Largest number of settings of a swap.
 const SETTINGS: usize = 20;
-/// Tables of a scenario with which a candidate could start a program.
-const PROGRAM_TABLES: [&str; 2] = ["node", "swap"];
+/// Tables of a scenario that a swap by the page may set: the control laws.
+const LAWS: [&str; 3] = ["guidance", "mpc", "mixer"];
+/// Settings in these that limit the time of a solve.
+const LIMITS: [&str; 2] = ["mpc.max_iterations", "mpc.time_limit_ms"];
 
 /// Order of the page. Times are written as on the command line: `500ms`, `2s`, `inf`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -57,7 +60,7 @@ impl Order {
     /// Returns the arguments of the launcher, of which none can be taken for another option.
     ///
     /// # Errors
-    /// A word is too long or has characters that no word has, or the swap would start a program.
+    /// A word is too long or has characters that no word has, or the swap has settings other than of the control laws.
     pub fn arguments(&self, namespace: &str) -> Result<Vec<String>, String> {
         let mut options = vec![format!("--namespace={namespace}")];
         let mut option = |name: &str, value: &Option<String>| {
@@ -109,15 +112,19 @@ impl Order {
     }
 }
 
-/// Checks that a setting of a candidate has one key, which names no program.
+/// Checks that a setting of a candidate has one key, of a control law and none of its limits.
 fn check_setting(setting: &str) -> Result<(), String> {
     let key = setting.split_once('=').map(|(key, _)| key.trim());
     let is_plain = |key: &&str| key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b"._".contains(&b));
     let key = key.filter(is_plain).ok_or_else(|| format!("'{setting}' is not KEY=VALUE, as in mpc.np=30"))?;
-    let table = key.split('.').next().unwrap_or_default();
-    if PROGRAM_TABLES.contains(&table) {
+    // A key that is the table itself could set anything in it.
+    let is_of_law = key.split_once('.').is_some_and(|(table, _)| LAWS.contains(&table));
+    if !is_of_law || LIMITS.contains(&key) {
         return Err(format!(
-            "the page starts no other program; on the command line: launcher swap NODE --set {setting}"
+            "the page starts no other program and changes no limits: it sets {}.KEY, except {}; on the command line: \
+             launcher swap NODE --set {setting}",
+            LAWS.join(".KEY, "),
+            LIMITS.join(" and "),
         ));
     }
     Ok(())
@@ -158,6 +165,18 @@ mod tests {
             r#"{"command":"swap","node":"mixer","set":["\"node\".mixer.exec='/tmp/x.so'"]}"#,
             r#"{"command":"swap","node":"mixer","set":["mpc.np=30\nnode.mixer.exec='/tmp/x.so'"]}"#,
             r#"{"command":"swap","node":"mixer","set":["mpc.np"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["realtime.priority=95"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["realtime={priority=95}"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["realtime.mixer.affinity=[0]"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["realtime.lock_memory=false"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["realtime.rttime_ms=0"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["deadline.policy='send'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["supervision.start_limit_s=1000"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["run.rate_hz=1000"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["profile='paper'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["mpc.time_limit_ms=0"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["mpc.max_iterations = 9"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["mpc={time_limit_ms=0}"]}"#,
             r#"{"command":"fly"}"#,
             r#"{"command":"stop","namespace":"another"}"#,
         ] {

@@ -1,6 +1,6 @@
 //! Requests of HTTP, and the websocket of the page.
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::TcpListener;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
-use axum::extract::{ConnectInfo, DefaultBodyLimit, Request, State, WebSocketUpgrade};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::extract::{DefaultBodyLimit, Request, State, WebSocketUpgrade};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::middleware::{self, Next};
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::broadcast::error::RecvError;
 
-use crate::access::{self, Access, Asked, Refused};
+use crate::access::{self, Access, Refused};
 use crate::document::Document;
 use crate::foxglove;
 use crate::hub::Hub;
@@ -30,12 +30,12 @@ const FOXGLOVE: &str = "/foxglove";
 const JSON: &str = "application/json";
 /// Longest request \[bytes\].
 const BODY_BYTES: usize = 16 << 10;
-/// Longest message of a websocket's client \[bytes\].
+/// Longest message of a websocket's client, and longest frame of one \[bytes\].
 const MESSAGE_BYTES: usize = 64 << 10;
 /// Time between two looks at the end of the server.
 const LOOK: Duration = Duration::from_millis(100);
-/// Longest wait for orders that are being carried out at the end.
-const LAST_ANSWERS: Duration = Duration::from_secs(5);
+/// Longest wait for orders that are being carried out at the end. `fly` waits a second for all of the end.
+const LAST_ANSWERS: Duration = Duration::from_millis(500);
 /// Time for the last frames to reach the clients.
 const LAST_FRAMES: Duration = Duration::from_millis(300);
 
@@ -53,12 +53,11 @@ struct Context {
     access: Arc<Access>,
     hub: Arc<Hub>,
     content: Content,
-    own: SocketAddr,
 }
 
 /// Serves until the hub is closed.
 pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content: Content) -> anyhow::Result<()> {
-    let context = Context { access: Arc::new(access), hub: hub.clone(), content, own: listener.local_addr()? };
+    let context = Context { access: Arc::new(access), hub: hub.clone(), content };
     let routes = Router::new()
         .route("/", get(whole_page))
         .route("/ws", get(follow))
@@ -79,23 +78,18 @@ pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content
         }
         tokio::time::sleep(LAST_FRAMES).await;
     };
-    let service = routes.into_make_service_with_connect_info::<SocketAddr>();
     // Not a graceful shutdown: that would wait for every browser.
     tokio::select! {
-        served = std::future::IntoFuture::into_future(axum::serve(listener, service)) => served?,
+        served = std::future::IntoFuture::into_future(axum::serve(listener, routes)) => served?,
         () = closed => {}
     }
     Ok(())
 }
 
 /// Lets requests pass that may, whatever their path, and adds to all answers what a browser must know.
-async fn check(
-    State(context): State<Context>,
-    ConnectInfo(peer): ConnectInfo<SocketAddr>,
-    request: Request,
-    next: Next,
-) -> Response {
-    let mut response = match context.judge(peer, &request) {
+async fn check(State(context): State<Context>, request: Request, next: Next) -> Response {
+    let is_foxglove = request.uri().path() == FOXGLOVE;
+    let mut response = match context.access.check(request.headers(), request.uri(), is_foxglove) {
         Ok(()) => next.run(request).await,
         Err(refused) => {
             let code = if refused == Refused::Token { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
@@ -114,19 +108,6 @@ async fn check(
 }
 
 impl Context {
-    /// Decides on a request from `peer`.
-    fn judge(&self, peer: SocketAddr, request: &Request) -> Result<(), Refused> {
-        let text = |name: HeaderName| request.headers().get(name).and_then(|value| value.to_str().ok());
-        let asked = Asked {
-            host: text(header::HOST),
-            origin: text(header::ORIGIN),
-            authorization: text(header::AUTHORIZATION),
-            query: request.uri().query(),
-            is_foxglove: request.uri().path() == FOXGLOVE,
-        };
-        self.access.check(&asked, || access::user_of(peer, self.own))
-    }
-
     /// Carries out an order to the flight under way.
     async fn carry_out(&self, order: Order) -> Answer {
         let refused = |said: String| Answer { line: String::new(), ok: false, said };
@@ -138,7 +119,12 @@ impl Context {
     }
 }
 
-async fn whole_page(State(context): State<Context>) -> Response {
+/// Answers with the page; first moves the token from the address, where history and bookmarks keep it, into a cookie.
+async fn whole_page(State(context): State<Context>, uri: Uri) -> Response {
+    if access::token_in(&uri).is_some() {
+        let kept = [(header::LOCATION, "/".to_owned()), (header::SET_COOKIE, context.access.cookie())];
+        return (StatusCode::SEE_OTHER, kept).into_response();
+    }
     let Ok(nonce) = access::random() else { return StatusCode::INTERNAL_SERVER_ERROR.into_response() };
     let html = match &context.content {
         Content::Live => page::page(page::Shown::Live, &nonce),
@@ -177,7 +163,12 @@ async fn command(State(context): State<Context>, headers: HeaderMap, body: Bytes
 }
 
 async fn follow(State(context): State<Context>, upgrade: WebSocketUpgrade) -> Response {
-    upgrade.max_message_size(MESSAGE_BYTES).on_upgrade(move |socket| send_frames(socket, context.hub))
+    limited(upgrade).on_upgrade(move |socket| send_frames(socket, context.hub))
+}
+
+/// Limits what a client can make this process hold: a frame is read whole before it is part of a message.
+fn limited(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
+    upgrade.max_message_size(MESSAGE_BYTES).max_frame_size(MESSAGE_BYTES)
 }
 
 async fn foxglove_socket(State(context): State<Context>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
@@ -193,8 +184,7 @@ async fn foxglove_socket(State(context): State<Context>, headers: HeaderMap, upg
         let why = format!("a client of Foxglove's protocol offers one of {:?}", foxglove::PROTOCOLS);
         return (StatusCode::BAD_REQUEST, why).into_response();
     }
-    let upgrade = upgrade.protocols(foxglove::PROTOCOLS).max_message_size(MESSAGE_BYTES);
-    upgrade.on_upgrade(move |socket| foxglove::serve(socket, context.hub))
+    limited(upgrade).protocols(foxglove::PROTOCOLS).on_upgrade(move |socket| foxglove::serve(socket, context.hub))
 }
 
 /// Sends a page what it must know, and then every frame, until it leaves or does not read.

@@ -24,18 +24,20 @@ pub struct Circumstances {
     pub refused: Refused,
     /// Failures of ports, by node.
     pub port_failures: PortFailures,
+    /// Failures of processes that only watched the flight, in words: reservations, and never its verdict.
+    pub observers: Vec<String>,
 }
 
 impl From<inprocess::Flown> for Circumstances {
     /// Circumstances of a flight without a log.
     fn from(inprocess::Flown { ended, events, refused, .. }: inprocess::Flown) -> Self {
-        Self { ended, log: None, events, refused, port_failures: vec![] }
+        Self { ended, log: None, events, refused, port_failures: vec![], observers: vec![] }
     }
 }
 
 impl From<stack::Flown> for Circumstances {
     fn from(stack::Flown { ended, log, events, refused, port_failures, .. }: stack::Flown) -> Self {
-        Self { ended, log, events, refused, port_failures }
+        Self { ended, log, events, refused, port_failures, observers: vec![] }
     }
 }
 
@@ -178,5 +180,6 @@ fn reservations(
         failures.filter(|(_, n): &(_, u64)| *n > 0).map(|(node, n)| format!("ports of {node} failed {n} times")),
     );
     told.extend((summary.missed() > 0).then(|| format!("{} messages were not seen", summary.missed())));
+    told.extend(how.observers.iter().cloned());
     told
 }

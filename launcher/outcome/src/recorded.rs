@@ -206,6 +206,7 @@ fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) 
         events: log.events.clone(),
         refused: vec![],
         port_failures: vec![],
+        observers: vec![],
     };
     let verdict = &Verdict::of(summary, scenario, &how);
     let wall_s = f64::NAN; // unknown, and shown as such

@@ -24,7 +24,7 @@ let anew = false; // the samples are of another time since the last drawing
 const TAKE = { position: takePosition, flight: begin, rows: takeRows, status: takeStatus, timing: takeTiming, happened: takeHappened, phase: takePhase };
 
 function connect() {
-  const socket = new WebSocket(`ws${location.protocol.slice(4)}//${location.host}/ws${location.search}`);
+  const socket = new WebSocket(`ws${location.protocol.slice(4)}//${location.host}/ws`);
   socket.onmessage = ({ data }) => {
     const frame = JSON.parse(data);
     TAKE[frame.kind]?.(frame);

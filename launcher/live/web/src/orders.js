@@ -25,7 +25,7 @@ export function orders() {
     while (answers.children.length > KEPT) answers.lastChild.remove();
     button.disabled = true;
     try {
-      const response = await fetch(`/command${location.search}`, {
+      const response = await fetch('/command', {
         method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ command: name, ...body }),
       });
       const answer = response.ok ? await response.json() : { line: name, ok: false, said: await response.text() };

@@ -11,7 +11,7 @@ export function player() {
 
   async function order(body) {
     try {
-      const response = await fetch(`/command${location.search}`, {
+      const response = await fetch('/command', {
         method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body),
       });
       const answer = response.ok ? await response.json() : { ok: false, said: await response.text() };

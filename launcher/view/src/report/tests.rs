@@ -71,7 +71,14 @@ fn survey() -> RunRecord {
 /// Record of a flight from its messages.
 fn record(log: &Log, scenario: &Scenario) -> RunRecord {
     let summary = &summary(log, scenario);
-    let how = Circumstances { ended: Ended::Flown, log: None, events: vec![], refused: vec![], port_failures: vec![] };
+    let how = Circumstances {
+        ended: Ended::Flown,
+        log: None,
+        events: vec![],
+        refused: vec![],
+        port_failures: vec![],
+        observers: vec![],
+    };
     let verdict = Verdict::of(summary, scenario, &how);
     RunRecord::of(Account { summary, scenario, how: &how, verdict: &verdict, wall_s: 1.0, provenance: None })
 }
