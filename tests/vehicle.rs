@@ -25,6 +25,45 @@ fn a_mission_may_start_and_end_on_the_ground() {
     assert!(outcome.metric("rotor_speed_min") < 1.0, "it disarmed");
 }
 
+/// Wind that pushes with a fifth of the friction of the feet.
+const BREEZE: [&str; 2] = ["plant.wind_ned_mps=[[0, [4, 3, 0]]]", "plant.drag_quadratic_ns2pm2=0.04"];
+
+#[test]
+fn how_long_a_landed_vehicle_is_recorded_changes_neither_its_place_nor_its_figures() {
+    let [short, long] = ["70", "300"].map(|duration_s| {
+        let duration = format!("run.duration_s={duration_s}");
+        flown("take-off-and-land", &[&BREEZE[..], &[&duration]].concat())
+    });
+    for outcome in [&short, &long] {
+        assert_eq!((outcome.code(), &outcome.run()["ground"]), (Some(0), &"landed".into()), "{}", outcome.stderr);
+        assert_eq!(outcome.run()["solver"]["no_reference"], 0, "a parked vehicle needs none");
+    }
+    let [short, long] = [short, long].map(|outcome| outcome.run()["metrics"].clone());
+    let parked_s = long["on_ground_s"].as_f64().unwrap() - short["on_ground_s"].as_f64().unwrap();
+    assert!((parked_s - 230.0).abs() < 1e-6, "{parked_s}");
+    let apart = |mut metrics: serde_json::Value| {
+        metrics["on_ground_s"] = 0.into();
+        metrics
+    };
+    assert_eq!(apart(short), apart(long));
+}
+
+#[test]
+fn a_long_wait_for_the_take_off_ends_as_a_short_one() {
+    let waits = |wait_s: f64| {
+        let times: Vec<f64> = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 62.0].map(|t| t + wait_s).into();
+        let (times, duration) = (format!("mission.times_s={times:?}"), format!("run.duration_s={}", wait_s + 68.0));
+        flown("take-off-and-land", &[&BREEZE[..], &[&times, &duration]].concat())
+    };
+    let [short, long] = [1.0, 600.0].map(waits);
+    for metric in ["max_position_error_m", "rms_position_error_m", "touchdown_sink_mps", "demand_effort"] {
+        let [short, long] = [&short, &long].map(|outcome| outcome.metric(metric));
+        assert!((long / short - 1.0).abs() < 1e-6, "{metric}: {short} and {long}");
+    }
+    let calm = flown("take-off-and-land", &[]);
+    assert!(calm.metric("max_position_error_m") < 0.3, "it was 0.54 m, by sliding to hover trim on its feet");
+}
+
 #[test]
 fn a_fall_is_a_crash_and_ends_the_flight() {
     let outcome = flown(
@@ -82,7 +121,7 @@ fn a_vehicle_that_trips_over_its_feet_tips_over() {
     let trip = [
         "initial.standing=false",
         "initial.position_m=[0, 0, -0.1]",
-        "initial.velocity_mps=[6, 0, 0]",
+        "initial.velocity_mps=[8, 0, 0]",
         "plant.ground={friction=10.0, max_drift_mps=100.0, max_sink_mps=100.0, max_tilt_deg=180.0, present=true}",
         "plant.rotor_effectiveness=[0, 0, 0]",
     ];

@@ -11,7 +11,7 @@ const NUMBERS: usize = 7;
 const MOST_AWAITED: usize = 1000;
 
 /// Sums the squared errors of a flight; the messages of the two topics may come in any order.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Following {
     /// Ticks of which one message has come, with its quantities.
     awaiting: Vec<(u64, Half)>,

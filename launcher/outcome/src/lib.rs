@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`summary`], [`metrics`], [`timing`], [`following`] | what is gathered of a flight, message by message |
+//! | [`summary`], [`in_air`], [`metrics`], [`timing`], [`following`] | what is gathered of a flight, message by message |
 //! | [`ticks`] | the four messages of a tick, joined |
 //! | [`cold_starts`] | processes restarted without the memory of the one before |
 //! | [`solves`], [`faults`] | counts and times of the solver, and the effect of each fault |
@@ -23,6 +23,7 @@ pub mod explain;
 pub mod faults;
 pub mod following;
 pub mod happenings;
+pub mod in_air;
 pub mod judge;
 pub mod metrics;
 pub mod percentiles;

@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Metrics of run.json. A following or altitude error without a sample is NaN, which is null in JSON.
+/// Metrics of run.json. Errors, effort and counts of commands are those of the flight in the air: a vehicle that waits
+/// for its take-off or has landed does not count. A following or altitude error without a sample is NaN, which is null in JSON.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Metrics {
     /// Largest Euclidean position error \[m\].
@@ -80,6 +81,9 @@ pub struct Metrics {
     #[serde(default = "nan", deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub touchdown_tilt_deg: f64,
+    /// Time on the ground, before the flight and after it \[s\].
+    #[serde(default)]
+    pub on_ground_s: f64,
     /// Number of commands clipped at a limit.
     pub commands_saturated: u64,
     /// Commands for which (42) or (43) asked for the root of a negative number.

@@ -140,7 +140,7 @@ impl RunRecord {
             reservations: verdict.reservations.clone(),
             exit_code: verdict.exit_code,
             metrics: summary.metrics(),
-            solver: summary.solves.record(),
+            solver: summary.solver(),
             state_hash: summary.state_hash(),
             replays: replays(summary, how),
             bounds: verdict.bounds.clone(),

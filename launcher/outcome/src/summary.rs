@@ -2,39 +2,47 @@
 //!
 //! The position error is the true position against the mission's trajectory at the same sample, not against the
 //! reference that guidance sent.
+//!
+//! Errors, effort and counts of commands are those of the flight in the air. A vehicle that waits for its take-off, or has landed, follows nothing,
+//! and how long it is recorded there changes none of them:
+//!
+//! ```text
+//! standing    taking off, flying    landing                         standing
+//! left out    counts                counts, unless it ends standing left out
+//! ```
 
 use contract::Scenario;
-use contract::message::{PlantStatus, State, mixer_flags};
+use contract::message::{PlantStatus, State};
 use contract::scenario::Mode;
 use guidance::Trajectory;
 use ring::states::StateHash;
 
-use crate::bounds::Outside;
 use crate::cold_starts::ColdStarts;
 use crate::faults::Faults;
-use crate::following::Following;
+use crate::in_air::InAir;
 use crate::metrics::Metrics;
-use crate::solves::Solves;
-use crate::ticks::{length_m, position_error_m};
+use crate::solves::{SolverRecord, Solves};
+use crate::ticks::position_error_m;
 use crate::timing::Timing;
 use flight::inprocess;
 use flight::log::{Count, Record};
+
+/// Largest number of answers that wait for the state of their tick, so that holes in the log cost bounded memory.
+const MOST_EARLY: usize = 1000;
 
 /// Gathers a flight, message by message; the order between topics does not matter.
 pub struct Summary {
     trajectory: Trajectory,
     sample_s: f64,
-    metrics: Metrics,
-    square_sum_m2: f64,
+    in_air: InAir,
+    /// Time of the touchdown \[s\] and what was gathered before it, while the vehicle is landing.
+    before_touch: Option<(f64, Box<InAir>)>,
+    touchdown: Touchdown,
+    reach: Reach,
+    on_ground_s: f64,
+    /// Answers that came before the state of their tick, which says whether they count.
+    early: Vec<Record>,
     samples: u64,
-    following: Following,
-    /// Ticks on which the mixer flew without a demand.
-    fallback_ticks: u64,
-    /// Weights of the demand in the cost (4).
-    r: [f64; 4],
-    /// Sum of u'Ru over the demands, and their number.
-    effort: (f64, u64),
-    outside: Outside,
     /// Hash over all states; `None` if it is not kept.
     hash: Option<StateHash>,
     count: Count,
@@ -48,28 +56,53 @@ pub struct Summary {
     pub timing: Option<Timing>,
 }
 
+/// First touchdown after a flight: its time \[s\], vertical and horizontal speed one sample before \[m/s\], tilt
+/// \[deg\]; NaN before it.
+#[derive(Debug, Clone, Copy)]
+struct Touchdown {
+    s: f64,
+    sink_mps: f64,
+    drift_mps: f64,
+    tilt_deg: f64,
+}
+
+/// Extremes of the true motion and actuators in all of the flight, in the units of the metrics of these names.
+#[derive(Debug, Clone, Copy, Default)]
+struct Reach {
+    max_rate_radps: f64,
+    rotor_speed_min: f64,
+    rotor_speed_max: f64,
+    tilt_max_deg: f64,
+}
+
+impl Reach {
+    fn observe(&mut self, state: &State) {
+        let largest = |before: f64, of: &[f64]| of.iter().fold(before, |max, value| max.max(value.abs()));
+        self.max_rate_radps = largest(self.max_rate_radps, &state.actual.rates_radps);
+        self.rotor_speed_max = largest(self.rotor_speed_max, &state.actuators.rotor_speed);
+        self.rotor_speed_min = state.actuators.rotor_speed.into_iter().fold(self.rotor_speed_min, f64::min);
+        self.tilt_max_deg = largest(self.tilt_max_deg, &[state.actuators.tilt_rad.to_degrees()]);
+    }
+}
+
+impl Default for Touchdown {
+    fn default() -> Self {
+        Self { s: f64::NAN, sink_mps: f64::NAN, drift_mps: f64::NAN, tilt_deg: f64::NAN }
+    }
+}
+
 impl Summary {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             trajectory: Trajectory::new(scenario),
             sample_s: scenario.sample_s(),
-            metrics: Metrics {
-                max_altitude_error_horizontal_m: f64::NAN,
-                max_altitude_error_vertical_m: f64::NAN,
-                rotor_speed_min: f64::INFINITY,
-                touchdown_s: f64::NAN,
-                touchdown_sink_mps: f64::NAN,
-                touchdown_drift_mps: f64::NAN,
-                touchdown_tilt_deg: f64::NAN,
-                ..Metrics::default()
-            },
-            square_sum_m2: 0.0,
+            in_air: InAir::new(scenario),
+            before_touch: None,
+            touchdown: Touchdown::default(),
+            reach: Reach { rotor_speed_min: f64::INFINITY, ..Reach::default() },
+            on_ground_s: 0.0,
+            early: vec![],
             samples: 0,
-            following: Following::default(),
-            fallback_ticks: 0,
-            r: scenario.mpc.r,
-            effort: (0.0, 0),
-            outside: Outside::new(scenario),
             hash: Some(StateHash::default()),
             count: Count::default(),
             missed: 0,
@@ -101,20 +134,20 @@ impl Summary {
         self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);
         self.faults.observe(record);
         self.cold_starts.observe(record);
-        self.following.observe(record);
         match record {
-            Record::State(state) => self.state(state),
-            Record::Controls(controls) => {
-                self.solves.observe(controls);
-                let effort = controls.demand.iter().zip(self.r).map(|(u, r)| u * u * r).sum::<f64>();
-                self.effort = (self.effort.0 + effort, self.effort.1 + 1);
+            Record::State(state) => {
+                self.state(state);
+                let is_known = |answer: &mut Record| answer.stamp().tick <= state.stamp.tick;
+                let known: Vec<Record> = self.early.extract_if(.., is_known).collect();
+                known.iter().for_each(|answer| self.answer(answer));
             }
-            Record::Actuators(actuators) => {
-                self.metrics.commands_saturated += u64::from(mixer_flags::saturated(actuators.flags));
-                self.fallback_ticks += u64::from(mixer_flags::fallback(actuators.flags));
-                self.metrics.negative_squares += u64::from(actuators.flags & mixer_flags::NEGATIVE_SQUARE != 0);
+            answer if self.samples > 0 && answer.stamp().tick <= self.last.stamp.tick => self.answer(answer),
+            answer => {
+                if self.early.len() == MOST_EARLY {
+                    self.early.remove(0);
+                }
+                self.early.push(*answer);
             }
-            Record::Reference(_) => {}
         }
         if let Some(timing) = &mut self.timing {
             timing.observe(record, &before);
@@ -126,63 +159,92 @@ impl Summary {
             hash.observe(state);
         }
         let t = state.stamp.tick as f64 * self.sample_s;
-        let wanted = self.trajectory.at(t).position_m;
-        let error = position_error_m(wanted, state);
-        let distance = length_m(error);
-        let m = &mut self.metrics;
-        m.max_position_error_m = m.max_position_error_m.max(distance);
-        m.final_position_error_m = distance;
-        m.position_error_integral_ms += distance * self.sample_s;
-        let leg = if (10.0..=50.0).contains(&t) {
-            &mut m.max_altitude_error_horizontal_m
-        } else {
-            &mut m.max_altitude_error_vertical_m
-        };
-        *leg = leg.max(error[2].abs()); // NaN, the start, gives way to any number
-        m.max_rate_radps = state.actual.rates_radps.iter().fold(m.max_rate_radps, |max, rate| max.max(rate.abs()));
-        for omega in state.actuators.rotor_speed {
-            m.rotor_speed_min = m.rotor_speed_min.min(omega);
-            m.rotor_speed_max = m.rotor_speed_max.max(omega);
-        }
-        m.tilt_max_deg = m.tilt_max_deg.max(state.actuators.tilt_rad.abs().to_degrees());
-        if m.touchdown_s.is_nan()
-            && self.last.status == PlantStatus::Flying as u64
-            && self.samples > 0
-            && touches(state)
-        {
-            m.touchdown_s = t;
-            m.touchdown_sink_mps = self.last.actual.sink_mps();
-            let [north_mps, east_mps, _] = self.last.actual.velocity_ned_mps();
-            m.touchdown_drift_mps = libm::hypot(north_mps, east_mps);
-            m.touchdown_tilt_deg = state.actual.tilt_rad().to_degrees();
-        }
-        self.square_sum_m2 += distance * distance;
-        self.samples += 1;
+        self.touch(t, state);
+        self.reach.observe(state);
         self.last = *state;
-        if self.phases.last().is_none_or(|(_, phase)| *phase != self.status()) {
-            self.phases.push((t, self.status()));
+        self.samples += 1;
+        let status = self.status();
+        if self.phases.last().is_none_or(|(_, phase)| *phase != status) {
+            self.phases.push((t, status));
+            match (status, self.before_touch.take()) {
+                (PlantStatus::Landing, None) => self.before_touch = Some((t, Box::new(self.in_air.clone()))),
+                (_, Some((since_s, before))) if stands(status) => {
+                    self.in_air = *before;
+                    self.on_ground_s += t - since_s;
+                }
+                _ => {} // it flies again, or ends without having landed: all of it counts
+            }
         }
-        self.metrics.fallback_s = self.fallback_ticks as f64 * self.sample_s;
-        self.outside.observe(t, &self.metrics);
+        if stands(status) {
+            self.on_ground_s += self.sample_s;
+        } else {
+            let error = position_error_m(self.trajectory.at(t).position_m, state);
+            self.in_air.state(t, state, error);
+        }
+    }
+
+    /// Takes in an answer to a state that has come.
+    fn answer(&mut self, record: &Record) {
+        let t = record.stamp().tick as f64 * self.sample_s;
+        if let Record::Controls(controls) = record {
+            self.solves.observe(controls);
+        }
+        if self.counts_at(t) {
+            self.in_air.answer(record);
+            if let Some((_, before)) = self.before_touch.as_mut().filter(|(since_s, _)| t < *since_s) {
+                before.answer(record);
+            }
+        }
+    }
+
+    /// Returns whether the sample at `t` \[s\] counts, as far as is known.
+    fn counts_at(&self, t: f64) -> bool {
+        let next = self.phases.partition_point(|(since_s, _)| *since_s <= t);
+        let phase = next.checked_sub(1).map(|i| self.phases[i].1);
+        let has_landed = || self.phases.get(next).is_some_and(|(_, after)| stands(*after));
+        phase.is_none_or(|phase| !stands(phase) && !(phase == PlantStatus::Landing && has_landed()))
+    }
+
+    /// Notes the first touchdown after a flight, if `state` at `t` \[s\] is it.
+    fn touch(&mut self, t: f64, state: &State) {
+        let before = &self.last;
+        let flew = self.samples > 0 && before.status == PlantStatus::Flying as u64;
+        if self.touchdown.s.is_nan() && flew && touches(state) {
+            let [north_mps, east_mps, _] = before.actual.velocity_ned_mps();
+            self.touchdown = Touchdown {
+                s: t,
+                sink_mps: before.actual.sink_mps(),
+                drift_mps: libm::hypot(north_mps, east_mps),
+                tilt_deg: state.actual.tilt_rad().to_degrees(),
+            };
+        }
     }
 
     pub fn metrics(&self) -> Metrics {
-        let rms_position_error_m = (self.square_sum_m2 / self.samples.max(1) as f64).sqrt();
-        let [phi, theta, psi, p, q, r, w] = self.following.rms();
+        let Reach { max_rate_radps, rotor_speed_min, rotor_speed_max, tilt_max_deg } = self.reach;
         Metrics {
-            rms_position_error_m,
-            fallback_s: self.fallback_ticks as f64 * self.sample_s,
-            rms_attitude_error_deg: [phi, theta, psi].map(f64::to_degrees),
-            rms_rates_error_dps: [p, q, r].map(f64::to_degrees),
-            rms_w_error_mps: w,
-            demand_effort: self.effort.0 / self.effort.1 as f64,
-            ..self.metrics
+            max_rate_radps,
+            rotor_speed_min,
+            rotor_speed_max,
+            tilt_max_deg,
+            touchdown_s: self.touchdown.s,
+            touchdown_sink_mps: self.touchdown.sink_mps,
+            touchdown_drift_mps: self.touchdown.drift_mps,
+            touchdown_tilt_deg: self.touchdown.tilt_deg,
+            on_ground_s: self.on_ground_s,
+            ..self.in_air.metrics()
         }
+    }
+
+    /// Returns the work of the solver; of the ticks without a reference only those in the air, because guidance gives none
+    /// to a vehicle that stands.
+    pub fn solver(&self) -> SolverRecord {
+        SolverRecord { no_reference: self.in_air.without_reference(), ..self.solves.record() }
     }
 
     /// Time of the first sample outside a bound that is judged all the way \[s\]; `None` while there is none.
     pub fn outside_since_s(&self) -> Option<f64> {
-        self.outside.since_s()
+        self.in_air.outside_since_s()
     }
 
     /// Time \[s\] and status of the plant, at the first state and at every change.
@@ -215,6 +277,11 @@ impl Summary {
     }
 }
 
+/// Returns whether a vehicle of this status stands on the ground without thrust.
+fn stands(status: PlantStatus) -> bool {
+    matches!(status, PlantStatus::Standing | PlantStatus::Landed)
+}
+
 /// Returns whether the vehicle touches the ground after a flight.
 fn touches(state: &State) -> bool {
     use PlantStatus::{Crashed, Landed, Landing, NotLanded, Slid, TippedOver};
@@ -225,7 +292,48 @@ fn touches(state: &State) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::message::{Kinematics, Message};
+    use contract::message::{Controls, Kinematics, Message};
+
+    /// Gathers states of these phases, one a tick, each `error_m` north of the start, with a demand in each.
+    fn gathered(course: &[(PlantStatus, f64)], answers_first: bool) -> Metrics {
+        let mut summary = Summary::new(&Scenario::default());
+        for (tick, (status, error_m)) in (0..).zip(course) {
+            let actual = Kinematics { position_m: [*error_m, 0.0, 0.0], ..Kinematics::default() };
+            let mut state = State { actual, status: *status as u64, ..State::default() };
+            let mut controls = Controls { demand: [*error_m, 0.0, 0.0, 0.0], ..Controls::default() };
+            for stamp in [&mut state.stamp, &mut controls.stamp] {
+                (stamp.tick, stamp.sequence) = (tick, tick + 1);
+            }
+            let mut both = [Record::State(state.with_checksum()), Record::Controls(controls.with_checksum())];
+            if answers_first {
+                both.reverse();
+            }
+            both.iter().for_each(|record| summary.observe(record));
+        }
+        summary.metrics()
+    }
+
+    #[test]
+    fn time_on_the_ground_changes_no_metric_of_the_flight() {
+        use PlantStatus::{Flying, Landed, Landing, NotLanded, Standing, TakingOff};
+        let flight = [(Standing, 9.0), (TakingOff, 0.1), (Flying, 0.5), (Landing, 0.7), (Standing, 0.8)];
+        for answers_first in [false, true] {
+            let short = gathered(&[&flight[..], &[(Landed, 0.8)]].concat(), answers_first);
+            let long = gathered(&[&flight[..], &[(Standing, 3.0); 500], &[(Landed, 3.0)]].concat(), answers_first);
+            for metrics in [short, long] {
+                for error_m in [metrics.max_position_error_m, metrics.final_position_error_m] {
+                    assert!((error_m - 0.5).abs() < 1e-6, "{error_m}");
+                }
+                let effort = (0.01 + 0.25) / 2.0 * Scenario::default().mpc.r[0];
+                assert!((metrics.demand_effort - effort).abs() < 1e-12, "{}", metrics.demand_effort);
+            }
+            assert!((short.on_ground_s - 0.04).abs() < 1e-9 && (long.on_ground_s - 5.04).abs() < 1e-9);
+            let stuck = gathered(&[&flight[..4], &[(Landing, 7.0), (NotLanded, 8.0)]].concat(), answers_first);
+            assert!((stuck.max_position_error_m - 8.0).abs() < 1e-6, "it is on the ground, and has not landed");
+            let bounced = gathered(&[&flight[..4], &[(Flying, 0.2)]].concat(), answers_first);
+            assert!((bounced.max_position_error_m - 0.7).abs() < 1e-6, "a bounce");
+        }
+    }
 
     #[test]
     fn only_the_first_touchdown_after_a_flight_counts() {
