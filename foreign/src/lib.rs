@@ -14,6 +14,7 @@
 //! |---|---|
 //! | [`abi`] | the types of `trefoil.h` |
 //! | `library` | a loaded library, and the guard around every call into it |
+//! | `elf` | whether the file of a library is whole |
 //! | `engine` | what every interface of a library can do |
 //! | `table` | a library with the function table of `trefoil.h` |
 //! | `casadi` | a library with a function that CasADi has generated |
@@ -30,6 +31,7 @@ pub mod abi;
 mod asked;
 mod casadi;
 mod core;
+mod elf;
 mod engine;
 mod library;
 mod protocol;
