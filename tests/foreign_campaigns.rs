@@ -10,7 +10,7 @@ use contract::exit;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::controllers::library;
-use crate::harness::{launcher, namespace, processes_with, wait_until};
+use crate::harness::{ended, launcher, namespace, processes_with, wait_until};
 
 /// Sixty flights, some of which three of the four controllers end. Which ones follows from the vehicle's mass.
 const CAMPAIGN: &str = r#"
@@ -150,8 +150,8 @@ fn a_library_that_reaches_beyond_its_flight_changes_no_other_and_leaves_no_proce
         place.library(name, trap, 1.0);
     }
     for threads in ["1", "4"] {
-        let flown = place.command(&[], threads).env("RAYON_NUM_THREADS", threads).env(MARK, "1").output().unwrap();
-        assert_eq!(flown.status.code(), Some(0), "{}", said(&flown));
+        let flown = ended(place.command(&[], threads).env("RAYON_NUM_THREADS", threads).env(MARK, "1"));
+        assert_eq!(flown.code(), Some(0));
         wait_until("no process of the campaign is left", || processes_with(MARK).is_empty());
     }
     assert_eq!(place.table("1"), place.table("4"), "whichever flights share a process");

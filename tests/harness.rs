@@ -180,6 +180,23 @@ pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
+/// Runs `command` without its output, which a process that it leaves would hold open; returns how it ended, no later
+/// than the watchdog.
+pub fn ended(command: &mut Command) -> ExitStatus {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the launcher starts");
+    let deadline = Instant::now() + WATCHDOG;
+    loop {
+        if let Some(status) = child.try_wait().expect("the launcher can be waited for") {
+            return status;
+        }
+        if Instant::now() > deadline {
+            let _ = child.kill().and_then(|()| child.wait()); // it may have ended by itself
+            panic!("{command:?} did not end within {WATCHDOG:?}");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 /// Processes that were started with the variable `name`, and live.
 pub fn processes_with(name: &str) -> Vec<String> {
     let variable = format!("{name}=");

@@ -6,8 +6,8 @@
 //! Names of files, scenarios and nodes come from elsewhere: characters that control a terminal are escaped ([`plain`]).
 
 use std::borrow::Cow;
-use std::fs::File;
 use std::fmt::Write as _;
+use std::fs::File;
 use std::io::{self, ErrorKind, IsTerminal, Write, stderr, stdout};
 
 use std::sync::OnceLock;
@@ -82,8 +82,7 @@ fn coloured(text: &str) -> String {
 /// # Errors
 /// Stdout is closed, or there are too many descriptors.
 pub fn keep_stdout() -> io::Result<()> {
-    let kept = fcntl_dupfd_cloexec(stdout(), KEPT_FROM)
-        .or_else(|_| fcntl_dupfd_cloexec(stdout(), 3)); // a low limit of `ulimit -n`
+    let kept = fcntl_dupfd_cloexec(stdout(), KEPT_FROM).or_else(|_| fcntl_dupfd_cloexec(stdout(), 3)); // a low limit of `ulimit -n`
     let _ = KEPT_STDOUT.set(File::from(kept?)); // kept before: the same file
     Ok(())
 }

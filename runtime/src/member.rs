@@ -44,7 +44,17 @@ impl Member {
         let timing = Rc::new(CycleTiming::new(release.deadline(scenario.deadline_of(topic as usize))));
         let faults = Rc::new(ProcessFaults::new(page.clone(), topic, scenario, acts));
         let caller = Caller::Loop(release);
-        Self { page, topic, epoch, caller, timing, faults, continues: Rc::default(), process: None, with_checksums: true }
+        Self {
+            page,
+            topic,
+            epoch,
+            caller,
+            timing,
+            faults,
+            continues: Rc::default(),
+            process: None,
+            with_checksums: true,
+        }
     }
 
     /// Makes a node in process, which reads no clock.

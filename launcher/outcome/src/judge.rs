@@ -175,9 +175,11 @@ fn reservations(
         told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));
     }
     let copies = how.port_failures.iter().map(|(node, counts)| (node, counts[PortFailure::Copy as usize]));
-    told.extend(copies.filter(|(_, n)| *n > 0).map(|(node, n)| {
-        format!("{node} was copied {n} times in flight (fork, daemon), and each copy was ended")
-    }));
+    told.extend(
+        copies
+            .filter(|(_, n)| *n > 0)
+            .map(|(node, n)| format!("{node} was copied {n} times in flight (fork, daemon), and each copy was ended")),
+    );
     let of_ports = |counts: &[u32]| counts[..PortFailure::Copy as usize].iter().copied().map(u64::from).sum();
     let failures = how.port_failures.iter().map(|(node, counts)| (node, of_ports(counts)));
     told.extend(

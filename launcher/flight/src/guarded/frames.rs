@@ -122,7 +122,9 @@ impl Answer {
         let answer = match kind {
             _ if of != flight => None,
             MEMORY => memory_of(body).map(Self::Memory),
-            TEXT => text_of(body).and_then(|text| serde_json::from_str(&text).ok()).map(|(end, same)| Self::End(end, same)),
+            TEXT => {
+                text_of(body).and_then(|text| serde_json::from_str(&text).ok()).map(|(end, same)| Self::End(end, same))
+            }
             topic => record_of(topic, body).map(Self::Record),
         };
         answer.map(Some).ok_or_else(|| "has damaged the memory of its process".to_owned())

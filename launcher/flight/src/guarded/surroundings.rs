@@ -8,18 +8,8 @@ use std::{env, fs};
 use rustix::process::{WaitId, WaitIdOptions, waitid};
 
 /// Fields of `/proc/self/status` that stay as they are: users, signals (blocked, ignored, handled), CPUs.
-const STAY: [&str; 10] = [
-    "Umask:",
-    "Uid:",
-    "Gid:",
-    "Groups:",
-    "SigBlk:",
-    "SigIgn:",
-    "SigCgt:",
-    "NoNewPrivs:",
-    "Seccomp:",
-    "Cpus_allowed:",
-];
+const STAY: [&str; 10] =
+    ["Umask:", "Uid:", "Gid:", "Groups:", "SigBlk:", "SigIgn:", "SigCgt:", "NoNewPrivs:", "Seccomp:", "Cpus_allowed:"];
 
 /// Surroundings of this process.
 #[derive(Debug, PartialEq, Eq)]
