@@ -1,5 +1,5 @@
 //! Length of a library's file. The loader of the system maps a file that was cut short without an error, and the first
-//! access beyond its end is a crash, whose reason nobody would look for there.
+//! access beyond its end is a crash that says nothing of the file.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;

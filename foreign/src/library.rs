@@ -29,7 +29,7 @@ pub struct Library {
     /// `None` after the node was destroyed.
     engine: Option<Box<dyn Engine>>,
     guard: Guard,
-    /// What the library did wrong in a call that has no result for it; the next step fails with it.
+    /// Reason for which the next step fails: a wrong that the library did in a call without a result for it.
     wrong: Cell<Option<String>>,
 }
 

@@ -69,6 +69,7 @@ fn kill_each(beginning: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{BufRead, BufReader};
     use std::os::unix::process::CommandExt;
     use std::process::Stdio;
 
@@ -84,16 +85,12 @@ mod tests {
         let mut one = shell("setsid sleep 600 & echo $!");
         let mut other = shell("exec sleep 600");
         let (of_one, of_other) = (Mark::on(&mut one), Mark::on(&mut other));
-        let said = one.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut other = other.spawn().unwrap();
-        let stray = {
-            use std::io::{BufRead, BufReader};
-            let mut line = String::new();
-            BufReader::new(said.stdout.unwrap()).read_line(&mut line).unwrap();
-            line.trim().to_owned()
-        };
+        let (mut one, mut other) = (one.spawn().unwrap(), other.spawn().unwrap());
+        let mut stray = String::new();
+        BufReader::new(one.stdout.take().unwrap()).read_line(&mut stray).unwrap();
         of_one.kill_all();
-        let state = fs::read_to_string(format!("/proc/{stray}/stat")).unwrap_or_default();
+        one.wait().unwrap();
+        let state = fs::read_to_string(format!("/proc/{}/stat", stray.trim())).unwrap_or_default();
         assert!(state.is_empty() || state.contains(") Z"), "{state}");
         assert!(other.try_wait().unwrap().is_none(), "another mark");
         of_other.kill_all();

@@ -149,7 +149,7 @@ fn text_frame(flight: u16, text: &str) -> Vec<u64> {
     words
 }
 
-/// Returns flight, kind and body of the frame at the beginning of `words`, and its length; `None` if it is not complete.
+/// Returns flight, kind, body and length of the frame at the beginning of `words`; `None` if it is not complete.
 fn frame(words: &[u64]) -> Option<(u16, u64, &[u64], usize)> {
     let (head, rest) = words.split_first()?;
     let length = (head & u64::from(u32::MAX)) as usize;

@@ -1,4 +1,4 @@
-//! What a process has from its surroundings, and a library may change for all later flights in it.
+//! State that a process has from its surroundings, and that a library may change for all later flights in it.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;

@@ -1,7 +1,7 @@
 //! Children of the launcher: starts them, signals them, waits for them, and clears away what they leave.
 //!
 //! Each child has a process group of its own. The processes that it starts in turn are in that group: they get the same
-//! signals, and do not outlive it. Code of users may start processes that leave the group; they do not outlive it either
+//! signals, and do not outlive it. Nor do processes that leave the group, as code of users may start
 //! ([`crate::strays`]).
 
 use std::fs::File;
