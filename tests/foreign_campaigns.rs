@@ -139,13 +139,10 @@ const BEYOND: [(&str, u32); 9] = [
 #[test]
 fn a_library_that_reaches_beyond_its_flight_changes_no_other_and_leaves_no_process() {
     const MARK: &str = "TREFOIL_TEST_BEYOND";
-    let mut text = "samples = 5\nsettings.run.duration_s = 1.2\nsettings.mission.trajectory = 'hover'\n\
-        vary.plant.airframe.mass_kg = { uniform = [1.05, 1.15] }\n"
-        .to_owned();
-    for (name, _) in BEYOND {
-        text += &format!("controller.{name}.node.attitude-mpc.exec = '{name}.so'\n");
-    }
-    let place = Place::new(&text);
+    let settings = "samples = 5\nsettings.run.duration_s = 1.2\nsettings.mission.trajectory = 'hover'\n\
+        vary.plant.airframe.mass_kg = { uniform = [1.05, 1.15] }\n";
+    let controllers = BEYOND.map(|(name, _)| format!("controller.{name}.node.attitude-mpc.exec = '{name}.so'\n"));
+    let place = Place::new(&(settings.to_owned() + &controllers.concat()));
     for (name, trap) in BEYOND {
         place.library(name, trap, 1.0);
     }
