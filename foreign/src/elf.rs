@@ -68,8 +68,11 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             check_length(&path)
         };
-        assert_eq!(checked(&whole), Ok(()));
-        for length in [HEADER_BYTES, HEADER_BYTES + 100, 5000, whole.len() / 2] {
+        let needed = needed_bytes(&File::open("/proc/self/exe").unwrap()).unwrap() as usize;
+        for length in [whole.len(), needed] {
+            assert_eq!(checked(&whole[..length]), Ok(()), "{length} of {}", whole.len());
+        }
+        for length in [HEADER_BYTES, HEADER_BYTES + 100, 5000, needed - 1] {
             assert!(checked(&whole[..length]).unwrap_err().contains("cut short"), "{length}");
         }
         for other in [&b""[..], b"no library", &[0x7f; 200]] {
