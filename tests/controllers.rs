@@ -9,7 +9,7 @@ use std::process::Command;
 use contract::exit;
 use serde_json::Value;
 
-use crate::harness::{Outcome, fly, launcher, python_with, top};
+use crate::harness::{Outcome, ended, fly, launcher, namespace, processes_with, python_with, top, wait_until};
 
 /// Compiles `tests/controllers/pd.c` into `folder/name.so`, with these flags for the compiler.
 pub fn library(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
@@ -202,7 +202,7 @@ fn a_library_that_fails_in_flight_costs_its_process_and_is_restarted() {
 #[test]
 fn a_file_that_a_library_puts_over_descriptors_of_its_process_keeps_its_mode() {
     let folder = tempfile::tempdir().unwrap();
-    let library = library(folder.path(), "over", &["-DTRAP=40"]);
+    let library = library(folder.path(), "over", &["-DTRAP=31"]);
     let mark = folder.path().join("mark");
     std::fs::write(&mark, "").unwrap();
     std::fs::set_permissions(&mark, Permissions::from_mode(0o644)).unwrap();
@@ -341,6 +341,148 @@ fn a_library_without_a_memory_or_that_refuses_it_is_restarted_cold() {
     let (code, said) = replay(&flights[1].out, &["--program", &named, "--from", "11s"]);
     assert_eq!(code, Some(0), "{said}");
     assert!(!said.contains("begun with what the nodes remembered"), "{said}");
+}
+
+/// Returns the words in run.json about copies of the attitude controller, and how many there were.
+fn copies(flown: &Outcome) -> (bool, u64) {
+    let run = flown.run();
+    let is_told = run["but"].to_string().contains("attitude-mpc was copied");
+    (is_told, run["port_failures"]["attitude-mpc"]["copy"].as_u64().unwrap_or_default())
+}
+
+#[test]
+fn a_copy_that_a_library_makes_of_its_process_answers_to_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = hover("inprocess", &[&exec(&library(folder.path(), "plain", &[]))]);
+    for (trap, modes) in [(17, &["inprocess", "lockstep", "realtime"][..]), (30, &["lockstep", "realtime"])] {
+        for mode in modes {
+            let flown = trapped(folder.path(), trap, mode);
+            assert_eq!(flown.code(), Some(0), "trap {trap}, {mode}: {}", flown.stderr);
+            let run = flown.run();
+            assert_eq!(run["refused"]["mixer"]["order"].as_u64().unwrap_or_default(), 0, "{run}");
+            match *mode {
+                "inprocess" => assert!(flown.stderr.contains("this is a copy that a library"), "{}", flown.stderr),
+                _ => assert_eq!(copies(&flown), (true, 1), "trap {trap}, {mode}: {run}"),
+            }
+            if *mode != "realtime" {
+                assert_eq!(flown.state_hash(), plain.state_hash(), "trap {trap}, {mode}");
+            }
+            let named = format!("attitude-mpc={}", folder.path().join(format!("trap{trap}.so")).display());
+            let (code, said) = replay(&flown.out, &["--program", &named]);
+            assert_eq!(code, Some(0), "trap {trap}, {mode}: {said}");
+            assert!(said.contains("the same bits") && said.contains(&flown.state_hash()), "{said}");
+        }
+    }
+    // The parent has ended, so its process has died, and the copy is no stand-in for it.
+    let (daemon, ended) = (trapped(folder.path(), 18, "lockstep"), trapped(folder.path(), 6, "lockstep"));
+    assert_eq!((daemon.code(), daemon.state_hash()), (Some(0), ended.state_hash()), "{}", daemon.stderr);
+    assert_eq!(copies(&daemon), (true, 1));
+    let daemon = trapped(folder.path(), 18, "inprocess");
+    assert_eq!(daemon.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", daemon.stderr);
+    assert!(daemon.stderr.contains("its library ended its process with exit code 0"), "{}", daemon.stderr);
+}
+
+#[test]
+fn a_process_that_a_library_leaves_in_a_session_of_its_own_ends_with_the_flight() {
+    const MARK: &str = "TREFOIL_TEST_STRAY";
+    let folder = tempfile::tempdir().unwrap();
+    let library = library(folder.path(), "stray", &["-DTRAP=19"]);
+    let settings = ["run.duration_s=2", "mission.trajectory=hover", &exec(&library)].map(str::to_owned);
+    for mode in ["inprocess", "lockstep", "realtime"] {
+        let out = folder.path().join(mode);
+        let mut fly = launcher();
+        fly.args(["fly", "scenarios/survey.toml", "--mode", mode, "--namespace", &namespace(), "--out"]).arg(&out);
+        let flown = ended(fly.args(settings.iter().flat_map(|set| ["--set", set])).env(MARK, "1"));
+        assert_eq!(flown.code(), Some(0), "{mode}");
+        wait_until("no process of the flight is left", || processes_with(MARK).is_empty());
+    }
+    let out = folder.path().join("inprocess");
+    let named = format!("attitude-mpc={}", library.display());
+    let replayed = ended(launcher().arg("replay").arg(out).args(["--program", &named]).env(MARK, "1"));
+    assert_eq!(replayed.code(), Some(0));
+    wait_until("no process of the replay is left", || processes_with(MARK).is_empty());
+}
+
+#[test]
+fn a_library_that_changes_the_rounding_mode_in_another_call_than_step_is_named_with_that_call() {
+    if !cfg!(target_arch = "x86_64") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let refused = trapped(folder.path(), 26, "inprocess");
+    assert_eq!(refused.code(), Some(i32::from(exit::USAGE)), "{}", refused.stderr);
+    assert!(refused.stderr.contains("(was it built with -ffast-math?) in `destroy`"), "{}", refused.stderr);
+
+    let snapshot = trapped(folder.path(), 24, "lockstep");
+    assert_eq!(snapshot.code(), Some(0), "it is restarted: {}", snapshot.stderr);
+    assert!(snapshot.stderr.contains("in `snapshot`"), "{}", snapshot.stderr);
+
+    let restores = library(folder.path(), "restores", &["-DTRAP=25"]);
+    let kill = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
+    for mode in ["inprocess", "lockstep"] {
+        let restored = hover(mode, &[&exec(&restores), kill, "supervision.restart_ms=[0.0]"]);
+        assert_eq!(restored.code(), Some(i32::from(exit::PROCESS_LOST)), "{mode}: {}", restored.stderr);
+        assert!(restored.stderr.contains("in `restore`"), "{mode}: {}", restored.stderr);
+    }
+}
+
+#[test]
+fn numbers_that_stay_not_finite_end_with_their_process_and_its_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let flights = ["inprocess", "lockstep"].map(|mode| trapped(folder.path(), 27, mode));
+    for flown in &flights {
+        assert!(flown.stderr.contains("the last 50 answers had numbers that are not finite"), "{}", flown.stderr);
+        assert!(restarted_cold(flown), "{}", flown.run());
+        assert!(flown.metric("fallback_s") < 1.0, "{}", flown.metric("fallback_s"));
+    }
+    assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+    let named = format!("attitude-mpc={}", folder.path().join("trap27.so").display());
+    let (_, said) = replay(&flights[1].out, &["--program", &named]);
+    assert!(said.contains("the same bits"), "{said}");
+
+    let library = library(folder.path(), "killed", &["-DTRAP=27"]);
+    let kill = "fault=[{at_s=1.2, target='attitude-mpc', kind='kill'}]";
+    for mode in ["inprocess", "lockstep"] {
+        let killed = hover(mode, &[&exec(&library), kill, "supervision.restart_ms=[0.0]"]);
+        assert!(restarted_cold(&killed), "a kill before that: {}", killed.run());
+        assert!(!killed.stderr.contains("the last 50 answers"), "{mode}: {}", killed.stderr);
+    }
+}
+
+#[test]
+fn a_replay_says_its_verdict_whatever_a_library_does_to_variables_and_stdout() {
+    let folder = tempfile::tempdir().unwrap();
+    for trap in [28, 29] {
+        let flown = trapped(folder.path(), trap, "inprocess");
+        assert_eq!(flown.code(), Some(0), "trap {trap}: {}", flown.stderr);
+        let named = format!("attitude-mpc={}", folder.path().join(format!("trap{trap}.so")).display());
+        let (code, said) = replay(&flown.out, &["--program", &named]);
+        assert_eq!(code, Some(0), "trap {trap}: {said}");
+        assert!(said.contains("the same bits"), "trap {trap}: {said}");
+    }
+}
+
+#[test]
+fn a_library_whose_file_is_cut_short_is_refused_by_that_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = std::fs::read(library(folder.path(), "whole", &[])).unwrap();
+    let cut = folder.path().join("cut.so");
+    std::fs::write(&cut, &whole[..12_000]).unwrap();
+    let refused = hover("inprocess", &[&exec(&cut)]);
+    assert_eq!(refused.code(), Some(i32::from(exit::USAGE)), "{}", refused.stderr);
+    assert!(refused.stderr.contains("its file is cut short: it has 12000 byte"), "{}", refused.stderr);
+}
+
+#[test]
+fn a_program_that_never_joins_is_named_in_the_last_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("never");
+    std::fs::write(&program, "#!/bin/sh\nexec sleep 600\n").unwrap();
+    std::fs::set_permissions(&program, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let outcome = hover("lockstep", &[&exec(&program)]);
+    assert_eq!(outcome.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", outcome.stderr);
+    let last = outcome.stderr.lines().last().unwrap_or_default();
+    assert!(last.contains(&format!("`{}` of attitude-mpc has not joined the run", program.display())), "{last}");
 }
 
 /// Inertia in the order of the demand, for the functions of these tests.

@@ -10,7 +10,7 @@ use contract::exit;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::controllers::{library, with_dependency};
-use crate::harness::{launcher, namespace, wait_until};
+use crate::harness::{ended, launcher, namespace, processes_with, wait_until};
 
 /// Sixty flights, some of which three of the four controllers end. Which ones follows from the vehicle's mass.
 const CAMPAIGN: &str = r#"
@@ -121,6 +121,52 @@ fn a_library_that_crashes_exits_or_hangs_costs_its_flights_and_the_table_stays_t
     let again = place.fly(&["--only", &crashed.to_string()], "here");
     assert!(said(&again).contains("is the one of the table"), "{}", said(&again));
     assert_eq!(again.status.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", said(&again));
+}
+
+/// Flights of controllers that reach beyond their flight, and of one that crashes in each of its own.
+const BEYOND: [(&str, u32); 9] = [
+    ("plain", 0),
+    ("forks", 17),
+    ("daemon", 18),
+    ("strays", 19),
+    ("variable", 20),
+    ("directory", 21),
+    ("limit", 22),
+    ("mask", 23),
+    ("crashes", 2),
+];
+
+#[test]
+fn a_library_that_reaches_beyond_its_flight_changes_no_other_and_leaves_no_process() {
+    const MARK: &str = "TREFOIL_TEST_BEYOND";
+    let settings = "samples = 5\nsettings.run.duration_s = 1.2\nsettings.mission.trajectory = 'hover'\n\
+        vary.plant.airframe.mass_kg = { uniform = [1.05, 1.15] }\n";
+    let controllers = BEYOND.map(|(name, _)| format!("controller.{name}.node.attitude-mpc.exec = '{name}.so'\n"));
+    let place = Place::new(&(settings.to_owned() + &controllers.concat()));
+    for (name, trap) in BEYOND {
+        place.library(name, trap, 1.0);
+    }
+    for threads in ["1", "4"] {
+        let flown = ended(place.command(&[], threads).env("RAYON_NUM_THREADS", threads).env(MARK, "1"));
+        assert_eq!(flown.code(), Some(0));
+        wait_until("no process of the campaign is left", || processes_with(MARK).is_empty());
+    }
+    assert_eq!(place.table("1"), place.table("4"), "whichever flights share a process");
+    let (flights, _) = Table::from_parquet(place.table("1"), 45).unwrap();
+    let column = |name: &str, of: &str| -> Vec<String> {
+        let text = |row: usize, name: &str| flights.column(name).unwrap().text(row).to_owned();
+        (0..45).filter(|row| text(*row, "controller") == of).map(|row| text(row, name)).collect()
+    };
+    for (name, _) in BEYOND {
+        let (verdicts, cause) = (column("verdict", name), &column("cause", name)[0]);
+        match name {
+            "daemon" => assert_eq!(cause, "lost attitude-mpc (its library ended its process with exit code 0)"),
+            "crashes" => assert_eq!(cause, "lost attitude-mpc (its library crashed: SIGSEGV)"),
+            _ => assert_eq!(column("hash", name), column("hash", "plain"), "{name}: {cause}"),
+        }
+        let lost = matches!(name, "daemon" | "crashes");
+        assert!(verdicts.iter().all(|verdict| (verdict == "failed") == lost), "{name}: {verdicts:?}, {cause}");
+    }
 }
 
 /// Two flights of the library `lib.so`.

@@ -180,6 +180,38 @@ pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
+/// Runs `command` without its output, which a process that it leaves would hold open; returns how it ended, no later
+/// than the watchdog.
+pub fn ended(command: &mut Command) -> ExitStatus {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the launcher starts");
+    let deadline = Instant::now() + WATCHDOG;
+    loop {
+        if let Some(status) = child.try_wait().expect("the launcher can be waited for") {
+            return status;
+        }
+        if Instant::now() > deadline {
+            let _ = child.kill().and_then(|()| child.wait()); // it may have ended by itself
+            panic!("{command:?} did not end within {WATCHDOG:?}");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Processes that were started with the variable `name`, and live.
+pub fn processes_with(name: &str) -> Vec<String> {
+    let variable = format!("{name}=");
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten().map(|entry| entry.path());
+    let has = |path: &PathBuf| {
+        let variables = std::fs::read(path.join("environ")).unwrap_or_default();
+        variables.split(|byte| *byte == 0).any(|one| one.starts_with(variable.as_bytes()))
+    };
+    let line = |path: PathBuf| {
+        let words = std::fs::read(path.join("cmdline")).unwrap_or_default();
+        format!("{} {}", path.display(), String::from_utf8_lossy(&words).replace('\0', " "))
+    };
+    processes.filter(has).map(line).collect()
+}
+
 /// Lists what a namespace has in shared memory: its folder, and the files in it.
 pub fn shared_memory_of(namespace: &str) -> Vec<String> {
     let Some(domain) = Domain::left(namespace) else { return vec![] };

@@ -229,3 +229,22 @@ pub fn flies_as_a_program(scenario: &str, python: &Path, script: &Path, settings
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("not computed: attitude-mpc"), "{said}");
 }
+
+#[test]
+fn a_copy_that_a_program_makes_of_its_process_answers_to_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    library_folder(folder.path());
+    let [plain, forks] =
+        [("plain", &[][..]), ("forks", &["-DFORK=100"])].map(|(name, flags)| program(folder.path(), name, flags));
+    let gain = "node.attitude-mpc.settings.gain=1.0";
+    for mode in ["lockstep", "realtime"] {
+        let flown = survey(mode, &forks, &[gain]);
+        assert_eq!(flown.code(), Some(0), "{mode}: {}", flown.stderr);
+        let run = flown.run();
+        assert_eq!(run["port_failures"]["attitude-mpc"]["copy"], 1, "{mode}: {run}");
+        assert_eq!(run["refused"]["mixer"]["order"], 0, "{mode}: {run}");
+        if mode == "lockstep" {
+            assert_eq!(flown.state_hash(), survey(mode, &plain, &[gain]).state_hash());
+        }
+    }
+}

@@ -74,7 +74,8 @@ int32_t trefoil_send(struct TrefoilSession *session, const void *answer, size_t 
 // Returns the reason of the last error; valid until the next call.
 const char *trefoil_error(const struct TrefoilSession *session);
 
-// Leaves the run, and frees the session. NULL is nothing to leave.
+// Leaves the run, and frees the session. NULL is nothing to leave. In a copy of the process, made by `fork`, it does
+// nothing: the process has the session.
 void trefoil_leave(struct TrefoilSession *session);
 
 // Runs this process as the plant of the run that the launcher has started it for, with the vehicle that `functions`

@@ -10,7 +10,7 @@ use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::input::Upstream;
 use runtime::member::Member;
-use runtime::node::{Asked, Inputs, Node};
+use runtime::node::{Asked, Implausible, Inputs, Node};
 use runtime::output::Output;
 use runtime::ports::Ports;
 
@@ -31,6 +31,7 @@ struct AskedNode<P: Protocol> {
     /// First word of its snapshots, which no other file has.
     layout: u64,
     memory: Snapshot,
+    implausible: Implausible,
 }
 
 impl<P: Protocol> AskedNode<P> {
@@ -43,6 +44,7 @@ impl<P: Protocol> AskedNode<P> {
             answer: P::Answer::zeroed(),
             layout: layout_of(scenario, P::TOPIC),
             memory: NO_MEMORY,
+            implausible: Implausible::default(),
         }))
     }
 }
@@ -55,12 +57,13 @@ impl<P: Protocol> Node for AskedNode<P> {
     fn answer(&mut self, sample: Stamp, known: Option<&dyn Any>) -> Result<(), SessionError> {
         let known = self.output.known(known);
         let message = known.unwrap_or_else(|| P::message(&self.input, &self.answer));
+        self.implausible.count(sample.tick, &message)?;
         self.output.send(message, self.inputs.provenance(sample));
         Ok(())
     }
 
     fn memory(&self) -> Snapshot {
-        self.memory
+        self.implausible.without(self.memory)
     }
 
     fn restore(&mut self, memory: &Snapshot) -> bool {

@@ -24,11 +24,10 @@ use contract::message::Kinematics;
 use contract::scenario::{NodeProgram, Scenario};
 use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
-use object::read::elf::ElfFile64;
-use object::{Endianness, Object, ObjectSymbol};
 use plant::vehicle::start;
 
 use crate::abi::{TREFOIL_MEMORY_BYTES, TrefoilAttitudeAnswer};
+use crate::elf::exported;
 use crate::engine::Engine;
 use crate::protocol::{Layout, Place, Shape};
 
@@ -97,7 +96,7 @@ impl Function {
             return Some(Ok(Self(wanted.into())));
         }
         let bytes = std::fs::read(path).ok()?;
-        let names = exported(&bytes).map_err(|error| format!("its dynamic symbol table cannot be read: {error}"));
+        let names = functions(&bytes).map_err(|error| format!("its dynamic symbol table cannot be read: {error}"));
         match (names.as_deref(), wanted) {
             (Err(why), _) => Some(Err(why.clone())),
             (Ok([]), _) => None,
@@ -240,12 +239,9 @@ impl Function {
     }
 }
 
-/// Returns the names of the CasADi functions that the library of these `bytes` exports, in order. They are read from
-/// its table of symbols: the linker may keep a name as the tail of another, `law_n_in` in `jac_law_n_in`.
-fn exported(bytes: &[u8]) -> object::Result<Vec<&str>> {
-    let file = ElfFile64::<Endianness>::parse(bytes)?;
-    let symbols = file.dynamic_symbols().filter(ObjectSymbol::is_definition);
-    let symbols: BTreeSet<&str> = symbols.filter_map(|symbol| symbol.name().ok()).collect();
+/// Returns the names of the CasADi functions that the library of these `bytes` exports, in order.
+fn functions(bytes: &[u8]) -> object::Result<Vec<&str>> {
+    let symbols = exported(bytes)?;
     let names = symbols.iter().filter_map(|symbol| symbol.strip_suffix(NUMBER_OF_INPUTS));
     Ok(names.filter(|name| symbols.contains(name)).collect())
 }

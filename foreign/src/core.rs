@@ -43,17 +43,17 @@ impl<P: Protocol> Core for Foreign<P> {
 
     fn snapshot(&self) -> Snapshot {
         let mut memory = [0; MEMORY_BYTES];
-        match self.library.engine().memory_bytes() {
+        match self.library.memory_bytes() {
             0 => NO_MEMORY,
             bytes => {
-                self.library.engine().snapshot(&mut memory[..bytes]);
+                self.library.snapshot(&mut memory[..bytes]);
                 pack_bytes(self.layout, &memory[..bytes])
             }
         }
     }
 
     fn restore(&mut self, memory: &Snapshot) -> bool {
-        let bytes = self.library.engine().memory_bytes();
+        let bytes = self.library.memory_bytes();
         let memory = unpack_bytes(self.layout, memory).filter(|_| bytes > 0);
         memory.is_some_and(|memory| self.library.restore(&memory[..bytes]))
     }
@@ -90,13 +90,13 @@ pub fn try_out(topic: Topic, scenario: &Scenario) -> Result<(), SessionError> {
 const TRIED: usize = 3;
 
 impl<P: Protocol> Foreign<P> {
-    fn try_out(&mut self) -> Result<(), SessionError> {
+    fn try_out(mut self) -> Result<(), SessionError> {
         let mut answer = P::Answer::zeroed();
         for _ in 0..TRIED {
             self.library.step(bytes_of(&P::Input::zeroed()), bytes_of_mut(&mut answer))?;
         }
         let memory = self.snapshot();
         self.restore(&memory);
-        Ok(())
+        self.library.destroy()
     }
 }

@@ -15,6 +15,7 @@
 //! | [`abi`] | the types of `trefoil.h` |
 //! | `loading` | dlopen, and which dependencies a library gets |
 //! | `library` | a loaded library, and the guard around every call into it |
+//! | `elf` | whether the file of a library is whole |
 //! | `engine` | what every interface of a library can do |
 //! | `table` | a library with the function table of `trefoil.h` |
 //! | `casadi` | a library with a function that CasADi has generated |
@@ -31,6 +32,7 @@ pub mod abi;
 mod asked;
 mod casadi;
 mod core;
+mod elf;
 mod engine;
 mod library;
 mod loading;

@@ -2,14 +2,18 @@
 //!
 //! A library is never unloaded: its threads and exit handlers may still use its code.
 
+use std::cell::Cell;
 use std::path::absolute;
 
 use contract::scenario::Scenario;
 use contract::topic::Topic;
+use runtime::console::eprint_line;
 use runtime::error::SessionError;
+use runtime::realtime::ThisProcess;
 
 use crate::abi::TrefoilNode;
 use crate::casadi::Function;
+use crate::elf;
 use crate::engine::Engine;
 use crate::loading;
 use crate::protocol::Layout;
@@ -19,8 +23,38 @@ use crate::table::Table;
 /// Node of a library.
 pub struct Library {
     file: String,
-    engine: Box<dyn Engine>,
+    /// `None` after the node was destroyed.
+    engine: Option<Box<dyn Engine>>,
+    guard: Guard,
+    /// Reason for which the next step fails: a wrong that the library did in a call without a result for it.
+    wrong: Cell<Option<String>>,
+}
+
+/// Guard around every call into a library: it may neither change the mode of the floating-point unit, nor return twice.
+#[derive(Clone, Copy)]
+struct Guard {
     rounding: Rounding,
+}
+
+impl Guard {
+    fn new() -> Self {
+        Self { rounding: Rounding::now() }
+    }
+
+    /// Makes a call into the library, called `what` in an error. A copy of this process that comes back from it ends.
+    ///
+    /// # Errors
+    /// The call has changed the mode of the floating-point unit, which is set back.
+    fn call<T>(self, what: &str, call: impl FnOnce() -> T) -> Result<T, String> {
+        let process = ThisProcess::now();
+        let result = call();
+        process.leave_if_copied();
+        if Rounding::now() == self.rounding {
+            return Ok(result);
+        }
+        self.rounding.set();
+        Err(format!("it changed the rounding mode of the processor (was it built with -ffast-math?) {what}"))
+    }
 }
 
 impl Library {
@@ -28,25 +62,22 @@ impl Library {
     /// creates its node.
     ///
     /// # Errors
-    /// The file cannot be loaded, has no known interface, changes the mode of the floating-point unit, or cannot create
-    /// the node.
+    /// The file is cut short or cannot be loaded, has no known interface, changes the mode of the floating-point unit,
+    /// or cannot create the node.
     pub fn load(scenario: &Scenario, topic: Topic, layout: &Layout) -> Result<Self, SessionError> {
         let file = &scenario.node.of(topic).exec;
         let refused = |why: String| SessionError::Foreign { file: file.clone(), why };
-        let rounding = Rounding::now();
+        let guard = Guard::new();
         // dlopen takes a name without a slash for one in the system's folders.
         let path = absolute(file).map_err(|error| refused(error.to_string()))?;
-        let handle = loading::load(&path);
-        let loaded = unchanged(rounding).map_err(|why| refused(format!("{why} while it was loaded")));
-        let handle = handle.map_err(refused)?;
-        loaded?;
+        elf::check_length(&path).map_err(refused)?;
+        let handle = guard.call("while it was loaded", || loading::load(&path)).map_err(refused)?.map_err(refused)?;
         let function = || Function::find(&handle, &path, scenario.node.of(topic));
-        let engine = match if Table::is_in(&handle) { None } else { function() } {
+        let create = || match if Table::is_in(&handle) { None } else { function() } {
             Some(function) => function.and_then(|function| function.open(&handle, scenario, topic, layout)),
             None => Table::open(&handle, scenario, topic, layout),
         };
-        unchanged(rounding).map_err(|why| refused(format!("{why} when it was created")))?;
-        Ok(Self { file: file.clone(), engine: engine.map_err(refused)?, rounding })
+        Self::created(file, guard, create)
     }
 
     /// Creates the node that publishes `topic`, whose types have this `layout`, by the functions of this program.
@@ -60,31 +91,87 @@ impl Library {
         layout: &Layout,
     ) -> Result<Self, SessionError> {
         let file = &scenario.node.of(topic).exec;
-        let refused = |why: String| SessionError::Foreign { file: file.clone(), why };
-        let rounding = Rounding::now();
-        let engine = Table::create(functions, scenario, topic, layout).map_err(refused)?;
-        unchanged(rounding).map_err(|why| refused(format!("{why} when it was created")))?;
-        Ok(Self { file: file.clone(), engine, rounding })
+        Self::created(file, Guard::new(), || Table::create(functions, scenario, topic, layout))
+    }
+
+    /// Makes the library of a `file` whose node is created by `create`.
+    fn created(
+        file: &str,
+        guard: Guard,
+        create: impl FnOnce() -> Result<Box<dyn Engine>, String>,
+    ) -> Result<Self, SessionError> {
+        let engine = guard.call("in `create`", create).and_then(|engine| engine);
+        let engine = engine.map_err(|why| SessionError::Foreign { file: file.into(), why })?;
+        Ok(Self { file: file.into(), engine: Some(engine), guard, wrong: Cell::new(None) })
     }
 
     /// Answers to one sample; `input` and `answer` have the types of the node in `trefoil.h`.
     ///
     /// # Errors
-    /// The library fails, or has changed the mode of the floating-point unit, which is set back.
+    /// The library fails, or has changed the mode of the floating-point unit, now or in another call since the last
+    /// step.
     pub fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), SessionError> {
-        let stepped = self.engine.step(input, answer);
-        let stepped = unchanged(self.rounding).map_err(|why| format!("{why} in `step`")).and(stepped);
+        self.fail()?;
+        let (guard, engine) = (self.guard, self.engine.as_mut().expect(NOT_DESTROYED));
+        let stepped = guard.call("in `step`", || engine.step(input, answer)).and_then(|stepped| stepped);
         stepped.map_err(|why| SessionError::Foreign { file: self.file.clone(), why })
     }
 
-    /// Returns the node behind its interface.
-    pub fn engine(&self) -> &dyn Engine {
-        &*self.engine
+    /// Size of the memory \[byte\]; 0 if the node keeps none.
+    pub fn memory_bytes(&self) -> usize {
+        self.engine.as_ref().expect(NOT_DESTROYED).memory_bytes()
     }
 
-    /// Continues from `memory`; returns `false` if the node refuses it.
+    /// Writes the memory to `memory`, of [`memory_bytes`](Self::memory_bytes).
+    pub fn snapshot(&self, memory: &mut [u8]) {
+        let engine = self.engine.as_ref().expect(NOT_DESTROYED);
+        self.note(self.guard.call("in `snapshot`", || engine.snapshot(memory)));
+    }
+
+    /// Continues from `memory`; returns `false` if the node refuses it, or changes the mode of the floating-point unit.
     pub fn restore(&mut self, memory: &[u8]) -> bool {
-        self.engine.restore(memory)
+        let (guard, engine) = (self.guard, self.engine.as_mut().expect(NOT_DESTROYED));
+        let restored = guard.call("in `restore`", || engine.restore(memory));
+        self.note(restored).unwrap_or(false)
+    }
+
+    /// Destroys the node.
+    ///
+    /// # Errors
+    /// The library has changed the mode of the floating-point unit, now or in another call since the last step.
+    pub fn destroy(mut self) -> Result<(), SessionError> {
+        self.end();
+        self.fail()
+    }
+
+    fn end(&mut self) {
+        if let Some(engine) = self.engine.take() {
+            self.note(self.guard.call("in `destroy`", || drop(engine)));
+        }
+    }
+
+    /// Keeps what went wrong in a call, and returns its result.
+    fn note<T>(&self, done: Result<T, String>) -> Option<T> {
+        done.map_err(|why| self.wrong.set(Some(why))).ok()
+    }
+
+    /// Fails if something went wrong in a call that has no result for it.
+    fn fail(&self) -> Result<(), SessionError> {
+        let wrong = self.wrong.take();
+        wrong.map_or(Ok(()), |why| Err(SessionError::Foreign { file: self.file.clone(), why }))
+    }
+}
+
+/// Reason why there is a node: only `end` takes it, and nothing is called after that.
+const NOT_DESTROYED: &str = "a node that was not destroyed";
+
+impl Drop for Library {
+    /// Destroys the node. What then goes wrong changes no answer any more, so it is said and no more.
+    fn drop(&mut self) {
+        self.end();
+        if let Err(why) = self.fail() {
+            eprint_line(&format!("error: {why}"));
+        }
     }
 }
 
@@ -95,13 +182,4 @@ pub fn layout_of(scenario: &Scenario, topic: Topic) -> u64 {
     let part = |sha256: &String| sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok());
     let all = std::iter::once(&program.sha256).chain(program.files.values());
     all.map(|sha256| part(sha256).unwrap_or(u64::MAX)).fold(0, |layout, part| layout ^ part)
-}
-
-/// Fails if the mode of the floating-point unit is not `usual` any more, and sets it back.
-fn unchanged(usual: Rounding) -> Result<(), String> {
-    if Rounding::now() == usual {
-        return Ok(());
-    }
-    usual.set();
-    Err("it changed the rounding mode of the processor (was it built with -ffast-math?)".into())
 }

@@ -34,7 +34,7 @@ struct ForeignVehicle {
 /// # Errors
 /// The library cannot be loaded, or fails.
 pub fn vehicle(scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
-    ForeignVehicle::begin(Library::load(scenario, Topic::State, &LAYOUT)?, scenario)
+    Ok(Box::new(ForeignVehicle::load(scenario)?))
 }
 
 /// Creates the vehicle of the plant by `functions` of this program, and asks it for its state at the start.
@@ -42,7 +42,8 @@ pub fn vehicle(scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
 /// # Errors
 /// The functions have another interface, or fail.
 pub fn vehicle_of_program(functions: &TrefoilNode, scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
-    ForeignVehicle::begin(Library::of_program(functions, scenario, Topic::State, &LAYOUT)?, scenario)
+    let library = Library::of_program(functions, scenario, Topic::State, &LAYOUT)?;
+    Ok(Box::new(ForeignVehicle::begin(library, scenario)?))
 }
 
 /// Tries the library that `scenario` names for the plant: at the start, and over the first period.
@@ -51,11 +52,17 @@ pub fn vehicle_of_program(functions: &TrefoilNode, scenario: &Scenario) -> Resul
 /// The library cannot be loaded, or fails.
 pub fn try_out(scenario: &Scenario) -> Result<(), SessionError> {
     let (_, actuators) = start(scenario);
-    vehicle(scenario)?.advance(0, scenario.sample_ns(), &actuators)
+    let mut vehicle = ForeignVehicle::load(scenario)?;
+    vehicle.advance(0, scenario.sample_ns(), &actuators)?;
+    vehicle.library.destroy()
 }
 
 impl ForeignVehicle {
-    fn begin(library: Library, scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
+    fn load(scenario: &Scenario) -> Result<Self, SessionError> {
+        Self::begin(Library::load(scenario, Topic::State, &LAYOUT)?, scenario)
+    }
+
+    fn begin(library: Library, scenario: &Scenario) -> Result<Self, SessionError> {
         let mut vehicle = Self {
             library,
             layout: layout_of(scenario, Topic::State),
@@ -65,7 +72,7 @@ impl ForeignVehicle {
         };
         let (_, actuators) = start(scenario);
         vehicle.step(0, 0, &actuators)?;
-        Ok(Box::new(vehicle))
+        Ok(vehicle)
     }
 
     /// Lets the library move for `advance_ns`; with 0 it only answers.
@@ -109,14 +116,14 @@ impl Vehicle for ForeignVehicle {
     /// Writes or reads the newest answer and the memory of the library; there is none if the library keeps none, or
     /// does not give back the memory that it has taken.
     fn remember(&mut self, tape: &mut Tape, _tick: u64) {
-        let bytes = self.library.engine().memory_bytes();
+        let bytes = self.library.memory_bytes();
         let mut layout = self.layout;
         tape.word(&mut layout);
         tape.numbers(cast_slice_mut(bytes_of_mut(&mut self.answer)));
         self.diverged = diverged(&self.answer);
         let mut words = [0_u64; MEMORY_BYTES / 8];
         let written = |library: &Library, words: &mut [u64]| {
-            library.engine().snapshot(&mut cast_slice_mut::<_, u8>(words)[..bytes]);
+            library.snapshot(&mut cast_slice_mut::<_, u8>(words)[..bytes]);
         };
         if !tape.reads() {
             written(&self.library, &mut words);

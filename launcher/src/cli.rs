@@ -13,7 +13,7 @@ use runtime::realtime::{reset_signals, tell_of_crashes};
 
 use flight::shipped::Kind;
 use flight::stack::{StartError, check_memory};
-use flight::{guarded, intruder, nodes, programs, recorder, settings};
+use flight::{guarded, intruder, nodes, programs, recorder, settings, strays};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::{report, trace};
@@ -198,6 +198,7 @@ fn run() -> ExitCode {
             return node(name, &namespace, epoch, settings.as_deref(), log);
         }
     };
+    strays::kill_all_of_this_launcher();
     let code = match result {
         Ok(code) => code,
         Err(error) => {

@@ -14,7 +14,7 @@ use flight::guarded;
 use flight::programs;
 use flight::provenance::status_of;
 use flight::replay::{Plan, Recording};
-use runtime::console::{eprint_line, print};
+use runtime::console::{eprint_line, keep_stdout, print};
 use rustix::process::{Signal, getpid, kill_process};
 
 use crate::progress::Progress;
@@ -139,6 +139,9 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     // A debugger stays with this process.
     if let Some(code) = in_child(loads && args.stop.is_none())? {
         return Ok(code);
+    }
+    if loads {
+        keep_stdout()?;
     }
     let part = args.of.part()?;
     let page = OpenPage::open(args.web, &args.token)?;

@@ -7,6 +7,7 @@
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
+use std::fs::File;
 use std::io::{self, ErrorKind, IsTerminal, Write, stderr, stdout};
 
 use std::sync::OnceLock;
@@ -15,9 +16,14 @@ use std::thread;
 
 use crate::limits::{LAST_LINES, WAITING_LINES};
 use contract::exit;
+use rustix::io::fcntl_dupfd_cloexec;
 
 /// Channel to the thread that writes to stderr; `None` if it could not be started.
 static WRITER: OnceLock<Option<SyncSender<Word>>> = OnceLock::new();
+/// Duplicate of stdout that is written to instead.
+static KEPT_STDOUT: OnceLock<File> = OnceLock::new();
+/// First number of a descriptor that [`keep_stdout`] takes: beyond those that code of users may close or replace.
+const KEPT_FROM: i32 = 700;
 /// First error of stdout.
 static STDOUT_ERROR: OnceLock<io::Error> = OnceLock::new();
 
@@ -71,6 +77,16 @@ fn coloured(text: &str) -> String {
     result
 }
 
+/// Keeps stdout for what is printed, before a library is loaded that may close it or put another file in its place.
+///
+/// # Errors
+/// Stdout is closed, or there are too many descriptors.
+pub fn keep_stdout() -> io::Result<()> {
+    let kept = fcntl_dupfd_cloexec(stdout(), KEPT_FROM).or_else(|_| fcntl_dupfd_cloexec(stdout(), 3)); // a low limit of `ulimit -n`
+    let _ = KEPT_STDOUT.set(File::from(kept?)); // kept before: the same file
+    Ok(())
+}
+
 /// Prints `text` to stdout. [`finish`] reports an error.
 pub fn print(text: &str) {
     print_after("", text);
@@ -84,7 +100,11 @@ pub fn print_anew(text: &str) {
 fn print_after(before: &str, text: &str) {
     let text = before.to_owned() + &plain(text);
     let mut stdout = stdout().lock();
-    if let Err(error) = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    let written = match KEPT_STDOUT.get() {
+        Some(mut kept) => kept.write_all(text.as_bytes()),
+        None => stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()),
+    };
+    if let Err(error) = written {
         let _ = STDOUT_ERROR.set(error); // the first is kept
     }
 }

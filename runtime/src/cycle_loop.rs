@@ -68,6 +68,7 @@ impl CycleLoop {
     /// # Errors
     /// A fault ends the process, or the process has missed a deadline with the policy `stop`.
     pub fn next(&mut self, input: &mut dyn Upstream) -> Result<Option<u64>, SessionError> {
+        self.member.leave_if_copied();
         let due = match self.release {
             Release::Timer { period_ns } => self.by_the_timer(period_ns, input),
             Release::Barrier => self.by_the_barrier(input.topic()),

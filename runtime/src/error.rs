@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use contract::Topic;
 use contract::scenario::ScenarioError;
 
-use crate::limits::{FILES_NEEDED, HOME_NAMES, PROBE_LIMIT_NS};
+use crate::limits::{FILES_NEEDED, HOME_NAMES, IMPLAUSIBLE_ANSWERS, PROBE_LIMIT_NS};
 
 /// Error when a domain is taken or found.
 #[derive(Debug, thiserror::Error)]
@@ -62,15 +62,18 @@ pub enum PortFailure {
     Send = 0,
     /// Queue that could not be read.
     Receive = 1,
+    /// Copy of the process that had its ports, and has ended.
+    Copy = 2,
 }
 
 impl PortFailure {
-    pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
+    pub const ALL: [Self; 3] = [Self::Send, Self::Receive, Self::Copy];
 
     pub fn name(self) -> &'static str {
         match self {
             Self::Send => "send",
             Self::Receive => "receive",
+            Self::Copy => "copy",
         }
     }
 }
@@ -104,6 +107,8 @@ pub enum SessionError {
     Foreign { file: String, why: String },
     #[error("{0}")]
     InChild(String),
+    #[error("tick {tick}: the last {IMPLAUSIBLE_ANSWERS} answers had numbers that are not finite or out of range")]
+    Implausible { tick: u64 },
     #[error("tick {tick}: a fault `exit` ended this process")]
     FaultExit { tick: u64 },
 }

@@ -31,6 +31,8 @@ pub const WARM_UP_PARTS: u64 = 4;
 /// Lockstep: ticks by which the plant may be ahead of launcher and recorder, which must receive every message. A
 /// quarter of a queue, because a fault may send every message twice.
 pub const LEAD_TICKS: u64 = MIN_OBSERVER_DEPTH as u64 / 4;
+/// Answers in a row that no receiver takes, because of their numbers, after which a process ends, and is replaced.
+pub const IMPLAUSIBLE_ANSWERS: u32 = 50;
 /// Largest number of messages that a link holds back at once; beyond that the oldest is lost.
 pub const HELD_MESSAGES: usize = 64;
 

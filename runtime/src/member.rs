@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::cycle_timing::CycleTiming;
 use crate::process_faults::ProcessFaults;
-use crate::realtime::ControlPage;
+use crate::realtime::{ControlPage, ThisProcess};
 use crate::release::{Caller, Release};
 use crate::shared_role::Origin;
 use contract::Topic;
@@ -29,6 +29,8 @@ pub struct Member {
     pub faults: Rc<ProcessFaults>,
     /// Origin of the snapshot that the process began with; the default if there was none.
     pub continues: Rc<Cell<Origin>>,
+    /// Process that has joined the run; `None` in process, where a copy shares nothing with it.
+    pub process: Option<ThisProcess>,
     /// `true` if sent messages carry checksums and received ones are checked. May be `false` only in process, when no
     /// log is written.
     pub with_checksums: bool,
@@ -42,7 +44,17 @@ impl Member {
         let timing = Rc::new(CycleTiming::new(release.deadline(scenario.deadline_of(topic as usize))));
         let faults = Rc::new(ProcessFaults::new(page.clone(), topic, scenario, acts));
         let caller = Caller::Loop(release);
-        Self { page, topic, epoch, caller, timing, faults, continues: Rc::default(), with_checksums: true }
+        Self {
+            page,
+            topic,
+            epoch,
+            caller,
+            timing,
+            faults,
+            continues: Rc::default(),
+            process: None,
+            with_checksums: true,
+        }
     }
 
     /// Makes a node in process, which reads no clock.
@@ -57,5 +69,10 @@ impl Member {
         let deadline = Release::of(scenario).deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::without_clock(deadline));
         Self { caller: Caller::Recording, timing, ..Self::new(page, topic, epoch, scenario, false) }
+    }
+
+    /// Ends a copy of the process that has joined the run: two must not send through one port.
+    pub fn leave_if_copied(&self) {
+        self.process.iter().for_each(|process| process.leave_if_copied());
     }
 }

@@ -2,12 +2,13 @@
 
 use std::any::Any;
 
-use contract::message::{Stamp, State};
+use contract::message::{Message, Stamp, State};
 use contract::scenario::{Fault, Scenario};
-use contract::snapshot::Snapshot;
+use contract::snapshot::{NO_MEMORY, Snapshot};
 
 use crate::error::SessionError;
 use crate::input::{Input, Upstream};
+use crate::limits::IMPLAUSIBLE_ANSWERS;
 use crate::member::Member;
 use crate::output::Output;
 use crate::port::Wire;
@@ -119,6 +120,31 @@ pub trait Asked: Node {
     fn remembered(&self) -> Option<&[u8]>;
 }
 
+/// Newest answers of a node that no receiver takes, because their numbers are not finite or out of range.
+///
+/// Such numbers may be in the memory too, as in the warm start of a solver, and would stay there for ever. So the next
+/// process does not begin with that memory, and comes when there is no end to them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Implausible {
+    in_a_row: u32,
+}
+
+impl Implausible {
+    /// Counts the `answer` to sample `tick`.
+    ///
+    /// # Errors
+    /// It is the last of too many in a row: the process shall end.
+    pub fn count<M: Message>(&mut self, tick: u64, answer: &M) -> Result<(), SessionError> {
+        self.in_a_row = if answer.plausible() { 0 } else { self.in_a_row + 1 };
+        if self.in_a_row < IMPLAUSIBLE_ANSWERS { Ok(()) } else { Err(SessionError::Implausible { tick }) }
+    }
+
+    /// Returns the memory for the next process: `memory`, or none if the newest answer is one of these.
+    pub fn without(self, memory: Snapshot) -> Snapshot {
+        if self.in_a_row == 0 { memory } else { NO_MEMORY }
+    }
+}
+
 /// Function that opens a node: [`open`] for one core.
 pub type Open = fn(&mut Ports, &Member, &Scenario) -> Result<Box<dyn Node>, SessionError>;
 
@@ -126,7 +152,8 @@ pub type Open = fn(&mut Ports, &Member, &Scenario) -> Result<Box<dyn Node>, Sess
 pub fn open<C: Core>(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
     let core = C::build(scenario)?;
     let inputs = C::Inputs::open(ports, member)?;
-    Ok(Box::new(Wired { core, inputs, output: Output::open(ports, member, scenario)? }))
+    let output = Output::open(ports, member, scenario)?;
+    Ok(Box::new(Wired { core, inputs, output, implausible: Implausible::default() }))
 }
 
 /// Core with its ports.
@@ -134,6 +161,7 @@ struct Wired<C: Core> {
     core: C,
     inputs: C::Inputs,
     output: Output<C::Answer>,
+    implausible: Implausible,
 }
 
 impl<C: Core> Node for Wired<C> {
@@ -142,19 +170,20 @@ impl<C: Core> Node for Wired<C> {
     }
 
     fn answer(&mut self, sample: Stamp, known: Option<&dyn Any>) -> Result<(), SessionError> {
-        let Self { core, inputs, output } = self;
+        let Self { core, inputs, output, implausible } = self;
         inputs.look();
         let answer = match output.known(known) {
             Some(known) => known,
             None => core.step(sample.tick, inputs)?,
         };
+        implausible.count(sample.tick, &answer)?;
         let do_less = output.send(answer, inputs.provenance(sample));
         core.hurry(do_less);
         Ok(())
     }
 
     fn memory(&self) -> Snapshot {
-        self.core.snapshot()
+        self.implausible.without(self.core.snapshot())
     }
 
     fn restore(&mut self, memory: &Snapshot) -> bool {

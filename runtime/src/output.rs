@@ -43,6 +43,7 @@ impl<M: Message> Output<M> {
     /// it. A late message is treated by the deadline's policy; a withheld one is sent too, marked as such. Returns
     /// `true` if the next cycle shall do less, because this one was late under the policy `degrade`.
     pub fn send(&mut self, message: M, mut provenance: Stamp) -> bool {
+        self.member.leave_if_copied();
         let Member { page, epoch, caller, timing, faults, continues, with_checksums, .. } = &self.member;
         let tick = provenance.tick;
         provenance.held_ns += caller.hold_up(page, faults.held_up_ns(tick));

@@ -58,6 +58,7 @@ impl SampleLoop {
         input: &mut Input<M>,
         command: impl FnMut(&M, u64),
     ) -> Result<Option<u64>, SessionError> {
+        self.member.leave_if_copied();
         let due = match (self.tick, self.release) {
             (Some(tick), Release::Timer { period_ns }) => self.by_the_timer(tick, period_ns, input, command)?,
             (Some(tick), Release::Barrier) => self.by_the_barrier(tick, input, command),

@@ -15,13 +15,14 @@ use contract::snapshot::Snapshot;
 use contract::topic::Topic;
 
 use crate::cycle_loop::CycleLoop;
+use crate::error::PortFailure;
 pub use crate::error::SessionError;
 use crate::input::Input;
 use crate::member::Member;
 use crate::output::Output;
 use crate::port::Wire;
 use crate::ports::Ports;
-use crate::realtime;
+use crate::realtime::{self, ThisProcess, tell_of_copies};
 use crate::release::Release;
 use crate::sample_loop::SampleLoop;
 use crate::shared_role::Origin;
@@ -44,6 +45,8 @@ impl NodeSession {
         let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
         let topic = topic.ok_or_else(|| SessionError::UnknownNode(name.into()))?;
         let (ports, run) = Ports::join(namespace)?;
+        let page = ports.page.clone();
+        tell_of_copies(move || page.role(topic).port_failures[PortFailure::Copy as usize].count());
         let scenario = own.map_or(Ok(run.clone()), |path| {
             let what = path.display().to_string();
             let text = file::read_text(path, MAX_TEXT_BYTES);
@@ -56,6 +59,7 @@ impl NodeSession {
     pub(crate) fn new(ports: Ports, topic: Topic, epoch: u32, scenario: Scenario, run: &Scenario) -> Self {
         let acts = run.run.mode == Mode::Realtime || scenario.fault != run.fault; // else the launcher acts
         let member = Member::new(ports.page.clone(), topic, epoch, &scenario, acts);
+        let member = Member { process: Some(ThisProcess::now()), ..member };
         Self { scenario, ports, member }
     }
 

@@ -221,6 +221,11 @@ impl SharedRole {
         self.port_of(epoch).load(Ordering::Acquire)
     }
 
+    /// Returns whether the process of `epoch` has taken its place.
+    pub fn is_taken(&self, epoch: u32) -> bool {
+        self.port(epoch) > VACANT
+    }
+
     /// Returns whether a process that has or had a place sends through `port`.
     pub fn knows(&self, port: u64) -> bool {
         self.ports.0.iter().any(|known| known.load(Ordering::Acquire) == port)

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "trefoil_process.h"
 
@@ -63,6 +64,9 @@ int main(int argc, char **argv) {
     law(trefoil_setup(session), &in, &out);
     steps++;
     trefoil_remember(session, &steps, sizeof steps);
+#ifdef FORK
+    if (in.tick == FORK && fork() < 0) return 9;
+#endif
     if ((result = trefoil_send(session, &out, sizeof out)) < 0) break;
   }
   if (result < 0) fprintf(stderr, "%s\n", trefoil_error(session));

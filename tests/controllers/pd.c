@@ -1,10 +1,13 @@
 // Attitude controller for tests: one PD law per axis. TRAP names what goes wrong in it.
 
+#define _GNU_SOURCE
 #include <fcntl.h>
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "trefoil.h"
@@ -26,7 +29,21 @@
 #define CRASH_WHEN_LOADED 14
 #define MARK_WHEN_LOADED 15 // writes the file TREFOIL_MARK
 #define REFUSE_MEMORY 16
-#define OVER_DESCRIPTORS 40 // puts the file TREFOIL_MARK over all descriptors but the first three
+#define FORK_IN_STEP 17   // both processes return
+#define DAEMON_IN_STEP 18 // the copy returns, and its parent has ended
+#define STRAY_IN_STEP 19  // a copy in a session of its own sleeps for ever
+#define LEAVE_VARIABLE 20 // the next flight in this process fails
+#define LEAVE_FOLDER 21   // the same with the working directory
+#define LEAVE_LIMIT 22    // the same with a limit
+#define LEAVE_MASK 23     // the same with a blocked signal
+#define ROUNDING_IN_SNAPSHOT 24
+#define ROUNDING_IN_RESTORE 25
+#define ROUNDING_IN_DESTROY 26
+#define NAN_FOR_EVER 27 // by a warm start, which is its memory
+#define CLEAR_VARIABLES 28
+#define CLOSE_STDOUT 29
+#define FORK_IN_SNAPSHOT 30
+#define OVER_DESCRIPTORS 31 // puts the file TREFOIL_MARK over all descriptors but the first three
 #ifndef TRAP
 #define TRAP 0
 #endif
@@ -40,8 +57,46 @@
 typedef struct {
   double inertia[4];
   double gain;
-  uint64_t steps;
+  struct {
+    uint64_t steps;
+    double warm_start;
+  } memory;
+  int is_left_over;
 } Pd;
+
+static void change_rounding(void) {
+#ifdef __x86_64__
+  __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8000);
+#endif
+}
+
+// Leaves something behind in this process, or returns whether it is there.
+static int left_over(int leave) {
+  static const char FOLDER[] = "/";
+  static char folder[4096];
+  struct rlimit limit;
+  sigset_t mask;
+  switch (TRAP) {
+  case LEAVE_VARIABLE:
+    if (leave) setenv("TREFOIL_LEFT_OVER", "1", 1);
+    return getenv("TREFOIL_LEFT_OVER") != NULL;
+  case LEAVE_FOLDER:
+    if (leave && chdir(FOLDER)) abort();
+    return getcwd(folder, sizeof folder) && !strcmp(folder, FOLDER);
+  case LEAVE_LIMIT:
+    getrlimit(RLIMIT_STACK, &limit);
+    if (leave) limit.rlim_cur = 1234567;
+    if (leave && setrlimit(RLIMIT_STACK, &limit)) abort();
+    return limit.rlim_cur == 1234567;
+  case LEAVE_MASK:
+    sigemptyset(&mask);
+    sigaddset(&mask, SIGUSR2);
+    sigprocmask(SIG_BLOCK, leave ? &mask : NULL, &mask);
+    return sigismember(&mask, SIGUSR2);
+  default:
+    return 0;
+  }
+}
 
 static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) {
   if (TRAP == CRASH_IN_CREATE) abort();
@@ -53,7 +108,7 @@ static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) 
   }
   Pd *pd = calloc(1, sizeof *pd);
   const double *inertia = setup->inertia_kgm2;
-  *pd = (Pd){{setup->mass_kg, inertia[1], inertia[0], inertia[2]}, 1.0, 0};
+  *pd = (Pd){{setup->mass_kg, inertia[1], inertia[0], inertia[2]}, 1.0, {0, 0.0}, left_over(0)};
   const char *gain = strstr(setup->settings_json, "\"gain\":");
   if (gain) pd->gain = atof(gain + 7);
   return pd;
@@ -70,9 +125,11 @@ static int32_t step(void *node, const void *input, void *answer) {
     double error_radps = in->reference.rates_radps[AXIS[i]] - in->sample.rates_radps[AXIS[i]];
     out->demand[i] = pd->gain * pd->inertia[i] * (36.0 * error_rad + 12.0 * error_radps);
   }
-  pd->steps++;
+  pd->memory.steps++;
+  if (pd->is_left_over) return 7;
+  if (TRAP == NAN_FOR_EVER) out->demand[2] += pd->memory.warm_start;
   if (in->tick == TRAP_TICK && fmod(fabs(in->sample.position_m[2]) * 1e6, 1.0) < TRAP_SHARE) {
-    if (TRAP == CRASH_IN_STEP) *(volatile int *)pd->steps = 0;
+    if (TRAP == CRASH_IN_STEP) *(volatile int *)pd->memory.steps = 0;
     while (TRAP == HANG_IN_STEP) sleep(1);
     if (TRAP == EXIT_IN_STEP) exit(0);
     if (TRAP == NAN_IN_STEP) out->demand[2] = NAN;
@@ -82,31 +139,52 @@ static int32_t step(void *node, const void *input, void *answer) {
       for (int number = 3; number < 100; number++)
         if (fcntl(number, F_GETFD) >= 0) dup2(mark, number);
     }
-#if TRAP == ROUNDING_IN_STEP
-    __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8000);
-#endif
+    if (TRAP == ROUNDING_IN_STEP) change_rounding();
+    if (TRAP == FORK_IN_STEP && fork() < 0) abort();
+    if (TRAP == DAEMON_IN_STEP && daemon(1, 1)) abort();
+    if (TRAP == STRAY_IN_STEP && !fork()) {
+      setsid();
+      if (fork()) _exit(0);
+      for (;;) pause();
+    }
+    left_over(1);
+    if (TRAP == NAN_FOR_EVER) pd->memory.warm_start = NAN;
+    if (TRAP == CLEAR_VARIABLES) clearenv();
+    if (TRAP == CLOSE_STDOUT) close(1);
   }
   return 0;
 }
 
 #ifndef COLD
-static void snapshot(const void *node, void *memory) { memcpy(memory, &((const Pd *)node)->steps, 8); }
+static void snapshot(const void *node, void *memory) {
+  const Pd *pd = node;
+  memcpy(memory, &pd->memory, sizeof pd->memory);
+  if (TRAP == ROUNDING_IN_SNAPSHOT && pd->memory.steps == TRAP_TICK) change_rounding();
+  if (TRAP == FORK_IN_SNAPSHOT && pd->memory.steps == TRAP_TICK && fork() < 0) abort();
+}
 
 static int32_t restore(void *node, const void *memory) {
+  Pd *pd = node;
   if (TRAP == REFUSE_MEMORY) return 1;
-  memcpy(&((Pd *)node)->steps, memory, 8);
+  memcpy(&pd->memory, memory, sizeof pd->memory);
+  if (TRAP == ROUNDING_IN_RESTORE && pd->memory.steps > TRAP_TICK - 10) change_rounding();
   return 0;
 }
 #endif
+
+static void destroy(void *node) {
+  if (TRAP == ROUNDING_IN_DESTROY) change_rounding();
+  free(node);
+}
 
 static const TrefoilNode NODE = {
     TRAP == WRONG_ABI ? 99 : TREFOIL_ABI,
     sizeof(TrefoilAttitudeInput) - (TRAP == WRONG_SIZE ? 8 : 0),
     sizeof(TrefoilAttitudeAnswer),
 #ifdef COLD
-    0, create, step, NULL, NULL, free,
+    0, create, step, NULL, NULL, destroy,
 #else
-    sizeof(uint64_t), create, step, snapshot, restore, free,
+    sizeof((Pd *)0)->memory, create, step, snapshot, restore, destroy,
 #endif
 };
 

@@ -17,6 +17,7 @@
 #define CRASH_IN_STEP 6
 #define NAN_IN_STEP 7
 #define ROUNDING_IN_STEP 8
+#define EXIT_IN_STEP 9
 #ifndef TRAP
 #define TRAP 0
 #endif
@@ -93,6 +94,7 @@ static int32_t step(void *node, const void *input, void *answer) {
   if (in->tick == TRAP_TICK) {
     if (TRAP == FAIL_IN_STEP) return 7;
     if (TRAP == CRASH_IN_STEP) abort();
+    if (TRAP == EXIT_IN_STEP) exit(0);
     if (TRAP == NAN_IN_STEP) out->rates_radps[1] = NAN;
 #if TRAP == ROUNDING_IN_STEP
     __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8000);

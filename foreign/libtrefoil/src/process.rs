@@ -19,6 +19,7 @@ use foreign::setup::Setup;
 use runtime::cycle_loop::CycleLoop;
 use runtime::node::Asked;
 use runtime::process::die_with_launcher;
+use runtime::realtime::ThisProcess;
 use runtime::session::NodeSession;
 
 use crate::boundary::{Failure, c_text, free, given, guarded, taken, text, texts, topic_of, write_error};
@@ -32,6 +33,7 @@ pub struct TrefoilSession {
     /// Provenance of the answer that is due.
     due: Option<Stamp>,
     error: CString,
+    process: ThisProcess,
 }
 
 /// Phase of a session.
@@ -48,7 +50,8 @@ impl TrefoilSession {
         let setup = Setup::new(&session.scenario, topic).map_err(Failure::of_usage)?;
         let node = session.open(foreign::open_asked)?;
         let sizes = foreign::sizes(topic).unwrap_or_default();
-        Ok(Self { phase: Phase::Joined(Box::new(session)), node, sizes, setup, due: None, error: CString::default() })
+        let (phase, process) = (Phase::Joined(Box::new(session)), ThisProcess::now());
+        Ok(Self { phase, node, sizes, setup, due: None, error: CString::default(), process })
     }
 
     /// Copies the memory of the process before this one to `memory`; returns its size, 0 if it left none.
@@ -251,15 +254,20 @@ pub unsafe extern "C" fn trefoil_error(session: *const TrefoilSession) -> *const
     unsafe { (*session).error.as_ptr() }
 }
 
-/// Leaves the run, and frees the session. NULL is nothing to leave.
+/// Leaves the run, and frees the session. NULL is nothing to leave. In a copy of the process, made by `fork`, it does
+/// nothing: the process has the session.
 ///
 /// # Safety
 /// `session` came from `trefoil_join`, and is not used any more.
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trefoil_leave(session: *mut TrefoilSession) {
-    // SAFETY: it is a box that `trefoil_join` gave away.
-    unsafe { free(session) };
+    // SAFETY: it is a box that `trefoil_join` gave away, or NULL.
+    unsafe {
+        if session.as_ref().is_some_and(|session| session.process.is_this()) {
+            free(session);
+        }
+    }
 }
 
 /// Checks the size of `what` of the node.

@@ -1,7 +1,7 @@
 //! Columns that a table of flights has of each outcome.
 
 use outcome::metrics::Metrics;
-use outcome::solves::Solves;
+use outcome::solves::SolverRecord;
 use serde_json::Value;
 
 use crate::table::Kind;
@@ -17,7 +17,7 @@ pub fn of_the_outcome() -> Vec<(String, Kind)> {
         ("flown_s", Kind::Real),
     ];
     let mut columns: Vec<(String, Kind)> = own.map(|(name, kind)| (name.to_owned(), kind)).into();
-    columns.extend(measured(&Metrics::default(), &Solves::new()).into_iter().map(|(name, value)| {
+    columns.extend(measured(&Metrics::default(), &SolverRecord::default()).into_iter().map(|(name, value)| {
         let kind = if value.is_u64() { Kind::Int } else { Kind::Real };
         (name, kind)
     }));
@@ -32,7 +32,7 @@ pub fn metrics() -> Vec<String> {
 }
 
 /// Lists metrics and counts of the solver by column name; each is a number or null.
-pub fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
+pub fn measured(metrics: &Metrics, solver: &SolverRecord) -> Vec<(String, Value)> {
     let mut measured = vec![];
     let metrics = serde_json::to_value(metrics).expect("metrics are numbers");
     for (name, value) in metrics.as_object().into_iter().flatten() {
@@ -44,8 +44,7 @@ pub fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
             value => measured.push((name.clone(), value.clone())),
         }
     }
-    let solver = solves.record();
-    let counts = serde_json::to_value(&solver).expect("counts are numbers");
+    let counts = serde_json::to_value(solver).expect("counts are numbers");
     let counts = counts.as_object().into_iter().flatten().filter(|(_, value)| value.is_u64());
     measured.extend(counts.map(|(name, value)| (format!("solver_{name}"), value.clone())));
     measured.push(("solver_iterations_max".into(), solver.iterations.max.into()));

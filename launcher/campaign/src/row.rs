@@ -132,7 +132,7 @@ fn try_to_fly(
         verdict.failed_at_s.map_or(Cell::None, Cell::Real),
         Cell::Real(summary.time_s()),
     ];
-    cells.extend(measured(&metrics, &summary.solves).into_iter().map(|(_, value)| match value {
+    cells.extend(measured(&metrics, &summary.solver()).into_iter().map(|(_, value)| match value {
         Value::Number(number) if number.is_u64() => Cell::Int(number.as_u64().unwrap_or_default() as i64),
         value => value.as_f64().map_or(Cell::None, Cell::Real),
     }));

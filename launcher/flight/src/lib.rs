@@ -9,6 +9,7 @@
 //! | [`inprocess`] | the ring in one thread |
 //! | [`guarded`] | the same with libraries, in a child: a crash or an endless loop costs one flight |
 //! | [`roles`] | which process runs a node: one state machine, three drivers |
+//! | [`strays`] | processes that code of users has left behind |
 //! | [`intruder`] | a foreign process that tries to enter a run, as a fault |
 //! | [`event`] | events of processes, and the pipe that carries them to the recorder |
 //! | [`swap_story`] | course and end of each swap, read from the events |
@@ -54,6 +55,7 @@ pub mod roles;
 pub mod settings;
 pub mod shipped;
 pub mod stack;
+pub mod strays;
 pub mod swap_story;
 
 /// Returns a command that starts this program again: the file that runs, even if its path names another file by now.

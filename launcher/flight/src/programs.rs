@@ -22,6 +22,7 @@ use sha2::{Digest, Sha256};
 
 use crate::own_program;
 use crate::stack::children::wait;
+use crate::strays::Mark;
 
 /// Longest time that a library may take to be loaded and to answer to a few samples.
 const TRIAL_LIMIT: Duration = Duration::from_secs(10);
@@ -178,6 +179,7 @@ fn try_in_child(scenario: &Scenario, name: &str, env: &BTreeMap<String, String>)
     let mut command = own_program();
     command.args(["try-library", name]).envs(env);
     let command = command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mark = Mark::on(command);
     let mut child = command.spawn().map_err(|error| format!("no process to try it in: {error}"))?;
     // A child that ends before it has read its settings says why on stderr.
     let _ = child.stdin.take().map(|mut stdin| stdin.write_all(to_toml(scenario).as_bytes()));
@@ -188,6 +190,7 @@ fn try_in_child(scenario: &Scenario, name: &str, env: &BTreeMap<String, String>)
         text
     });
     let ended = wait(&mut child, "trial of a library", TRIAL_LIMIT, &AtomicU32::new(0));
+    mark.kill_all(); // before what it said is read: a process that it left may hold its stderr open
     let Some(status) = ended else {
         return Err(format!("it did not load and answer within {} s", TRIAL_LIMIT.as_secs()));
     };

@@ -38,9 +38,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use contract::Scenario;
-use contract::scenario::{Fault, Mode};
+use contract::scenario::{Fault, Mode, ProgramKind};
 use contract::topic::Topic;
 pub use ring::ended::{Ended, Refused, refused_by_listener};
+use runtime::limits::PROBE_LIMIT_NS;
 use runtime::port::PortFailure;
 use runtime::ports::Ports;
 use runtime::realtime::{phase, tell_of_crashes};
@@ -209,7 +210,7 @@ impl Stack {
             let failures = &self.run.page.role(topic).port_failures;
             (topic.publisher(), PortFailure::ALL.map(|failure| failures[failure as usize].get()))
         };
-        Topic::ALL.map(count).into_iter().chain([("launcher", [0, self.observers.failures()])]).collect()
+        Topic::ALL.map(count).into_iter().chain([("launcher", [0, self.observers.failures(), 0])]).collect()
     }
 
     fn is_interrupted(&self, interrupts: &AtomicU32) -> bool {
@@ -218,7 +219,8 @@ impl Stack {
 
     /// Waits until every process is ready, that is, has received something from each process that it listens to.
     fn wait_until_ready(&mut self, ports: &mut Ports, interrupts: &AtomicU32) -> anyhow::Result<()> {
-        let deadline = Instant::now() + JOIN_LIMIT;
+        let started = Instant::now();
+        let deadline = started + JOIN_LIMIT;
         loop {
             let silent = ports.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
             let Some(name) = silent.or_else(|| self.unready()) else { return Ok(()) };
@@ -226,16 +228,36 @@ impl Stack {
                 return Err(StartError::Interrupted.into());
             }
             if let Some((i, how)) = self.run.children.exited() {
-                self.run.children.all[i].tell_output();
-                return Err(StartError::Lost(how.tell(self.run.children.all[i].name())).into());
+                let process = &self.run.children.all[i];
+                process.tell_output();
+                // One that has waited for another in vain says so, and is not the reason.
+                let waited_ns = started.elapsed().as_nanos() as u64;
+                let absent = self.absent().filter(|_| waited_ns >= PROBE_LIMIT_NS);
+                let why = absent.map_or_else(|| how.tell(process.name()), |topic| self.not_joined(topic));
+                return Err(StartError::Lost(why).into());
             }
             if Instant::now() > deadline {
-                let why = format!("after {} s {name} is not ready", JOIN_LIMIT.as_secs());
-                return Err(StartError::Lost(why).into());
+                let why = || format!("after {} s {name} is not ready", JOIN_LIMIT.as_secs());
+                return Err(StartError::Lost(self.absent().map_or_else(why, |topic| self.not_joined(topic))).into());
             }
             self.requests.answer_one(&mut self.run, self.archive.as_ref());
             std::thread::sleep(Duration::from_millis(1));
         }
+    }
+
+    /// Returns the topic of a process that has taken no place in the run yet, if any.
+    fn absent(&self) -> Option<Topic> {
+        Topic::ALL.into_iter().find(|topic| !self.run.page.role(*topic).is_taken(1))
+    }
+
+    fn not_joined(&self, topic: Topic) -> String {
+        let (node, program) = (topic.publisher(), self.run.scenario.node.of(topic));
+        let (exec, limit_s) = (&program.exec, PROBE_LIMIT_NS / 1_000_000_000);
+        let who = match program.kind() {
+            ProgramKind::Own => node.to_owned(),
+            ProgramKind::Library | ProgramKind::Executable => format!("`{exec}` of {node}"),
+        };
+        format!("{who} has not joined the run within {limit_s} s: see docs/controllers.md")
     }
 
     /// Returns the name of a process that is not ready yet, if any.
@@ -303,7 +325,7 @@ impl Stack {
             let (name, topic, epoch) = (process.name(), process.topic, process.epoch);
             match (topic, how) {
                 (None, _) => _ = archive.as_mut().map(|archive| archive.exited(run, i, tick)),
-                (Some(Topic::State), ChildExit::Well) => return Some(Ended::Flown),
+                (Some(Topic::State), ChildExit::Well) if run.page.total_samples() > 0 => return Some(Ended::Flown),
                 (Some(topic), ChildExit::Late)
                     if topic == Topic::State || run.driver.nodes()[topic as usize].role.is_alone(epoch) =>
                 {

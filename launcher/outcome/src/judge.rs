@@ -9,6 +9,7 @@ use flight::recorder::LogOutcome;
 use flight::stack::{Ended, PortFailures, Refused};
 use flight::swap_story::{FailedSwap, of_candidates};
 use flight::{inprocess, stack};
+use runtime::port::PortFailure;
 
 use crate::bounds::{self, BoundCheck};
 use crate::summary::Summary;
@@ -175,7 +176,14 @@ fn reservations(
         told.extend((log.dropped > 0).then(|| format!("{} records are missing in the log", log.dropped)));
         told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));
     }
-    let failures = how.port_failures.iter().map(|(node, counts)| (node, counts.iter().copied().map(u64::from).sum()));
+    let copies = how.port_failures.iter().map(|(node, counts)| (node, counts[PortFailure::Copy as usize]));
+    told.extend(
+        copies
+            .filter(|(_, n)| *n > 0)
+            .map(|(node, n)| format!("{node} was copied {n} times in flight (fork, daemon), and each copy was ended")),
+    );
+    let of_ports = |counts: &[u32]| counts[..PortFailure::Copy as usize].iter().copied().map(u64::from).sum();
+    let failures = how.port_failures.iter().map(|(node, counts)| (node, of_ports(counts)));
     told.extend(
         failures.filter(|(_, n): &(_, u64)| *n > 0).map(|(node, n)| format!("ports of {node} failed {n} times")),
     );

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | `control_page` | the shared page of a run |
-//! | `linux` | services of the kernel: clocks, futexes, mappings, priority, locked memory, pipes, signals |
+//! | `linux` | services of the kernel: clocks, futexes, mappings, priority, locked memory, pipes, signals, copies |
 //! | `without_os` | stand-in where there is no kernel, for flights in process |
 
 mod control_page;

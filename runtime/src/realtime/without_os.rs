@@ -29,6 +29,20 @@ pub fn shortage() -> Option<String> {
     None
 }
 
+/// Process in which a value of this type was made: there is only one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ThisProcess;
+
+impl ThisProcess {
+    /// Returns the process.
+    pub fn now() -> Self {
+        Self
+    }
+
+    /// Returns at once: there is no copy.
+    pub fn leave_if_copied(self) {}
+}
+
 /// Control page of a run in process.
 pub struct ControlPage(Box<Page>);
 

@@ -8,9 +8,10 @@ use std::time::Duration;
 use contract::exit;
 use runtime::error::{SessionError, words_of_panic};
 use runtime::realtime::{SharedPipes, WordPipe, die_of_crashes, now_ns};
-use rustix::process::{Signal, set_parent_process_death_signal};
+use rustix::process::{Signal, getpid, set_child_subreaper, set_parent_process_death_signal};
 
 use super::frames::{Answer, End, Request};
+use super::surroundings::Surroundings;
 use crate::inprocess::{self, Flown};
 use crate::log::{Memory, Record};
 
@@ -22,6 +23,7 @@ const LOOK_NS: u64 = Duration::from_secs(1).as_nanos() as u64;
 /// Sender of the answers.
 struct Sender<'a> {
     pipe: &'a WordPipe,
+    flight: u16,
     words: Vec<u64>,
     /// Words sent since the parent was woken.
     unseen: usize,
@@ -36,6 +38,9 @@ pub fn serve() -> io::Result<u8> {
     die_of_crashes();
     // Again, because a program with capabilities loses it when it is started.
     set_parent_process_death_signal(Some(Signal::KILL))?;
+    // Processes that a library starts and leaves behind are then children of this one, so that they are seen.
+    set_child_subreaper(Some(getpid()))?;
+    let before = Surroundings::now();
     let mut words = vec![];
     loop {
         let request = loop {
@@ -46,7 +51,8 @@ pub fn serve() -> io::Result<u8> {
                 pipes.requests.wait_for_words(now_ns() + LOOK_NS);
             }
         };
-        let sender = RefCell::new(Sender { pipe: &pipes.answers, words: vec![], unseen: 0 });
+        let flight = request.as_ref().map_or(0, |request| request.flight);
+        let sender = RefCell::new(Sender { pipe: &pipes.answers, flight, words: vec![], unseen: 0 });
         let end = match request {
             Ok(request) => match catch_unwind(AssertUnwindSafe(|| fly(&request, &sender))) {
                 Ok(Ok(flown)) => End::of(flown),
@@ -56,7 +62,7 @@ pub fn serve() -> io::Result<u8> {
             Err(why) => End::Refused(why),
         };
         let mut sender = sender.into_inner();
-        Answer::end(&end, &mut sender.words);
+        Answer::end(flight, &end, Surroundings::now() == before, &mut sender.words);
         sender.send();
         pipes.answers.wake_reader();
         if matches!(end, End::Panicked(_)) {
@@ -79,12 +85,12 @@ fn fly(request: &Request, sender: &RefCell<Sender>) -> Result<Flown, SessionErro
 
 impl Sender<'_> {
     fn record(&mut self, record: &Record) {
-        Answer::record(record, &mut self.words);
+        Answer::record(self.flight, record, &mut self.words);
         self.send();
     }
 
     fn memory(&mut self, memory: &Memory) {
-        Answer::memory(memory, &mut self.words);
+        Answer::memory(self.flight, memory, &mut self.words);
         self.send();
     }
 

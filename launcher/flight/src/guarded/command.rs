@@ -1,31 +1,42 @@
 //! A whole command in a child process, with the arguments of this one: a library that it loads may crash there.
 
 use std::process::Command;
+use std::sync::OnceLock;
 use std::{env, io};
 
 use contract::exit;
-use runtime::console::eprint_line;
+use runtime::console::{eprint_line, keep_stdout};
 use runtime::realtime::die_of_crashes;
 use rustix::process::getppid;
 
 use super::host::in_words;
+use crate::strays::Mark;
 
 /// Variable that the child has: the pid of its parent, so that its own children are none.
 const CHILD_OF: &str = "TREFOIL_CHILD_OF";
 /// Difference between the exit code of the child and that of the command: so a library that calls `exit` is found out.
 const TO_THE_END: u8 = 100;
 
+/// Set in the child before it loads anything: a library may clear the variables.
+static IS_CHILD: OnceLock<()> = OnceLock::new();
+
 /// Runs this command in a child, and says if a library has ended it; returns the exit code, `None` in the child itself.
 ///
 /// # Errors
 /// No child can be started.
 pub fn command() -> io::Result<Option<u8>> {
-    if is_child() {
+    let parent = getppid().map(|parent| parent.as_raw_nonzero().get().to_string());
+    if parent.is_some() && env::var(CHILD_OF).ok() == parent {
+        IS_CHILD.get_or_init(|| ());
         die_of_crashes();
+        keep_stdout()?;
         return Ok(None);
     }
     let mut child = Command::new(env::current_exe()?);
-    let status = child.args(env::args_os().skip(1)).env(CHILD_OF, std::process::id().to_string()).status()?;
+    let mark = Mark::on(&mut child);
+    let status = child.args(env::args_os().skip(1)).env(CHILD_OF, std::process::id().to_string()).status();
+    mark.kill_all();
+    let status = status?;
     let code = status.code().and_then(|code| u8::try_from(code).ok()?.checked_sub(TO_THE_END));
     if code.is_none() {
         eprint_line(&format!("error: a library {}", in_words(status)));
@@ -35,10 +46,5 @@ pub fn command() -> io::Result<Option<u8>> {
 
 /// Returns the exit code for this process of a command that came to its end with `code`.
 pub fn exit_code(code: u8) -> u8 {
-    if is_child() { TO_THE_END + code } else { code }
-}
-
-fn is_child() -> bool {
-    let parent = getppid().map(|parent| parent.as_raw_nonzero().get().to_string());
-    parent.is_some() && env::var(CHILD_OF).ok() == parent
+    if IS_CHILD.get().is_some() { TO_THE_END + code } else { code }
 }

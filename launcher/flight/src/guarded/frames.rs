@@ -1,4 +1,5 @@
-//! Requests and answers as words: the kind and the number of words that follow in the first word, then these.
+//! Requests and answers as words: the number of the flight, the kind and the number of words that follow in the first
+//! word, then these.
 
 use bytemuck::{cast_slice, pod_read_unaligned};
 use contract::guard::Refusal;
@@ -16,12 +17,15 @@ use crate::stack::Ended;
 /// Kinds of frames: those of messages are the numbers of their topics.
 const MEMORY: u64 = 4;
 const TEXT: u64 = 5;
-/// Bits of the first word below the kind.
+/// Bits of the first word below the kind, and below the number of the flight.
 const KIND_SHIFT: u32 = 32;
+const FLIGHT_SHIFT: u32 = 40;
 
 /// Flight to be flown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
+    /// Number of the flight among those of the child, which every answer repeats.
+    pub flight: u16,
     /// Messages have checksums, because they are logged.
     pub logged: bool,
     pub scenario: Scenario,
@@ -35,7 +39,8 @@ pub struct Request {
 pub enum Answer {
     Record(Record),
     Memory(Memory),
-    End(End),
+    /// End of the flight; `true` if the child is as it was at its start, and can fly the next.
+    End(End, bool),
 }
 
 /// End of a flight, in words that travel.
@@ -66,7 +71,7 @@ impl End {
 
 impl Request {
     pub fn to_words(&self) -> Vec<u64> {
-        text_frame(&format!("{}\n{}", self.logged, to_toml(&self.scenario)))
+        text_frame(self.flight, &format!("{}\n{}", self.logged, to_toml(&self.scenario)))
     }
 
     /// Takes a request from the beginning of `words`; `None` if it is not complete.
@@ -74,59 +79,65 @@ impl Request {
     /// # Errors
     /// The words are no request.
     pub fn take(words: &mut Vec<u64>) -> Option<Result<Self, String>> {
-        let (kind, body) = take_frame(words)?;
+        let (flight, kind, body) = take_frame(words)?;
         let request = || -> Result<Self, String> {
             let text = if kind == TEXT { text_of(&body) } else { None };
             let text = text.ok_or("no request")?;
             let (logged, settings) = text.split_once('\n').ok_or("a request without settings")?;
             let scenario = scenario::from_merged(settings, "settings of the flight").map_err(|e| e.to_string())?;
-            Ok(Self { logged: logged == "true", scenario })
+            Ok(Self { flight, logged: logged == "true", scenario })
         };
         Some(request())
     }
 }
 
 impl Answer {
-    /// Appends the frame of a message to `words`.
-    pub fn record(record: &Record, words: &mut Vec<u64>) {
+    /// Appends the frame of a message of `flight` to `words`.
+    pub fn record(flight: u16, record: &Record, words: &mut Vec<u64>) {
         let topic = record.topic() as u64;
-        with_message!(record, message => push_frame(topic, cast_slice(std::slice::from_ref(message)), words));
+        with_message!(record, message => push_frame(flight, topic, cast_slice(std::slice::from_ref(message)), words));
     }
 
-    /// Appends the frame of a snapshot to `words`.
-    pub fn memory(memory: &Memory, words: &mut Vec<u64>) {
+    /// Appends the frame of a snapshot of `flight` to `words`.
+    pub fn memory(flight: u16, memory: &Memory, words: &mut Vec<u64>) {
         let Memory { tick, topic, origin, words: content } = memory;
-        push_frame(MEMORY, &[&[*tick, *topic as u64, origin.epoch, origin.done], &content[..]].concat(), words);
+        let body = [&[*tick, *topic as u64, origin.epoch, origin.done], &content[..]].concat();
+        push_frame(flight, MEMORY, &body, words);
     }
 
-    /// Appends the frame of an end to `words`.
-    pub fn end(end: &End, words: &mut Vec<u64>) {
-        words.extend(text_frame(&serde_json::to_string(end).expect("numbers and text")));
+    /// Appends the frame of the end of `flight` to `words`; `is_as_before` as in [`Self::End`].
+    pub fn end(flight: u16, end: &End, is_as_before: bool, words: &mut Vec<u64>) {
+        let text = serde_json::to_string(&(end, is_as_before)).expect("numbers and text");
+        words.extend(text_frame(flight, &text));
     }
 
-    /// Takes an answer from the words from `at` on, and moves `at` behind it; `Ok(None)` if it is not complete.
+    /// Takes an answer of `flight` from the words from `at` on, and moves `at` behind it; `Ok(None)` if it is not
+    /// complete.
     ///
     /// # Errors
-    /// The words are no answer: the child has damaged its memory.
-    pub fn take(words: &[u64], at: &mut usize) -> Result<Option<Self>, String> {
-        let Some((kind, body, next)) = frame(&words[*at..]) else { return Ok(None) };
+    /// The words are no answer of this flight: the child has damaged its memory.
+    pub fn take(flight: u16, words: &[u64], at: &mut usize) -> Result<Option<Self>, String> {
+        let Some((of, kind, body, next)) = frame(&words[*at..]) else { return Ok(None) };
         *at += next;
         let answer = match kind {
+            _ if of != flight => None,
             MEMORY => memory_of(body).map(Self::Memory),
-            TEXT => text_of(body).and_then(|text| serde_json::from_str(&text).ok()).map(Self::End),
+            TEXT => {
+                text_of(body).and_then(|text| serde_json::from_str(&text).ok()).map(|(end, same)| Self::End(end, same))
+            }
             topic => record_of(topic, body).map(Self::Record),
         };
         answer.map(Some).ok_or_else(|| "has damaged the memory of its process".to_owned())
     }
 }
 
-fn push_frame(kind: u64, body: &[u64], words: &mut Vec<u64>) {
-    words.push(kind << KIND_SHIFT | body.len() as u64);
+fn push_frame(flight: u16, kind: u64, body: &[u64], words: &mut Vec<u64>) {
+    words.push(u64::from(flight) << FLIGHT_SHIFT | kind << KIND_SHIFT | body.len() as u64);
     words.extend_from_slice(body);
 }
 
 /// Makes the frame of a text: its length \[byte\], and its bytes.
-fn text_frame(text: &str) -> Vec<u64> {
+fn text_frame(flight: u16, text: &str) -> Vec<u64> {
     let word = |bytes: &[u8]| {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);
@@ -134,22 +145,23 @@ fn text_frame(text: &str) -> Vec<u64> {
     };
     let body: Vec<u64> = [text.len() as u64].into_iter().chain(text.as_bytes().chunks(8).map(word)).collect();
     let mut words = vec![];
-    push_frame(TEXT, &body, &mut words);
+    push_frame(flight, TEXT, &body, &mut words);
     words
 }
 
-/// Returns kind and body of the frame at the beginning of `words`, and its length; `None` if it is not complete.
-fn frame(words: &[u64]) -> Option<(u64, &[u64], usize)> {
+/// Returns flight, kind, body and length of the frame at the beginning of `words`; `None` if it is not complete.
+fn frame(words: &[u64]) -> Option<(u16, u64, &[u64], usize)> {
     let (head, rest) = words.split_first()?;
     let length = (head & u64::from(u32::MAX)) as usize;
-    Some((head >> KIND_SHIFT, rest.get(..length)?, 1 + length))
+    let kind = head >> KIND_SHIFT & 0xff;
+    Some(((head >> FLIGHT_SHIFT) as u16, kind, rest.get(..length)?, 1 + length))
 }
 
-fn take_frame(words: &mut Vec<u64>) -> Option<(u64, Vec<u64>)> {
-    let (kind, body, next) = frame(words)?;
+fn take_frame(words: &mut Vec<u64>) -> Option<(u16, u64, Vec<u64>)> {
+    let (flight, kind, body, next) = frame(words)?;
     let body = body.to_vec();
     words.drain(..next);
-    Some((kind, body))
+    Some((flight, kind, body))
 }
 
 fn text_of(body: &[u64]) -> Option<String> {
@@ -187,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_request_is_taken_when_it_is_complete() {
-        let request = Request { logged: true, scenario: Scenario::default() };
+        let request = Request { flight: u16::MAX, logged: true, scenario: Scenario::default() };
         let words = request.to_words();
         let mut part = words[..words.len() - 1].to_vec();
         assert!(Request::take(&mut part).is_none());
@@ -201,20 +213,20 @@ mod tests {
         let record = Record::from(State { status: 3, ..State::default() });
         let memory = Memory::new(7, Topic::Actuators, Origin { epoch: 2, done: 8 }, &[1, 2, 3]);
         let mut words = vec![];
-        Answer::record(&record, &mut words);
-        Answer::memory(&memory, &mut words);
-        Answer::end(&End::Refused("no \u{3bc}".into()), &mut words);
+        Answer::record(7, &record, &mut words);
+        Answer::memory(7, &memory, &mut words);
+        Answer::end(7, &End::Refused("no \u{3bc}".into()), true, &mut words);
         let mut at = 0;
-        assert!(matches!(Answer::take(&words, &mut at), Ok(Some(Answer::Record(got))) if got == record));
-        assert!(matches!(Answer::take(&words, &mut at), Ok(Some(Answer::Memory(got))) if got == memory));
-        assert!(
-            matches!(Answer::take(&words, &mut at), Ok(Some(Answer::End(End::Refused(why)))) if why == "no \u{3bc}")
-        );
-        assert!(matches!(Answer::take(&words, &mut at), Ok(None)));
+        let mut take = || Answer::take(7, &words, &mut at);
+        assert!(matches!(take(), Ok(Some(Answer::Record(got))) if got == record));
+        assert!(matches!(take(), Ok(Some(Answer::Memory(got))) if got == memory));
+        assert!(matches!(take(), Ok(Some(Answer::End(End::Refused(why), true))) if why == "no \u{3bc}"));
+        assert!(matches!(take(), Ok(None)));
+        assert!(Answer::take(8, &words, &mut 0).is_err(), "an answer of another flight");
         for damaged in
             [vec![9 << KIND_SHIFT], vec![1, 0], vec![MEMORY << KIND_SHIFT], vec![TEXT << KIND_SHIFT | 1, 900]]
         {
-            assert!(Answer::take(&damaged, &mut 0).is_err(), "{damaged:?}");
+            assert!(Answer::take(0, &damaged, &mut 0).is_err(), "{damaged:?}");
         }
     }
 }

@@ -20,6 +20,7 @@ use crate::own_program;
 use crate::programs;
 use crate::stack::Ended;
 use crate::stack::children::kill;
+use crate::strays::Mark;
 
 /// Longest time until the end of a child, or of its wait for a flight, is noticed.
 const LOOK: Duration = Duration::from_millis(5);
@@ -27,7 +28,11 @@ const LOOK: Duration = Duration::from_millis(5);
 /// Child, alive unless its last flight has cost it.
 pub struct Host {
     child: Child,
+    /// Mark of the processes that come from it.
+    mark: Mark,
     pipes: SharedPipes,
+    /// Number of the newest flight.
+    flight: u16,
     /// Variables that the child was started with, of all nodes.
     env: BTreeMap<String, String>,
     /// Libraries that it flies with, and has loaded after its first flight: the file of each, and its hash.
@@ -54,8 +59,9 @@ impl Host {
             command.arg("fly-guarded").envs(&env).process_group(0);
             command.stdin(file).stdout(io::stderr()).stderr(Stdio::inherit());
             die_with_parent(&mut command);
-            let libraries = programs::files(scenario);
-            Ok(Self { child: command.spawn()?, pipes, env, libraries, words: vec![], taken: 0, is_idle: true })
+            let (mark, libraries) = (Mark::on(&mut command), programs::files(scenario));
+            let child = command.spawn()?;
+            Ok(Self { child, mark, pipes, flight: 0, env, libraries, words: vec![], taken: 0, is_idle: true })
         };
         start().map_err(|why| SessionError::Io { what: "a process to fly libraries in".into(), why })
     }
@@ -71,18 +77,22 @@ impl Host {
         self.is_idle
     }
 
-    /// Lets the child fly; gives `watch` every message, until it returns false.
+    /// Lets the child fly `scenario`, with checksums if the flight is `logged`; gives `watch` every message, until it
+    /// returns false.
     ///
     /// # Errors
     /// The flight cannot be flown.
     pub fn fly(
         &mut self,
-        request: &Request,
+        logged: bool,
+        scenario: &Scenario,
         mut watch: impl FnMut(&Record) -> bool,
         mut remember: impl FnMut(&Memory),
     ) -> Result<Flown, SessionError> {
         self.is_idle = false;
-        let limit_s = request.scenario.supervision.wall_limit_s;
+        self.flight = self.flight.wrapping_add(1);
+        let request = Request { flight: self.flight, logged, scenario: scenario.clone() };
+        let limit_s = scenario.supervision.wall_limit_s;
         let limit = (limit_s > 0.0).then(|| Duration::from_secs_f64(limit_s));
         let mut tick = 0;
         let lost = match self.send(&request.to_words()) {
@@ -96,15 +106,15 @@ impl Host {
                         }
                     }
                     Ok(Answer::Memory(memory)) => remember(&memory),
-                    Ok(Answer::End(end)) => {
-                        self.is_idle = true;
+                    Ok(Answer::End(end, is_as_before)) => {
+                        self.is_idle = is_as_before && self.taken == self.words.len();
                         return whole(end);
                     }
                     Err(loss) => break loss,
                 }
             },
         };
-        Ok(lost_flight(&request.scenario, tick, &lost))
+        Ok(lost_flight(scenario, tick, &lost))
     }
 
     fn send(&mut self, mut words: &[u64]) -> Result<(), Loss> {
@@ -144,7 +154,8 @@ impl Host {
 
     /// Takes the next answer of those read; `None` if there is none.
     fn take(&mut self) -> Result<Option<Answer>, Loss> {
-        let taken = Answer::take(&self.words, &mut self.taken).map_err(|why| Loss { what: What::Died, why })?;
+        let taken = Answer::take(self.flight, &self.words, &mut self.taken);
+        let taken = taken.map_err(|why| Loss { what: What::Died, why })?;
         if taken.is_none() {
             self.words.drain(..self.taken);
             self.taken = 0;
@@ -162,6 +173,7 @@ impl Host {
 impl Drop for Host {
     fn drop(&mut self) {
         kill(&mut self.child);
+        self.mark.kill_all();
     }
 }
 

@@ -10,12 +10,14 @@
 //! ```
 //!
 //! Messages come through memory that both processes share, so none is lost with the child, and a flight is not slower
-//! by a system call for each.
+//! by a system call for each. What a library changes in its process (limits, variables, working directory, signals), or
+//! leaves running, ends with the flight: the next one then has a new child.
 //!
 //! | module | holds |
 //! |---|---|
 //! | `frames` | requests and answers as words |
 //! | `child` | the process that flies |
+//! | `surroundings` | what a flight must leave as it was |
 //! | `command` | a whole command in a child: a replay that loads libraries |
 //! | `host` | the parent's end of a child |
 
@@ -23,6 +25,7 @@ mod child;
 mod command;
 mod frames;
 mod host;
+mod surroundings;
 
 use std::cell::RefCell;
 
@@ -35,7 +38,6 @@ pub use command::{command, exit_code};
 use crate::inprocess::{self, Flown};
 use crate::log::{Memory, Record};
 use crate::programs;
-use frames::Request;
 use host::Host;
 
 /// Most children of a thread that wait; beyond them the one that has waited longest ends.
@@ -92,7 +94,7 @@ fn fly_in_child(
         suits.map(|at| idle.remove(at))
     });
     let mut host = idle.map_or_else(|| Host::start(scenario), Ok)?;
-    let flown = host.fly(&Request { logged, scenario: scenario.clone() }, watch, remember)?;
+    let flown = host.fly(logged, scenario, watch, remember)?;
     if host.is_idle() {
         IDLE.with_borrow_mut(|idle| {
             idle.push(host);

@@ -1,7 +1,8 @@
 //! Children of the launcher: starts them, signals them, waits for them, and clears away what they leave.
 //!
 //! Each child has a process group of its own. The processes that it starts in turn are in that group: they get the same
-//! signals, and do not outlive it.
+//! signals, and do not outlive it. Nor do processes that leave the group, as code of users may start
+//! ([`crate::strays`]).
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -30,6 +31,7 @@ use crate::event::{self, Event};
 use crate::limits::{CLEAN_UP_LIMIT, KILL_LIMIT, SAY_AFTER};
 use crate::own_program;
 use crate::provenance::status_of;
+use crate::strays::Mark;
 use runtime::console::eprint_line;
 
 /// Longest output of a program that its last lines are shown of \[byte\].
@@ -64,6 +66,8 @@ pub struct Process {
     pub awaited: bool,
     /// File that its output goes to, for a program of a user.
     output: Option<PathBuf>,
+    /// Mark of the processes that come from it, for a program or library of a user.
+    mark: Option<Mark>,
     /// Descriptor that becomes readable when the process ends.
     pidfd: Option<OwnedFd>,
 }
@@ -124,6 +128,7 @@ impl Children {
         let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // the recorder, both ways
         command.stdin(talks()).stdout(talks());
         let is_ours = program.is_none_or(|program| program.kind() == ProgramKind::Own);
+        let mark = (!is_ours).then(|| Mark::on(&mut command));
         let folder = self.outputs.as_ref().filter(|_| !is_ours && topic.is_some());
         let output = folder.map(|folder| folder.join(format!("{name}.{epoch}.log")));
         if let Some(path) = &output {
@@ -147,7 +152,7 @@ impl Children {
         }
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
-        self.all.push(Process { topic, epoch, child, killed: false, awaited: false, output, pidfd });
+        self.all.push(Process { topic, epoch, child, killed: false, awaited: false, output, mark, pidfd });
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
@@ -166,12 +171,13 @@ impl Children {
         self.told += events.iter().skip(self.told).take_while(|event| event::send(pipe, event)).count();
     }
 
-    /// Forgets child `i`, which has ended, and removes the ports that dead processes left in the services. A thread
-    /// does that, because it takes longer than a process may be missing.
+    /// Forgets child `i`, which has ended, kills the processes that it left, and removes the ports that dead processes
+    /// left in the services. A thread does that, because it takes longer than a process may be missing.
     pub fn clean_up(&mut self, i: usize) {
-        self.all.remove(i);
+        let mark = self.all.remove(i).mark;
         let domain = self.domain.clone();
         let clean_up = move || {
+            mark.iter().for_each(Mark::kill_all);
             if let Ok(bus) = Bus::attach(&domain) {
                 bus.remove_dead_ports();
             }
@@ -214,6 +220,7 @@ impl Children {
 impl Drop for Children {
     fn drop(&mut self) {
         self.all.iter_mut().filter(|process| !process.awaited).for_each(|process| kill(&mut process.child));
+        self.all.iter().filter_map(|process| process.mark.as_ref()).for_each(Mark::kill_all);
         // A cleaner that still works would leave traces in what is wiped next; one that is stuck is not waited for.
         let deadline = Instant::now() + CLEAN_UP_LIMIT;
         while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {

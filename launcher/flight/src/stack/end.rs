@@ -48,7 +48,8 @@ impl ChildExit {
     /// Names the process and how it ended, for people.
     pub fn tell(&self, name: &str) -> String {
         match self {
-            Self::Well | Self::Late => name.into(),
+            Self::Well => format!("{name} (ended its process with exit code 0)"),
+            Self::Late => name.into(),
             Self::Badly(how) => format!("{name} ({how})"),
         }
     }

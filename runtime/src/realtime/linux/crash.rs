@@ -13,7 +13,8 @@ use rustix::process::{Resource, Rlimit};
 const CRASHES: [(libc::c_int, &str); 3] = [
     (
         libc::SIGBUS,
-        "a file of the run in shared memory was cut short while this process used it, which ends it (SIGBUS)\n",
+        "a file of the run in shared memory, or a library, was cut short while this process used it, which ends it \
+(SIGBUS)\n",
     ),
     (
         libc::SIGSEGV,
@@ -61,28 +62,24 @@ pub fn die_of_crashes() {
     let _ = rustix::process::setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) });
 }
 
-/// Prints `why` and ends this process at once, without running any more of its code: no destructor, no exit handler.
-pub fn end_at_once(why: &str) -> ! {
-    write(why);
-    // SAFETY: as it says above.
-    unsafe { libc::_exit(i32::from(exit::PROCESS_LOST)) }
-}
-
 extern "C" fn say(signal: libc::c_int) {
-    let words = CRASHES.into_iter().find(|(of, _)| *of == signal);
-    end_at_once(words.map_or("", |(_, words)| words));
+    let words = CRASHES.iter().find(|(of, _)| *of == signal).map_or("", |(_, words)| words);
+    end_at_once(words)
 }
 
-/// Writes `words` to stderr after the name of the node. A stderr that is not writable now is skipped, not waited for.
-fn write(words: &str) {
+/// Prints `words` and ends this process at once as a lost one, without running any more of its code: no destructor, no
+/// exit handler. Allowed in a handler of a signal.
+pub fn end_at_once(words: &str) -> ! {
     let mut stderr = libc::pollfd { fd: 2, events: libc::POLLOUT, revents: 0 };
     let parts = [BEGINNING.get().map_or("error: ", String::as_str), words];
     let parts = parts.map(|part| libc::iovec { iov_base: part.as_ptr().cast_mut().cast(), iov_len: part.len() });
     // SAFETY: `stderr`, `parts` and the text that they point to live across the calls, and are only read; the calls are
-    // allowed in handlers of signals.
+    // allowed in handlers. A stderr that is not writable at this moment is skipped, not waited for. The last call ends
+    // the process without running any more of its code.
     unsafe {
         if libc::poll(&raw mut stderr, 1, 0) == 1 {
             libc::writev(2, parts.as_ptr(), parts.len() as libc::c_int);
         }
+        libc::_exit(i32::from(exit::PROCESS_LOST))
     }
 }

@@ -1,5 +1,5 @@
 //! Services of the kernel: time, priority, locked memory, one shared page, shared pipes, children that die with
-//! their parent.
+//! their parent, copies that end.
 //!
 //! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with the reason why it is
 //! sound. A flight needs neither priority nor locked memory: without the privilege the stack runs as `SCHED_OTHER` and
@@ -12,6 +12,7 @@
 
 mod child;
 mod clock;
+mod copies;
 mod crash;
 mod futex;
 mod mapping;
@@ -29,6 +30,7 @@ use rustix::thread::CpuSet;
 
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns};
+pub use copies::{ThisProcess, tell_of_copies};
 pub use crash::{die_of_crashes, end_at_once, name_in_crashes, tell_of_crashes};
 pub use futex::{sleep_while, wake};
 pub use mapping::ControlPage;

@@ -1,0 +1,40 @@
+//! State that a process has from its surroundings, and that a library may change for all later flights in it.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::{env, fs};
+
+use rustix::process::{WaitId, WaitIdOptions, waitid};
+
+/// Fields of `/proc/self/status` that stay as they are: users, signals (blocked, ignored, handled), CPUs.
+const STAY: [&str; 10] =
+    ["Umask:", "Uid:", "Gid:", "Groups:", "SigBlk:", "SigIgn:", "SigCgt:", "NoNewPrivs:", "Seccomp:", "Cpus_allowed:"];
+
+/// Surroundings of this process.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Surroundings {
+    status: Vec<String>,
+    limits: String,
+    /// `None` if there is no such folder any more.
+    folder: Option<PathBuf>,
+    variables: BTreeMap<OsString, OsString>,
+    has_children: bool,
+}
+
+impl Surroundings {
+    /// Reads them; what cannot be read counts as empty.
+    pub fn now() -> Self {
+        let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let stays = |line: &&str| STAY.iter().any(|field| line.starts_with(field));
+        // Fails without children; one that has ended, and that the library has not waited for, is a child too.
+        let any = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        Self {
+            status: status.lines().filter(stays).map(str::to_owned).collect(),
+            limits: fs::read_to_string("/proc/self/limits").unwrap_or_default(),
+            folder: env::current_dir().ok(),
+            variables: env::vars_os().collect(),
+            has_children: waitid(WaitId::All, any).is_ok(),
+        }
+    }
+}
