@@ -76,6 +76,7 @@ fn a_replay_computes_the_answers_of_a_library_only_if_the_user_names_it() {
     let (code, said) = replay(&flown.out, &[]);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("not computed: attitude-mpc 1"), "{said}");
+    assert!(said.contains("with --program attitude-mpc=FILE"), "it says how: {said}");
     let named = |file: &Path| format!("attitude-mpc={}", file.display());
     let (code, said) = replay(&flown.out, &["--program", &named(&own)]);
     assert_eq!(code, Some(0), "{said}");
@@ -86,6 +87,16 @@ fn a_replay_computes_the_answers_of_a_library_only_if_the_user_names_it() {
     let (code, said) = replay(&flown.out, &["--node", "attitude-mpc", "--exec", other.to_str().unwrap()]);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("the same answers, bit for bit"), "{said}");
+}
+
+#[test]
+fn a_flight_of_a_library_without_a_disturbed_tick_is_explained_without_loading_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let flown = hover("lockstep", &[&exec(&library(folder.path(), "pd", &[])), "run.duration_s=1"]);
+    let explained = launcher().arg("explain").arg(&flown.out).output().expect("the launcher runs");
+    let said = String::from_utf8_lossy(&explained.stdout);
+    assert_eq!(explained.status.code(), Some(0), "{}", String::from_utf8_lossy(&explained.stderr));
+    assert!(said.contains("0 disturbed ticks"), "{said}");
 }
 
 /// Checks that 20 swaps between our core of `node` and `program` lose no tick in a flight of `scenario` in each of the

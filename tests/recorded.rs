@@ -150,5 +150,15 @@ fn a_report_of_a_part_draws_every_sample_of_it() {
     let beyond = report(&["--from", "80s"]);
     assert_eq!(beyond.status.code(), Some(2));
     let said = String::from_utf8_lossy(&beyond.stderr).into_owned();
-    assert!(said.contains("the flight has nothing from 80 s on"), "{said}");
+    assert!(said.contains("the flight has nothing from 80 s on: it ends at 70.00 s"), "{said}");
+}
+
+#[test]
+fn a_plain_file_beside_the_folders_of_runs_is_no_flight() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=1.0"]);
+    let folder = outcome.out.parent().expect("a folder");
+    std::fs::write(folder.join("notes.txt"), "").expect("a file");
+    let listed = launcher().arg("runs").arg(folder).output().expect("it runs");
+    let said = String::from_utf8_lossy(&listed.stdout);
+    assert!(listed.status.success() && said.contains("survey") && !said.contains("notes.txt"), "{said}");
 }

@@ -36,8 +36,8 @@ fn needed_bytes(bytes: &[u8]) -> Option<u64> {
     Some(ends.fold(table_end, u64::max))
 }
 
-/// Returns the names that the library of these `bytes` exports. They are read from its table of symbols: among its texts
-/// the linker may keep a name as the tail of another, `law_n_in` in `jac_law_n_in`.
+/// Returns the names that the library of these `bytes` exports. They are read from its table of symbols: among its
+/// texts the linker may keep a name as the tail of another, `law_n_in` in `jac_law_n_in`.
 pub fn exported(bytes: &[u8]) -> object::Result<BTreeSet<&str>> {
     let file = ElfFile64::<Endianness>::parse(bytes)?;
     Ok(file.dynamic_symbols().filter(ObjectSymbol::is_definition).filter_map(|symbol| symbol.name().ok()).collect())

@@ -53,7 +53,7 @@ use heading::HeadingCommand;
 use memory::Memory;
 use observer::{Observer, to_heading_frame};
 use reentry::Limits;
-use takeoff::TakeOff;
+use takeoff::{SPOOL_UP_S, TakeOff};
 pub use trajectory::{Setpoint, Trajectory};
 
 /// Position controller.
@@ -188,7 +188,7 @@ impl Guidance {
         let attitude = Vector3::from(state.measured.attitude_rad);
         let [phi, theta, psi] = state.measured.attitude_rad;
         let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);
-        let climbs = self.trajectory.is_above_ground(t_s);
+        let climbs = self.trajectory.is_above_ground(t_s + SPOOL_UP_S);
         if let Some(w_mps) = self.memory.take_off.observe(state.measured.position_m[2], climbs) {
             return self.stand(&setpoint, w_mps, &velocity_ned, t_s);
         }

@@ -9,6 +9,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+/// Time that rotors at idle need to lift the vehicle \[s\]: by as much it leaves before the mission.
+pub const SPOOL_UP_S: f64 = 0.25;
 /// Sink that is asked for while the vehicle waits \[m/s\].
 const SINK_MPS: f64 = 0.5;
 /// Climb that is asked for until the feet are off \[m/s\]: enough for the mixer to leave idle at once.

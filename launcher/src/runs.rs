@@ -40,6 +40,9 @@ pub fn runs(args: &RunsArgs) -> anyhow::Result<()> {
 
 /// Returns the row of a run; `None` if the folder is no run.
 fn row(folder: &Path) -> Option<Vec<String>> {
+    if !folder.is_dir() {
+        return None;
+    }
     let file = folder.file_name()?.to_string_lossy().into_owned();
     let incomplete = |outcome: &str| {
         let unknown = || "-".to_owned();

@@ -11,7 +11,8 @@
 //! ```
 //!
 //! So a vehicle that is pushed by less than its friction stands still, which friction against the velocity alone cannot
-//! do: it needs a velocity to hold. The model along the ground is that of Cundall and Strack (Geotechnique 29(1), 1979).
+//! do: it needs a velocity to hold. This model of the contact along the ground is that of Cundall and Strack
+//! (Geotechnique 29(1), 1979).
 //!
 //! A spring and a damper are the usual compliant contact model of multibody simulation; Marhefka and Orin (IEEE
 //! Transactions on Systems, Man, and Cybernetics A 29(6), 1999) discuss it and its jump of force at the first touch,
@@ -27,6 +28,8 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use crate::landing::Footing;
 use crate::memory::Tape;
 
+/// Number of feet.
+const FEET: f64 = 3.0;
 /// Height up to which a foot counts as on the ground \[m\], so that a jolt is not a take-off.
 const NEAR_M: f64 = 0.01;
 
@@ -98,9 +101,9 @@ impl Ground {
     }
 
     /// Takes in the motion at the end of a step: anchors the feet that have come down, and drags along the anchors that
-    /// are out of reach. Returns the farthest distance that a foot has slid \[m\].
+    /// are out of reach. Returns the distance that the feet have slid together \[m\]; a turn on the spot counts little.
     pub fn settle(&mut self, motion: &Motion) -> f64 {
-        let mut slid_m = 0.0_f64;
+        let mut slid_m = Vector2::zeros();
         for (i, foot) in self.feet().iter().enumerate() {
             let (at_m, velocity_mps) = motion.of(foot);
             let normal_n = self.normal_n(&at_m, &velocity_mps);
@@ -108,11 +111,11 @@ impl Ground {
                 let reach_m = self.settings.friction * normal_n / self.settings.stiffness_npm;
                 let before = self.anchors[i].unwrap_or(at_m.xy());
                 let anchor = at_m.xy() - (at_m.xy() - before).cap_magnitude(reach_m);
-                slid_m = slid_m.max((anchor - before).norm());
+                slid_m += (anchor - before) / FEET;
                 anchor
             });
         }
-        slid_m
+        slid_m.norm()
     }
 
     /// Writes or reads the anchors.

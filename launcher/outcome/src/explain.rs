@@ -104,14 +104,16 @@ pub fn explain(
     progress: impl Fn(usize, usize) + Sync,
 ) -> anyhow::Result<Explained> {
     let scenario = &recording.scenario;
-    if let Some(topic) = Topic::ALL.into_iter().find(|topic| recording.is_foreign(*topic, 1)) {
+    let Work { disturbed, last_tick, .. } = work;
+    let foreign = Topic::ALL.into_iter().find(|topic| recording.is_foreign(*topic, 1));
+    // Without a disturbed tick there is nothing that it would have answered otherwise.
+    if let Some(topic) = foreign.filter(|_| !disturbed.is_empty()) {
         let (name, exec) = (topic.publisher(), &scenario.node.of(topic).exec);
         anyhow::bail!(
             "{name} flew {exec}, and what it would have answered is not known: a library can be named to \
              `launcher explain` with --program {name}=FILE"
         );
     }
-    let Work { disturbed, last_tick, .. } = work;
     let flight = FlightCost::flown(recording, script.clone())?;
     let bursts: Vec<&[Disturbed]> = bursts(disturbed).collect();
     let all: BTreeSet<u64> = disturbed.iter().map(|one| one.tick).collect();
@@ -140,7 +142,8 @@ pub fn explain(
         Ok(())
     };
     // This flight always begins at tick 0, so it cannot be compared with a part of the recorded flight.
-    let undisturbed = (script.begun_at() == 0).then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
+    let can_fly = script.begun_at() == 0 && foreign.is_none();
+    let undisturbed = can_fly.then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
     let without_any = FlightCost::flown(recording, without(recording, script, &all))?;
     Ok(Explained {
         name: scenario.name.clone(),

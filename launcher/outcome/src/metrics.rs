@@ -4,7 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Metrics of run.json. Errors, effort and counts of commands are those of the flight in the air: a vehicle that waits
-/// for its take-off or has landed does not count. A following or altitude error without a sample is NaN, which is null in JSON.
+/// for its take-off or has landed does not count. A following or altitude error without a sample is NaN, which is null
+/// in JSON.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Metrics {
     /// Largest Euclidean position error \[m\].

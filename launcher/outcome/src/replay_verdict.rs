@@ -3,8 +3,11 @@
 //! A flight is called the same only if its log is all of it, every message of the log was computed again and held
 //! against it, and the hash of the states is that of run.json. What was not compared is named.
 
+use std::collections::BTreeSet;
+
 use contract::Topic;
 use contract::exit;
+use contract::scenario::ProgramKind;
 use flight::replay::{Difference, Messages, Plan, Recording, Replayed, replay};
 
 use crate::recorded::Recorded;
@@ -136,7 +139,18 @@ impl Judged<'_> {
         let foreign = self.recording.foreign().filter(|(topic, _)| self.plan.covers(*topic));
         let foreign = foreign.map(|(topic, epoch)| format!("{} {epoch} (another program)", topic.publisher()));
         let told: Vec<String> = nodes.chain(foreign.filter(|_| !self.asks_for_other_answers())).collect();
-        (!told.is_empty()).then(|| format!("not computed: {}", told.join(", ")))
+        let libraries = self
+            .recording
+            .foreign()
+            .map(|(topic, _)| topic)
+            .filter(|topic| self.recording.scenario.node.of(*topic).kind() == ProgramKind::Library);
+        let named: BTreeSet<String> = libraries.map(|topic| format!(" --program {}=FILE", topic.publisher())).collect();
+        let how = if named.is_empty() || self.asks_for_other_answers() {
+            String::new()
+        } else {
+            format!("; with{} a library that you trust computes again", named.into_iter().collect::<String>())
+        };
+        (!told.is_empty()).then(|| format!("not computed: {}{how}", told.join(", ")))
     }
 
     /// Reasons why less was compared than asked for; `None` if there are none.

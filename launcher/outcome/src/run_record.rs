@@ -9,7 +9,7 @@ use anyhow::{Context, ensure};
 use contract::guard::Refusal;
 use contract::message::PlantStatus;
 use contract::scenario::file::MAX_RESULTS_BYTES;
-use contract::scenario::{self, Mode, Profile, Scenario, schema_of};
+use contract::scenario::{self, Mode, Profile, Scenario, Solver, candidate, schema_of};
 use flight::event::TimedEvent;
 use flight::files;
 use flight::provenance::{Git, Provenance, SCHEMA_VERSION};
@@ -62,7 +62,8 @@ pub struct RunRecord {
     pub solver: SolverRecord,
     /// SHA-256 over the payload of every STATE message in order, hexadecimal; null if one is missing.
     pub state_hash: Option<String>,
-    /// `true` if a replay gives the same state hash.
+    /// `true` if a replay gives the same state hash; `false` if it may give another: a message is missing, or the clock
+    /// may have stopped a solve.
     pub replays: bool,
     /// Bounds, each compared with the flight.
     pub bounds: Vec<BoundCheck>,
@@ -142,7 +143,7 @@ impl RunRecord {
             metrics: summary.metrics(),
             solver: summary.solver(),
             state_hash: summary.state_hash(),
-            replays: replays(summary, how),
+            replays: replays(summary, how, scenario),
             bounds: verdict.bounds.clone(),
             speed: Speed { wall_s, times_realtime: flown_s / wall_s },
             timing: summary.timing.as_ref().map(|timing| timing.record(&happened)),
@@ -199,10 +200,15 @@ impl RunRecord {
 }
 
 /// Returns whether a replay of the flight gives the same state hash: the log has every message, and no solve was
-/// stopped where the clock may have stopped it.
-fn replays(summary: &Summary, how: &Circumstances) -> bool {
+/// stopped where the clock may have stopped it. A limit of iterations stops a replay at the same one.
+fn replays(summary: &Summary, how: &Circumstances, scenario: &Scenario) -> bool {
     let is_whole = how.log.as_ref().is_some_and(|log| log.dropped == 0 && log.error.is_none());
-    is_whole && summary.state_hash().is_some() && summary.solves.stopped() == 0
+    let swapped = scenario.swap.iter().filter_map(|swap| candidate(scenario, swap).ok());
+    let has_clock = |own: &Scenario| {
+        own.run.mode == Mode::Realtime && own.mpc.solver == Solver::Clarabel && own.mpc.time_limit_ms > 0.0
+    };
+    let may_stop = has_clock(scenario) || swapped.into_iter().any(|own| has_clock(&own));
+    is_whole && summary.state_hash().is_some() && (summary.solves.stopped() == 0 || !may_stop)
 }
 
 fn by_node<const N: usize>(counts: &[(&str, [u32; N])], causes: [&str; N]) -> Counts {

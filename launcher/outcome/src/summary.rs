@@ -3,8 +3,8 @@
 //! The position error is the true position against the mission's trajectory at the same sample, not against the
 //! reference that guidance sent.
 //!
-//! Errors, effort and counts of commands are those of the flight in the air. A vehicle that waits for its take-off, or has landed, follows nothing,
-//! and how long it is recorded there changes none of them:
+//! Errors, effort and counts of commands are those of the flight in the air. A vehicle that waits for its take-off, or
+//! has landed, follows nothing, and how long it is recorded there changes none of them:
 //!
 //! ```text
 //! standing    taking off, flying    landing                         standing
@@ -236,8 +236,8 @@ impl Summary {
         }
     }
 
-    /// Returns the work of the solver; of the ticks without a reference only those in the air, because guidance gives none
-    /// to a vehicle that stands.
+    /// Returns the work of the solver; of the ticks without a reference only those in the air, because guidance gives
+    /// none to a vehicle that stands.
     pub fn solver(&self) -> SolverRecord {
         SolverRecord { no_reference: self.in_air.without_reference(), ..self.solves.record() }
     }

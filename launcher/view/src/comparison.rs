@@ -224,9 +224,20 @@ impl Comparison {
         vec![
             Table::new("Flights", &what, self.flights.iter().map(Flight::cells).collect()),
             Table::new(told, &headings("setting", &titles), differences),
-            metrics(&titles, &of_flights),
+            Table { title: self.lengths(), ..metrics(&titles, &of_flights) },
             self.timing(),
         ]
+    }
+
+    /// Title of the metrics; it says so if they are of flights of different lengths, whose extremes do not compare.
+    fn lengths(&self) -> String {
+        let all: Vec<String> =
+            self.flights.iter().map(|flight| format!("{:.2}", flight.recorded.summary.time_s())).collect();
+        if all.windows(2).all(|pair| pair[0] == pair[1]) {
+            "Metrics".into()
+        } else {
+            format!("Metrics, each over its whole flight, of {} s: extremes of a longer one are larger", all.join(", "))
+        }
     }
 
     /// Wake-up and response of every node, deadlines missed, and the age at the actuator.

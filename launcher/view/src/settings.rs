@@ -1,16 +1,25 @@
 //! Differences between the settings of scenarios.
 
-use contract::Scenario;
+use std::path::Path;
+
 use contract::scenario::to_toml;
+use contract::{Scenario, Topic};
 use toml::Value;
 
 use crate::draw::DASH;
 
 /// Every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps stand in
-/// it one by one. The name of a flight is no setting.
+/// it one by one. The name of a flight is no setting, nor is the path of a program where the hash of its file is known.
 pub fn differences(scenarios: &[&Scenario]) -> Vec<Vec<String>> {
     let tree = |scenario: &&Scenario| {
-        let nameless = Scenario { name: String::new(), ..(*scenario).clone() };
+        let mut nameless = Scenario { name: String::new(), ..(*scenario).clone() };
+        for topic in Topic::ALL {
+            let program = nameless.node.of_mut(topic);
+            if !program.sha256.is_empty() {
+                let file = Path::new(&program.exec).file_name().unwrap_or_default();
+                program.exec = file.to_string_lossy().into_owned();
+            }
+        }
         to_toml(&nameless).parse().map(Value::Table).ok()
     };
     let Some(trees) = scenarios.iter().map(tree).collect::<Option<Vec<_>>>() else { return vec![] };
@@ -96,6 +105,19 @@ mod tests {
             ["run.duration_s", "60.0", "12.5", "12.5"],
         ];
         assert_eq!(differences(&[&usual, &other, &broken]), expected);
+    }
+
+    #[test]
+    fn the_path_to_one_and_the_same_program_is_no_difference() {
+        let by = |exec: &str, sha256: &str| {
+            let mut scenario = Scenario::default();
+            (scenario.node.mixer.exec, scenario.node.mixer.sha256) = (exec.into(), sha256.into());
+            scenario
+        };
+        let told = |one: &Scenario, other: &Scenario| differences(&[one, other]).len();
+        assert_eq!(told(&by("pd.so", "ab"), &by("../x/pd.so", "ab")), 0);
+        assert_eq!(told(&by("pd.so", "ab"), &by("../x/pd.so", "cd")), 1, "another file");
+        assert_eq!(told(&by("pd.so", ""), &by("../x/pd.so", "")), 1, "the files are not known");
     }
 
     #[test]

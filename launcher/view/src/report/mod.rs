@@ -102,12 +102,13 @@ pub fn write(
         recorded.run.log.get_or_insert_default().error = Some(missing.clone()); // the page says it above all else
     }
     let Recorded { scenario, summary, run, path, .. } = &recorded;
+    let flown_s = run.flown_s;
+    ensure!(part.from_s <= flown_s, "the flight has nothing from {} s on: it ends at {flown_s:.2} s", part.from_s);
     let (name, of_all) = if part == Part::ALL {
         let costs = costs::section(&costs(&recorded), &run.happenings());
         ("report.html".into(), Some(OfAll { timing: summary.timing.as_ref(), costs }))
     } else {
         let to_s = part.to_s.min(summary.time_s());
-        ensure!(to_s >= part.from_s, "the flight has nothing from {} s on: it ends at {to_s:.2} s", part.from_s);
         (format!("report-{:.2}-{to_s:.2}.html", part.from_s), None)
     };
     let figures = figures.unwrap_or_else(|| Figures::new(scenario, first(scenario)));
