@@ -14,8 +14,8 @@ const RANGE_CHARS: usize = 16;
 /// Names of the columns of the reach.
 const REACH: [&str; 6] = ["north m", "its points", "east m", "its points", "down m", "its points"];
 
-/// Describes the parts of the mission, the limits of the vehicle, and the reach of each part beside that of its points, as
-/// tables; `None` for any other trajectory.
+/// Describes the parts of the mission, the limits of the vehicle, and the reach of each part beside that of its points,
+/// as tables; `None` for any other trajectory.
 pub fn describe(scenario: &Scenario) -> Option<String> {
     let (trajectory, limits) = (Trajectory::new(scenario), plan::limits(scenario));
     let plan = trajectory.plan()?;

@@ -60,8 +60,8 @@ pub fn build(scenario: &Scenario) -> Plan {
     Plan::new(&start, &parts)
 }
 
-/// Finds the smooth curves of the mission that go beyond the box of their points by more than the longest leg, each with
-/// the table of its keys in the scenario.
+/// Finds the smooth curves of the mission that go beyond the box of their points by more than the longest leg, each
+/// with the table of its keys in the scenario.
 pub fn strays(scenario: &Scenario) -> Vec<(String, Stray)> {
     let mission = &scenario.mission;
     let limits = limits(scenario).share(mission.limits.share);
