@@ -52,8 +52,8 @@ pub fn describe(scenario: &Scenario) -> Option<String> {
 
 /// Formats a line of a table.
 fn row(name: &str, cells: &[String], widths: &[usize]) -> String {
-    let cells: String = cells.iter().zip(widths).map(|(cell, width)| format!("  {cell:>width$}")).collect();
-    format!("  {name:<16}{cells}\n")
+    let cells = cells.iter().zip(widths);
+    cells.fold(format!("  {name:<16}"), |line, (cell, width)| line + &format!("  {cell:>width$}")) + "\n"
 }
 
 /// Formats the range of a part on each axis, and of its points with the place where it begins.
