@@ -39,6 +39,42 @@ fn the_check_prints_what_each_part_asks_of_the_vehicle() {
 }
 
 #[test]
+fn a_mission_that_leaves_its_points_is_flown_with_a_warning_and_times_that_keep_it() {
+    let check = |settings: &[&str]| {
+        let set = settings.iter().flat_map(|setting| ["--set", setting]);
+        let output = launcher().args(["check", "survey"]).args(set).output().expect("the launcher runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let of_parts = |times_s: &str| {
+        let part = format!("{{kind=\"waypoints\", points_m=[[1,0,-8],[0,0,-8]], times_s={times_s}}}");
+        let part = format!("mission.part=[{part}]");
+        check(&["mission.trajectory=parts", "initial.position_m=[0,0,-8]", &part])
+    };
+    let spline = |times_s: &str| {
+        let times_s = format!("mission.times_s={times_s}");
+        let points = "mission.waypoints_m=[[0,0,0],[1,0,0],[0,0,0]]";
+        check(&["mission.trajectory=waypoints", "mission.ramp_s=spline", points, &times_s])
+    };
+    let offered = |stderr: &str| {
+        let rest = stderr.split_once("with `times_s = ").unwrap_or_else(|| panic!("no times: {stderr}")).1;
+        rest.split_once('`').expect("an end").0.to_owned()
+    };
+    let (code, strays) = of_parts("[2,22]");
+    assert_eq!(code, Some(0), "a warning is no refusal: {strays}");
+    assert!(strays.contains("warning: `mission.part[0]`: its curve goes 2"), "{strays}");
+    assert!(strays.contains("0.0 to 1.0"), "the reach of its points: {strays}");
+    let (code, stays) = of_parts(&offered(&strays));
+    assert!(code == Some(0) && !stays.contains("warning"), "{stays}");
+
+    let (code, strays) = spline("[5,7,27]");
+    assert!(code == Some(0) && strays.contains("warning: `mission`: its curve goes"), "{strays}");
+    let (code, stays) = spline(&offered(&strays));
+    assert!(code == Some(0) && !stays.contains("warning"), "{stays}");
+    let inspection = launcher().args(["check", INSPECTION]).output().expect("the launcher runs");
+    assert!(!String::from_utf8_lossy(&inspection.stderr).contains("warning"));
+}
+
+#[test]
 fn what_the_vehicle_cannot_do_is_refused_before_the_flight_with_its_place() {
     for command in ["check", "fly"] {
         let arguments = [command, INSPECTION, "--set", "mission.part=[{kind=\"takeoff\", height_m=10, duration_s=2}]"];

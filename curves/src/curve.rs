@@ -121,6 +121,13 @@ impl Curve {
         times_s.windows(2).map(|ends| self.leg(ends[0], ends[1], intervals)).collect()
     }
 
+    /// Range of the position, north, east, down \[m\]: lowest and highest.
+    pub fn range_m(&self) -> [Vector3<f64>; 2] {
+        let legs = self.legs(SAMPLES).into_iter().map(|leg| leg.range_m);
+        let both = |one: [Vector3<f64>; 2], other: [Vector3<f64>; 2]| [one[0].inf(&other[0]), one[1].sup(&other[1])];
+        legs.reduce(both).unwrap_or([self.at(0.0).position_m.into(); 2])
+    }
+
     fn leg(&self, from_s: f64, until_s: f64, intervals: u32) -> Leg {
         let interval_s = (until_s - from_s) / f64::from(intervals);
         let (mut samples, mut range_m) = (vec![], [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)]);

@@ -11,6 +11,7 @@
 //! | [`curve`] | any of these, from rest to rest, at any pace |
 //! | [`limits`] | the demands of a curve on a vehicle, and the shortest duration within its limits |
 //! | [`fastest`] | the times of waypoints at which the curve through them is fastest |
+//! | [`stray`] | curves that leave their points, and times with which they do not |
 //! | [`heading`] | the heading over time |
 //! | [`plan`] | parts of a mission, one after the other |
 //!
@@ -30,6 +31,7 @@ pub mod plan;
 pub mod progress;
 pub mod setpoint;
 pub mod spline;
+pub mod stray;
 
 pub use limits::{Excess, Limits, Quantity};
 pub use plan::{Motion, Part, Plan, Planned};

@@ -11,6 +11,7 @@ use crate::figure::Shape;
 use crate::heading::{Rule, SLOW_MPS};
 use crate::limits::Demand;
 use crate::plan::{Least, Start};
+use crate::stray::{Offer, Stray};
 use crate::{Limits, Motion, Part, Plan, Planned, Setpoint};
 
 /// Limits of the vehicle of Table I under the profile robust.
@@ -86,8 +87,47 @@ fn motion() -> impl Strategy<Value = Motion> {
     ]
 }
 
+/// Finds whether the curve through `points_m` at these times strays from them and the place before.
+fn stray(points_m: &[[f64; 3]], times_s: Option<&[f64]>, least: Least) -> Option<Stray> {
+    let motion = Motion::Through { points_m: points_m.to_vec(), times_s: times_s.map(Vec::from), least };
+    let plan = one(motion, Rule::Keep);
+    Stray::find(&plan.parts()[0].curve, &[&[AT], points_m].concat(), least, &VEHICLE.share(0.7))
+}
+
+#[test]
+fn a_curve_that_leaves_its_points_is_offered_times_that_keep_it() {
+    let [n, e, d] = AT;
+    let out_and_back = [[n + 1.0, e, d], AT];
+    for least in [Least::Snap, Least::Jerk] {
+        let found = stray(&out_and_back, Some(&[2.0, 22.0]), least).expect("it strays");
+        assert!(found.beyond_m > 5.0 && (found.longest_leg_m - 1.0).abs() < 1e-9, "{found:?}");
+        let Offer { times_s, beyond_m } = found.offer.expect("an offer");
+        assert!((times_s[1] - 22.0).abs() < 1e-9 && (times_s[0] - 11.0).abs() < 0.5, "as long as before: {times_s:?}");
+        assert!(beyond_m < 0.05, "{beyond_m}");
+        assert_eq!(stray(&out_and_back, Some(&times_s), least), None);
+    }
+    assert_eq!(stray(&[[n + 20.0, e, d]], Some(&[9.0]), Least::Snap), None, "a straight line");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+
+    #[test]
+    fn offered_times_keep_the_curve_near_its_points(
+        points in points(),
+        shares in prop::collection::vec(0.02..1.0_f64, 8),
+        quintic: bool,
+    ) {
+        let least = if quintic { Least::Jerk } else { Least::Snap };
+        let times_s: Vec<f64> = shares.iter().cycle().take(points.len()).scan(0.0, |at_s, share| {
+            *at_s += 60.0 * share;
+            Some(*at_s)
+        }).collect();
+        prop_assert_eq!(stray(&points, None, least), None, "the fastest curve stays");
+        if let Some(found) = stray(&points, Some(&times_s), least) {
+            prop_assert!(found.offer.is_some(), "{:?}", found);
+        }
+    }
 
     #[test]
     fn parts_join_at_rest_and_nothing_jumps(motions in prop::collection::vec(motion(), 1..5)) {

@@ -1,27 +1,27 @@
-//! Account of a mission of parts before its flight: when each part begins, and what it asks of the vehicle.
-
-use std::fmt::Write;
+//! Account of a mission before its flight: when each part begins, what it asks of the vehicle, and how far it reaches.
 
 use contract::Scenario;
 use contract::scenario::plan;
-use contract::scenario::plan::Demand;
+use contract::scenario::plan::{Demand, Offer, Planned, Stray, range_m};
 use guidance::Trajectory;
 use runtime::console::eprint_line;
 
 /// Names and units of the columns.
 const COLUMNS: [&str; 8] = ["begins s", "takes s", "m/s", "up, down m/s", "m/s2", "tilt deg", "thrust g", "turn deg/s"];
 
-/// Describes the parts of the mission, and the limits of the vehicle, as a table; `None` for any other trajectory.
+/// Width of a column of ranges.
+const RANGE_CHARS: usize = 16;
+/// Names of the columns of the reach.
+const REACH: [&str; 6] = ["north m", "its points", "east m", "its points", "down m", "its points"];
+
+/// Describes the parts of the mission, the limits of the vehicle, and the reach of each part beside that of its points,
+/// as tables; `None` for any other trajectory.
 pub fn describe(scenario: &Scenario) -> Option<String> {
     let (trajectory, limits) = (Trajectory::new(scenario), plan::limits(scenario));
     let plan = trajectory.plan()?;
     let mut text = format!("mission of {:.1} s:\n", plan.duration_s());
-    let mut line = |name: &str, cells: [String; 8]| {
-        // Writing to a String cannot fail.
-        let _ = write!(text, "  {name:<16}");
-        cells.iter().zip(COLUMNS).for_each(|(cell, column)| _ = write!(text, "  {cell:>0$}", column.len().max(9)));
-        text.push('\n');
-    };
+    let mut line =
+        |name: &str, cells: [String; 8]| text += &row(name, &cells, &COLUMNS.map(|column| column.len().max(9)));
     let sizes = |[begins, takes]: [String; 2], demand: Demand| {
         let [least, most] = demand.thrust_mps2.map(|thrust| thrust / limits.g_mps2);
         [
@@ -42,7 +42,51 @@ pub fn describe(scenario: &Scenario) -> Option<String> {
         let times = [planned.begins_s, planned.curve.duration_s()].map(number);
         line(&format!("{i} {}", part.kind.name()), sizes(times, planned.demand(&limits)));
     }
+    let widths = REACH.map(|_| RANGE_CHARS);
+    text += &row("", &REACH.map(str::to_owned), &widths);
+    for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
+        text += &row(&format!("{i} {}", part.kind.name()), &reach(planned, part.points_m.as_deref()), &widths);
+    }
     Some(text)
+}
+
+/// Formats a line of a table.
+fn row(name: &str, cells: &[String], widths: &[usize]) -> String {
+    let cells = cells.iter().zip(widths);
+    cells.fold(format!("  {name:<16}"), |line, (cell, width)| line + &format!("  {cell:>width$}")) + "\n"
+}
+
+/// Formats the range of a part on each axis, and of its points with the place where it begins.
+fn reach(planned: &Planned, points_m: Option<&[[f64; 3]]>) -> [String; 6] {
+    let range = |[low, high]: [f64; 2]| {
+        let rounded = |x: f64| (x * 10.0).round() / 10.0 + 0.0; // + 0.0: no -0.0
+        format!("{:.1} to {:.1}", rounded(low), rounded(high))
+    };
+    let of_curve = planned.curve.range_m();
+    let of_points = points_m.map(|points_m| range_m(&[&[planned.curve.at(0.0).position_m], points_m].concat()));
+    std::array::from_fn(|i| match (i % 2, of_points) {
+        (0, _) => range(of_curve.map(|end| end[i / 2])),
+        (_, Some(of_points)) => range(of_points.map(|end| end[i / 2])),
+        (_, None) => "-".into(),
+    })
+}
+
+/// Warns on stderr of each curve that goes far beyond its points.
+pub fn warn_of_strays(scenario: &Scenario) {
+    for (table, Stray { beyond_m, longest_leg_m, offer }) in plan::strays(scenario) {
+        let advice = match offer {
+            Some(Offer { times_s, beyond_m }) => {
+                let times_s: Vec<String> = times_s.iter().map(|t_s| format!("{t_s:.2}")).collect();
+                let times_s = times_s.join(", ");
+                format!("with `times_s = [{times_s}]` it stays within {beyond_m:.2} m of it")
+            }
+            None => "give it more points".into(),
+        };
+        eprint_line(&format!(
+            "warning: `{table}`: its curve goes {beyond_m:.1} m beyond the box of its points, whose longest leg has \
+             {longest_leg_m:.1} m; {advice}"
+        ));
+    }
 }
 
 /// Says on stderr that the flight ends before its mission does, if that is so.

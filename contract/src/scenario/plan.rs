@@ -11,12 +11,16 @@
 //! The check of a scenario and guidance build the same plan.
 
 use airframe::Trim;
+pub use curves::Planned;
+use curves::curve::Shape;
 use curves::heading::Rule;
 pub use curves::limits::Demand;
 use curves::plan::{Least, Start};
+use curves::spline::Spline;
+pub use curves::stray::{Offer, Stray, range_m};
 use curves::{Limits, Motion, Plan, figure};
 
-use super::{CurveKind, Ground, HeadingRule, Part, PartHeading, PartKind, Scenario};
+use super::{CurveKind, Ground, HeadingRule, Part, PartHeading, PartKind, Ramp, RampName, Scenario, TrajectoryKind};
 
 /// Sink rate of a landing that gives none \[m/s\]: the default of PX4, `MPC_LAND_SPEED`.
 const SINK_MPS: f64 = 0.7;
@@ -54,6 +58,37 @@ pub fn build(scenario: &Scenario) -> Plan {
     };
     let parts: Vec<_> = scenario.mission.part.iter().map(|part| read(part, scenario)).collect();
     Plan::new(&start, &parts)
+}
+
+/// Finds the smooth curves of the mission that go beyond the box of their points by more than the longest leg, each
+/// with the table of its keys in the scenario.
+pub fn strays(scenario: &Scenario) -> Vec<(String, Stray)> {
+    let mission = &scenario.mission;
+    let limits = limits(scenario).share(mission.limits.share);
+    match mission.trajectory {
+        TrajectoryKind::Parts => {
+            let plan = build(scenario);
+            let stray = |(i, (part, planned)): (usize, (&Part, &Planned))| {
+                let Motion::Through { points_m, least, .. } = read(part, scenario).motion else { return None };
+                let points_m = [vec![planned.curve.at(0.0).position_m], points_m].concat();
+                Some((format!("mission.part[{i}]"), Stray::find(&planned.curve, &points_m, least, &limits)?))
+            };
+            mission.part.iter().zip(plan.parts()).enumerate().filter_map(stray).collect()
+        }
+        TrajectoryKind::Waypoints if mission.ramp_s == Ramp::Named(RampName::Spline) => {
+            let (points_m, begins_s) = (&mission.waypoints_m, mission.times_s.first().copied().unwrap_or(0.0));
+            let since = mission.times_s.iter().map(|t_s| t_s - begins_s);
+            let waypoints: Vec<_> = since.zip(points_m.iter().map(|point| (*point).into())).collect();
+            let mut stray = Stray::find(&Shape::Spline(Spline::new(&waypoints)).into(), points_m, Least::Jerk, &limits);
+            if let Some(offer) = stray.as_mut().and_then(|stray| stray.offer.as_mut()) {
+                // Here the first waypoint has a time too.
+                offer.times_s.iter_mut().for_each(|t_s| *t_s += begins_s);
+                offer.times_s.insert(0, begins_s);
+            }
+            stray.map(|stray| ("mission".to_owned(), stray)).into_iter().collect()
+        }
+        _ => vec![],
+    }
 }
 
 /// Down coordinate of a vehicle that stands on the ground \[m\].

@@ -18,6 +18,8 @@ const CAMPAIGNS: u32 = 2000;
 const TRUTH: [f64; 2] = [0.8, 0.75];
 /// Samples of a Latin hypercube in these tests; more samples behave alike.
 const HYPERCUBE: u64 = 500;
+/// Keys of its coordinates.
+const KEYS: [&str; 5] = ["a", "b", "c", "d", "e"];
 
 /// Evidence of a campaign in which no flight is a copy.
 fn evidence_of(plan: &Plan) -> Evidence {
@@ -77,7 +79,7 @@ fn outside(name: &str, what: &str, covered: u32, is_conservative: bool) -> Optio
 /// Simulates a response on which a Latin hypercube has no advantage: the fractional part of the sum of all coordinates,
 /// which is uniform with or without the hypercube.
 fn hypercube(seed: u64, dimensions: usize) -> Vec<[bool; 2]> {
-    let points = Points::new(Sampling::LatinHypercube, seed, HYPERCUBE, dimensions);
+    let points = Points::new(Sampling::LatinHypercube, seed, HYPERCUBE, &KEYS[..dimensions]);
     let sum = |sample: u64| points.point(sample).iter().sum::<f64>();
     (0..HYPERCUBE)
         .map(|sample| [0.0, 0.1].map(|ahead| (sum(sample) + ahead).fract()))
@@ -139,7 +141,7 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
 #[test]
 fn val_the_interval_of_a_latin_hypercube_is_conservative() {
     let covers = |seed: u32| {
-        let points = Points::new(Sampling::LatinHypercube, seed.into(), HYPERCUBE, 5);
+        let points = Points::new(Sampling::LatinHypercube, seed.into(), HYPERCUBE, &KEYS);
         let passed = (0..HYPERCUBE).filter(|sample| points.point(*sample)[0] < TRUTH[0]).count();
         let rate = Rate::of(passed, HYPERCUBE as usize);
         (rate.low..=rate.high).contains(&TRUTH[0])

@@ -55,7 +55,7 @@ use crate::promise::Promise;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
 use crate::tune::Tune;
-use crate::variation::{Factor, Values, Wanted};
+use crate::variation::{Factor, Values, Vary, Wanted};
 
 /// Largest number of flights of a campaign.
 const MAX_FLIGHTS: u64 = 10_000_000;
@@ -77,7 +77,7 @@ pub struct Campaign {
     pub controllers: Vec<(String, Given)>,
     /// Names of the cases, each with the settings of its flights by controller.
     cases: Vec<(String, Vec<Given>)>,
-    /// Factors, sorted by key.
+    /// Factors, sorted by key; those of Sobol points in the order of the file, which is that of their dimensions.
     pub factors: Vec<Factor>,
 }
 
@@ -108,9 +108,9 @@ pub(crate) struct File {
     #[schemars(schema_with = "any_table")]
     settings: Table,
     /// Settings that vary, by their keys: a list of values, each of which is flown, or a distribution that is drawn.
-    #[serde(default, skip_serializing_if = "Table::is_empty")]
+    #[serde(default, skip_serializing_if = "Vary::is_empty")]
     #[schemars(schema_with = "any_table")]
-    vary: Table,
+    vary: Vary,
     /// Campaign file whose controllers are flown too.
     #[serde(skip_serializing)]
     controllers: Option<PathBuf>,
@@ -234,6 +234,10 @@ impl Campaign {
             cases.push((name.clone(), by_controller));
         }
         file.settings = base.table().clone();
+        let is_in_order = file.sampling == Some(Sampling::Sobol);
+        if is_in_order {
+            file.vary.put_in_order(text).with_context(|| origin.to_owned())?;
+        }
         let mut wanted = Wanted::all(&file.vary).with_context(|| origin.to_owned())?;
         wanted.extend(file.seeds.as_ref().map(seeds).transpose().with_context(|| origin.to_owned())?);
         let names: Vec<Value> = cases.iter().map(|(name, _)| Value::String(name.clone())).collect();
@@ -241,7 +245,9 @@ impl Campaign {
         check_flights(&wanted, file.samples.unwrap_or(1), controllers.len()).with_context(|| origin.to_owned())?;
         let factors = wanted.into_iter().map(Wanted::factor).collect::<anyhow::Result<_>>();
         let mut factors: Vec<Factor> = factors.with_context(|| origin.to_owned())?;
-        factors.sort_by(|a, b| a.key.cmp(&b.key));
+        if !is_in_order {
+            factors.sort_by(|a, b| a.key.cmp(&b.key));
+        }
         let campaign = Self { file, controllers, cases, factors };
         campaign.check().with_context(|| origin.to_owned())?;
         Ok(campaign)
@@ -360,7 +366,8 @@ impl Campaign {
             "`sampling` = \"sobol\" has {samples} samples of {dimensions} settings at most; say \"latin-hypercube\" for more"
         );
         for (i, Factor { key: whole, .. }) in self.factors.iter().enumerate() {
-            for Factor { key, .. } in &self.factors[i + 1..] {
+            let others = self.factors.iter().enumerate().filter(|(other, _)| *other != i);
+            for (_, Factor { key, .. }) in others {
                 ensure!(key != whole, "`{key}` varies twice, by `seeds` and in [vary]: remove one of them");
                 let is_part = key.strip_prefix(whole).is_some_and(|rest| rest.starts_with('.'));
                 ensure!(!is_part, "`{key}` in [vary] is a part of `{whole}`, which varies too: remove one of them");

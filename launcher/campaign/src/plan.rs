@@ -61,8 +61,9 @@ impl Plan {
     /// # Errors
     /// The random faults cannot be drawn, or would begin after the end of a flight.
     pub fn new(campaign: Campaign) -> anyhow::Result<Self> {
-        let drawn = campaign.factors.iter().filter(|factor| matches!(factor.values, Values::Drawn(_))).count();
-        let points = Points::new(campaign.sampling(), campaign.seed(), campaign.samples().unwrap_or(1), drawn);
+        let drawn = campaign.factors.iter().filter(|factor| matches!(factor.values, Values::Drawn(_)));
+        let drawn: Vec<&str> = drawn.map(|factor| factor.key.as_str()).collect();
+        let points = Points::new(campaign.sampling(), campaign.seed(), campaign.samples().unwrap_or(1), &drawn);
         let pairs = match campaign.random_faults() {
             Some(faults) => {
                 let scenarios = campaign.givens(None).into_iter().map(|given| given.scenario(&[]));
@@ -245,6 +246,7 @@ impl Flight {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
     use std::path::Path;
 
     use super::*;
@@ -284,6 +286,71 @@ mod tests {
         for number in 0..3 {
             assert_eq!(few.flight(number).scenario.unwrap(), many.flight(number).scenario.unwrap());
         }
+    }
+
+    /// Cells of the drawn columns, of `run.seed` and of the random faults, by the name of the column: those of the
+    /// first flight of each sample.
+    fn drawn(text: &str) -> BTreeMap<String, Vec<Cell>> {
+        let plan = plan(text);
+        let a_sample = plan.flights() / plan.campaign.samples().unwrap();
+        let mut columns: BTreeMap<String, Vec<Cell>> = BTreeMap::new();
+        for number in (0..plan.flights()).step_by(a_sample as usize) {
+            for ((name, _), cell) in plan.columns().into_iter().zip(plan.cells(&plan.flight(number))) {
+                columns.entry(name).or_default().push(cell);
+            }
+        }
+        let listed: Vec<&str> = plan.listed_axes().into_iter().map(|(key, _)| key).collect();
+        columns
+            .retain(|name, _| !["flight", "controller"].contains(&name.as_str()) && !listed.contains(&name.as_str()));
+        columns
+    }
+
+    #[test]
+    fn a_column_of_draws_does_not_depend_on_the_rest_of_the_file() {
+        let two =
+            ["plant.airframe.mass_kg = { uniform = [1.0, 1.2] }\n", "run.command_delay_ms = { uniform = [0, 9] }\n"];
+        let more = "initial.attitude_deg.0 = { uniform = [-9, 9] }\nmpc.np = { integer = [20, 30] }\n";
+        let listed = "mpc.nu = [4, 5]\n";
+        let faults = "[random_faults]\ncount = [1, 3]\nat_s = [1, 2]\nfor_s = [1, 2]\nkinds = ['drop', 'delay']\n";
+        let cases = "[case.calm]\n[case.long]\nrun.duration_s = 30.0\n";
+        for sampling in ["random", "latin-hypercube"] {
+            let of = |vary: &str, rest: &str| {
+                drawn(&format!("samples = 20\nsampling = '{sampling}'\n[vary]\n{vary}{faults}{rest}"))
+            };
+            let [one, other] = two;
+            let alone = of(&two.concat(), "");
+            assert!(alone.len() > 3 && alone.contains_key("random_fault.2.kind"), "{:?}", alone.keys());
+            for (vary, rest) in [
+                (format!("{other}{one}"), ""),
+                (format!("{more}{one}{other}"), ""),
+                (format!("{one}{more}{listed}{other}"), TWO),
+                (format!("{one}{other}"), cases),
+                (format!("{one}{other}{more}"), "[controller.b]\nmpc.law = 'pid'\n[controller.a]\nmpc.law = 'lqr'\n"),
+            ] {
+                let with = of(&vary, rest);
+                for (name, cells) in &alone {
+                    assert_eq!(cells, &with[name], "{sampling}: `{name}` with {vary}{rest}");
+                }
+            }
+            let without = of(one, "");
+            assert!(without.iter().all(|(name, cells)| cells == &alone[name]), "{sampling}: a key less");
+        }
+    }
+
+    #[test]
+    fn sobol_dimensions_are_in_the_order_of_the_file() {
+        let of = |vary: &str| drawn(&format!("samples = 16\nsampling = 'sobol'\n[vary]\n{vary}"));
+        let [one, other] = ["run.command_delay_ms = { uniform = [0, 9] }\n", "mpc.np = { integer = [20, 30] }\n"];
+        let first = "initial.attitude_deg.0 = { uniform = [-9, 9] }\n";
+        let alone = of(&[one, other].concat());
+        let with = of(&[one, other, first].concat());
+        assert!(alone.iter().all(|(name, cells)| cells == &with[name]), "a key at the end changes nothing");
+        assert_ne!(alone["mpc.np"], of(&[first, one, other].concat())["mpc.np"], "one before does");
+
+        let text = format!("samples = 16\nsampling = 'sobol'\n[vary]\nmpc.nu = [4, 5]\n{one}{other}{first}");
+        let merged = plan(&text).campaign.merged();
+        assert_eq!(drawn(&text), drawn(&merged), "the folder's own file draws the same: {merged}");
+        assert_eq!(plan(&text).campaign.hash(), plan(&merged).campaign.hash());
     }
 
     #[test]

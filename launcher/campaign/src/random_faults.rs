@@ -122,16 +122,22 @@ impl RandomFaults {
         (0..self.count[1]).flat_map(of_fault).collect()
     }
 
-    /// Draws the faults of a sample, sorted by the time they begin.
+    /// Draws the faults of a sample from `pairs`, sorted by the time they begin.
     pub fn draw(&self, pairs: &[(FaultTarget, FaultKind)], seed: u64, sample: u64) -> Vec<Fault> {
         let mut rng = stream(seed, Purpose::Faults, sample);
         let count = rng.random_range(self.count[0]..=self.count[1]);
+        // Each pair of the catalogue gets a number, and of those that are possible the smallest is drawn: a pair that
+        // one more controller cannot have changes only the faults that had it.
+        let catalogue =
+            || FaultTarget::ALL.iter().flat_map(|(target, _)| target.kinds().iter().map(|kind| (*target, *kind)));
         let mut faults: Vec<Fault> = (0..count)
-            .map(|_| {
-                let (target, kind) = pairs[rng.random_range(0..pairs.len())];
+            .filter_map(|_| {
+                let numbered: Vec<(u64, _)> = catalogue().map(|pair| (rng.random(), pair)).collect();
+                let possible = numbered.into_iter().filter(|(_, pair)| pairs.contains(pair));
+                let (_, (target, kind)) = possible.min_by_key(|(number, _)| *number)?;
                 let [at_s, for_s] = [self.at_s, self.for_s].map(|[from, to]| rng.random_range(from..=to));
                 let fault = Fault::new(target, kind, at_s, Some(for_s));
-                if fault.is_momentary() { Fault { for_s: None, ..fault } } else { fault }
+                Some(if fault.is_momentary() { Fault { for_s: None, ..fault } } else { fault })
             })
             .collect();
         faults.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
@@ -178,6 +184,26 @@ mod tests {
             }
         }
         assert!(counts.iter().all(|count| (20..90).contains(count)), "{counts:?}");
+    }
+
+    #[test]
+    fn a_pair_that_falls_away_changes_only_the_faults_that_had_it() {
+        let faults = all();
+        let [fewer, more] = [["mpc.law=lqr", "mpc.law=mpc"].as_slice(), &["mpc.law=mpc"]]
+            .map(|laws| faults.pairs(&laws.iter().map(|law| in_process(law)).collect::<Vec<_>>()).unwrap());
+        assert!(fewer.len() < more.len());
+        let mut changed = 0;
+        for sample in 0..200 {
+            let [before, after] = [&more, &fewer].map(|pairs| faults.draw(pairs, 1, sample));
+            assert_eq!(before.len(), after.len());
+            for (before, after) in before.iter().zip(&after) {
+                let falls_away = !fewer.contains(&(before.target, before.kind));
+                assert!(falls_away || before == after, "{before:?} {after:?}");
+                assert_eq!(before.at_s, after.at_s);
+                changed += u32::from(falls_away);
+            }
+        }
+        assert!(changed > 0);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! training flights. A flight that does not pass costs 1; one that passes costs `e / (1 m + e)`, where `e` is its RMS
 //! position error. Factors stay between 1/1000 and 1000. Values are rounded to three digits before they are flown, so
 //! that the printed values are those tried. The result is the best try, or the settings of the file if none was better.
+//! A factor that ends at 1/1000 or 1000 is named, because the best one may lie beyond.
 
 use std::fmt::Write as _;
 
@@ -40,6 +41,8 @@ pub struct Tuned {
     /// Mean cost with the settings of the file, and with the tuned ones.
     pub cost: [f64; 2],
     pub flights: u64,
+    /// Groups whose factor is at a border of the search: their keys, and the factor.
+    pub at_border: Vec<(Vec<String>, f64)>,
 }
 
 /// Search of the settings of one controller.
@@ -111,7 +114,18 @@ impl Search<'_> {
             return Ok(None);
         }
         let settings = whole(given, &self.settings(&best))?;
-        Ok(Some(Tuned { controller: name.clone(), settings, cost: [at_start, least], flights }))
+        let at_border = self.at_border(&best);
+        Ok(Some(Tuned { controller: name.clone(), settings, cost: [at_start, least], flights, at_border }))
+    }
+
+    /// Returns the keys of the groups whose factor, given as logarithm, is at a border, with the factor.
+    fn at_border(&self, logarithms: &[f64]) -> Vec<(Vec<String>, f64)> {
+        let at_border = |(group, logarithm): (&Vec<(String, f64)>, &f64)| {
+            let border = if *logarithm < 0.0 { 1.0 / WIDEST } else { WIDEST };
+            let is_there = logarithm.abs() >= libm::log(WIDEST);
+            is_there.then(|| (group.iter().map(|(key, _)| key.clone()).collect(), border))
+        };
+        self.groups.iter().zip(logarithms).filter_map(at_border).collect()
     }
 
     /// Scales the settings by factors, given as logarithms.
@@ -143,6 +157,10 @@ impl Tuned {
     pub fn to_toml(&self) -> String {
         let [before, after] = self.cost;
         let mut text = format!("# cost {before:.4} before, {after:.4} after {} flights\n", self.flights);
+        for (keys, factor) in &self.at_border {
+            let (keys, more) = (keys.join("`, `"), if *factor < 1.0 { "less" } else { "more" });
+            let _ = writeln!(text, "# the best factor of `{keys}` is {factor} or {more}: the search ends there");
+        }
         let _ = writeln!(text, "[controller.{}]", self.controller);
         for (key, value) in &self.settings {
             let _ = writeln!(text, "{key} = {value}");
@@ -203,6 +221,26 @@ mod tests {
         assert_eq!(keys, ["mpc.pid.kd", "mpc.pid.kp"], "whole arrays, which a file can have");
         let text = FILE.replace("mpc.constraints = 'none'\n", once[0].to_toml().split_once("]\n").unwrap().1);
         read(&text).expect("the printed settings are those of a file");
+    }
+
+    #[test]
+    fn a_factor_at_the_border_of_the_search_is_named() {
+        let campaign = read(FILE).unwrap();
+        let plan = Plan::new(campaign.clone()).unwrap();
+        let groups = starts(&campaign.controllers[0].1, &campaign.tune().unwrap().scale["pid"]).unwrap();
+        let search = Search { plan: &plan, controller: 0, groups };
+        let beyond = libm::log(WIDEST) + 1.0;
+        let tuned = |logarithms: &[f64]| Tuned {
+            controller: "pid".into(),
+            settings: search.settings(logarithms),
+            cost: [0.5, 0.4],
+            flights: 40,
+            at_border: search.at_border(logarithms),
+        };
+        let text = tuned(&[beyond, -beyond]).to_toml();
+        assert!(text.contains("factor of `mpc.pid.kp.1`, `mpc.pid.kp.2` is 1000 or more"), "{text}");
+        assert!(text.contains("factor of `mpc.pid.kd.1` is 0.001 or less"), "{text}");
+        assert!(!tuned(&[1.0, -1.0]).to_toml().contains("the search ends"));
     }
 
     #[test]

@@ -3,12 +3,13 @@
 //! Drawn values are quantiles at numbers between 0 and 1, so that every sampling works with every distribution. They
 //! are the same on every machine: the elementary functions are those of the crate `libm`, not of the C library.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 use anyhow::{Context, bail, ensure};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use toml::Value;
+use serde::{Deserialize, Serialize, Serializer};
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table, Value};
 
 use crate::normal::Normal;
 use crate::table::Kind;
@@ -27,6 +28,15 @@ pub enum Values {
     Listed(Vec<Value>),
     /// Distribution; one value is drawn for each sample.
     Drawn(Distribution),
+}
+
+/// Table `[vary]` of a campaign file.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(from = "Table")]
+pub struct Vary {
+    table: Table,
+    /// Keys and values in the order of the file, where the draws depend on it; otherwise empty.
+    in_order: Vec<(String, Value)>,
 }
 
 /// One setting and its values as in the file, before they are made: a short text can ask for billions of values.
@@ -95,16 +105,61 @@ pub enum Distribution {
     Choice(Vec<Value>),
 }
 
+impl From<Table> for Vary {
+    fn from(table: Table) -> Self {
+        Self { table, in_order: vec![] }
+    }
+}
+
+impl Serialize for Vary {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match &self.in_order[..] {
+            [] => self.table.serialize(to),
+            all => to.collect_map(all.iter().map(|(key, value)| (key, value))),
+        }
+    }
+}
+
+impl Vary {
+    pub fn is_empty(&self) -> bool {
+        self.table.is_empty()
+    }
+
+    /// Keeps the order of the keys in `text`, the campaign file, because a TOML table has none.
+    ///
+    /// # Errors
+    /// As for [`Wanted::all`].
+    pub fn put_in_order(&mut self, text: &str) -> anyhow::Result<()> {
+        let mut places = BTreeMap::new();
+        if let Ok(file) = DeTable::parse(text)
+            && let Some(DeValue::Table(vary)) = file.get_ref().get("vary").map(Spanned::get_ref)
+        {
+            find_places("", vary, &mut places);
+        }
+        self.in_order = self.keys()?;
+        self.in_order.sort_by_key(|(key, _)| places.get(key).copied());
+        Ok(())
+    }
+
+    /// Returns the dotted keys with their values: in the order of the file if that is kept, otherwise sorted by key.
+    fn keys(&self) -> anyhow::Result<Vec<(String, Value)>> {
+        if !self.in_order.is_empty() {
+            return Ok(self.in_order.clone());
+        }
+        let mut keys = vec![];
+        collect("", &self.table, &mut keys)?;
+        keys.sort_by(|a, b| a.0.cmp(&b.0));
+        Ok(keys)
+    }
+}
+
 impl Wanted {
-    /// Reads the table `[vary]`; the result is sorted by key.
+    /// Reads the table `[vary]`; the result has its order.
     ///
     /// # Errors
     /// A value is neither a list nor a variation; the message has its key.
-    pub fn all(vary: &toml::Table) -> anyhow::Result<Vec<Self>> {
-        let mut wanted = vec![];
-        collect("", vary, &mut wanted)?;
-        wanted.sort_by(|a, b| a.key.cmp(&b.key));
-        Ok(wanted)
+    pub fn all(vary: &Vary) -> anyhow::Result<Vec<Self>> {
+        vary.keys()?.iter().map(|(key, value)| Self::new(key, value)).collect()
     }
 
     /// Lists the values of `list`.
@@ -194,10 +249,26 @@ fn check_elements(key: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Collects what varies from the nested tables of dotted keys.
-fn collect(path: &str, table: &toml::Table, wanted: &mut Vec<Wanted>) -> anyhow::Result<()> {
+/// Joins a path and a name to a dotted key.
+fn dotted(path: &str, name: &str) -> String {
+    if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
+}
+
+/// Finds the places in the file of all keys in `table`.
+fn find_places(path: &str, table: &DeTable<'_>, places: &mut BTreeMap<String, usize>) {
     for (name, value) in table {
-        let key = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+        let key = dotted(path, name.get_ref());
+        if let DeValue::Table(inner) = value.get_ref() {
+            find_places(&key, inner, places);
+        }
+        places.insert(key, name.span().start);
+    }
+}
+
+/// Collects what varies from the nested tables of dotted keys.
+fn collect(path: &str, table: &Table, keys: &mut Vec<(String, Value)>) -> anyhow::Result<()> {
+    for (name, value) in table {
+        let key = dotted(path, name);
         match value {
             Value::Table(inner) if !inner.keys().any(|word| WORDS.contains(&word.as_str())) => {
                 ensure!(!inner.is_empty(), "`{key}` in [vary] is empty");
@@ -205,9 +276,9 @@ fn collect(path: &str, table: &toml::Table, wanted: &mut Vec<Wanted>) -> anyhow:
                     let is_slip = strsim::osa_distance(word, meant) <= MAX_SLIPS && !inner[word].is_table();
                     ensure!(!is_slip, "`{key}` in [vary]: unknown word `{word}`; did you mean `{meant}`?");
                 }
-                collect(&key, inner, wanted)?;
+                collect(&key, inner, keys)?;
             }
-            _ => wanted.push(Wanted::new(&key, value)?),
+            _ => keys.push((key, value.clone())),
         }
     }
     Ok(())
@@ -307,7 +378,7 @@ mod tests {
     use super::*;
 
     fn factors(text: &str) -> anyhow::Result<Vec<Factor>> {
-        Wanted::all(&text.parse().unwrap())?.into_iter().map(Wanted::factor).collect()
+        Wanted::all(&text.parse::<Table>().unwrap().into())?.into_iter().map(Wanted::factor).collect()
     }
 
     fn drawn(text: &str) -> Distribution {

@@ -143,7 +143,8 @@ fn operating_point(args: &SensitivityArgs, out: &Path) -> anyhow::Result<Option<
     Ok(point.inspect_err(|error| eprint_line(&format!("note: the map has no operating point: {error:#}"))).ok())
 }
 
-/// Formats the largest delay up to which every flight survived, by jitter and probability of a miss.
+/// Formats the largest delay up to which every flight survived, by jitter and probability of a miss; a limit outside of
+/// the flown delays is said to be there.
 fn table(cells: &[Cell], point: Option<&Point>, out: &Path) -> String {
     let mut text = String::new();
     for controller in map::controllers(cells) {
@@ -165,15 +166,22 @@ fn table(cells: &[Cell], point: Option<&Point>, out: &Path) -> String {
 }
 
 fn line(head: &str, cells: impl Iterator<Item = String>) -> String {
-    cells.fold(format!("{head:<28}"), |line, cell| line + &format!("{cell:>18}")) + "\n"
+    cells.fold(format!("{head:<28}"), |line, cell| line + &format!("{cell:>24}")) + "\n"
 }
 
-/// Describes the last cell of a row before the first one with a failed flight.
+/// Describes the last cell of a row before the first one with a failed flight: "or more" if no flight failed, because
+/// then the limit is unknown.
 fn last_flown(row: &[&Cell], jitter_ms: f64, miss_probability: f64) -> String {
     let row = row.iter().filter(|c| c.at.jitter_ms == jitter_ms && c.at.miss_probability == miss_probability);
-    let last = row.take_while(|cell| cell.lost == 0).last();
-    last.and_then(|cell| Some(format!("{} ms, {:.3} m", cell.at.delay_ms, cell.max_position_error_m?)))
-        .unwrap_or_else(|| "never".into())
+    let row: Vec<&&Cell> = row.collect();
+    let flown = row.iter().take_while(|cell| cell.lost == 0).count();
+    let more = if flown == row.len() { " or more" } else { "" };
+    let last = flown.checked_sub(1).and_then(|last| Some((row[last].at.delay_ms, row[last].max_position_error_m?)));
+    match (last, row.first().map(|first| first.at.delay_ms)) {
+        (Some((delay_ms, error_m)), _) => format!("{delay_ms} ms{more}, {error_m:.3} m"),
+        (None, Some(first_ms)) if first_ms > 0.0 => format!("less than {first_ms} ms"),
+        (None, _) => "never".into(),
+    }
 }
 
 #[cfg(test)]

@@ -65,6 +65,18 @@ fn the_table_tells_the_last_delay_before_a_loss() {
 }
 
 #[test]
+fn the_table_says_that_a_limit_is_outside_of_the_flown_delays() {
+    let at = |delay, failed_at_s| GridFlight { failed_at_s, ..flight("robust", [delay, 0.0, 0.0], 0) };
+    let table = |flights: &[GridFlight]| table(&map::gather(flights), None, Path::new("out"));
+    let above = table(&[at(60.0, None), at(64.0, None)]);
+    assert!(above.contains("64 ms or more, 0.050 m"), "{above}");
+    let below = table(&[at(2.0, Some(1.0)), at(4.0, None)]);
+    assert!(below.contains("less than 2 ms") && !below.contains("never"), "{below}");
+    let inside = table(&[at(60.0, None), at(64.0, Some(1.0))]);
+    assert!(inside.contains("60 ms, 0.050 m") && !inside.contains("or more"), "{inside}");
+}
+
+#[test]
 fn the_page_has_a_map_for_each_probability_and_the_point_in_the_nearest() {
     let mut flights = flown();
     flights.push(flight("robust", [5.0, 2.0, 0.4], 0));
