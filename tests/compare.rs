@@ -97,6 +97,8 @@ fn a_torn_log_is_compared_as_far_as_it_goes() {
     let said = text(&output);
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.starts_with("note: the log") && said.contains("Settings: all are the same"), "{said}");
+    let named = compare(&[&whole.out, &torn.out], &["--out", torn.out.join("both").to_str().expect("a plain path")]);
+    assert!(named.status.success() && torn.out.join("both.html").is_file(), "a page has its suffix: {}", text(&named));
     let beside = whole.out.with_file_name("compare.html");
     let html = std::fs::read_to_string(&beside).expect("beside the first run");
     assert!(said.contains(&format!("written to {}", beside.display())) && html.contains("is not whole"), "{said}");

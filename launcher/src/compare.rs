@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use contract::exit;
-use flight::files::write_whole;
+use flight::files::{named_file, write_whole};
 use runtime::console::print;
 use view::comparison::{Align, Comparison};
 
@@ -26,9 +26,9 @@ pub struct CompareArgs {
 
 /// Prints what differs between the runs, and writes the page.
 pub fn compare(args: &CompareArgs) -> anyhow::Result<u8> {
+    let page = args.out.as_deref().map_or_else(|| beside_first(args), |out| named_file(out, "html"))?;
     let comparison = Comparison::read(&args.runs, args.align.as_ref())?;
     print(&comparison.text());
-    let page = args.out.clone().map_or_else(|| beside_first(args), Ok)?;
     write_whole(&page, comparison.page().as_bytes()).context("give another file with --out")?;
     print(&format!("\nwritten to {}\n", page.display()));
     Ok(exit::FLOWN)

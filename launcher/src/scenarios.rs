@@ -10,7 +10,7 @@ use runtime::console::{eprint_line, print};
 #[derive(clap::Args)]
 #[command(
     after_help = "Every command that takes a scenario or campaign file takes these names too. If there is a file of that \
-name, the file wins."
+name, the file wins; a folder of that name does not."
 )]
 pub struct ScenariosArgs {
     /// Scenario or campaign to print
@@ -44,9 +44,9 @@ fn first_sentence(text: &str) -> &str {
     text.split_once(". ").map_or(text, |(first, _)| first).trim_end_matches('.')
 }
 
-/// Says on stderr that `path` is a shipped file, if it is one.
+/// Says on stderr that the shipped file is taken for `path`, if a file of the user may have been meant.
 pub fn tell(kind: Kind, path: &Path) {
-    if let Some(shipped) = Shipped::find(kind, path) {
+    if let Some(shipped) = Shipped::find(kind, path).filter(|shipped| shipped.may_be_mistaken(path)) {
         eprint_line(&format!("note: no file `{}`; {} is part of the launcher", path.display(), shipped.path));
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! | a user writes | is |
 //! |---|---|
-//! | a path at which there is anything | that file |
-//! | `survey`, `faults/swap-law`, `scenarios/survey.toml` | the shipped scenario, if nothing is there |
+//! | a path at which there is anything but a folder | that file |
+//! | `survey`, `faults/swap-law`, `scenarios/survey.toml` | the shipped scenario, if no file is there |
 //! | `laws`, `campaigns/laws.toml` | the shipped campaign, likewise |
 //! | `shipped:/scenarios/survey.toml` | the shipped file, always: as shipped campaigns name their scenarios |
 
@@ -54,11 +54,16 @@ impl Shipped {
     pub fn find(kind: Kind, path: &Path) -> Option<Self> {
         let words = match path.strip_prefix(ROOT) {
             Ok(inside) => inside,
-            Err(_) if path.symlink_metadata().is_ok() => return None,
+            Err(_) if path.symlink_metadata().is_ok() && !path.is_dir() => return None,
             Err(_) => path,
         };
         let name = without_parents(words)?;
         Self::all(kind).find(|shipped| name == shipped.name() || name == shipped.path)
+    }
+
+    /// Returns whether `path` may have been meant for a file of the user: it is no name that only a shipped file has.
+    pub fn may_be_mistaken(self, path: &Path) -> bool {
+        path != Path::new(self.name()) && !path.starts_with(ROOT)
     }
 
     /// Name by which users call it: the path in its folder, without the ending.
@@ -129,6 +134,20 @@ mod tests {
         std::fs::write(&own, "name = \"mine\"").unwrap();
         assert_eq!(scenario(&own).unwrap().text, "name = \"mine\"");
         assert_eq!(found(Kind::Scenario, folder.path().to_str().unwrap()), None);
+    }
+
+    #[test]
+    fn only_a_path_may_be_meant_for_a_file() {
+        for (path, expected) in [
+            ("wind", false),
+            ("faults/swap-law", false),
+            ("shipped:/scenarios/wind.toml", false),
+            ("scenarios/wind.toml", true),
+            ("./wind", true),
+        ] {
+            let shipped = Shipped::find(Kind::Scenario, Path::new(path)).unwrap();
+            assert_eq!(shipped.may_be_mistaken(Path::new(path)), expected, "{path}");
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use self::events::Trace;
 use flight::duration::seconds;
-use flight::files::write_whole;
+use flight::files::{named_file, write_whole};
 use flight::log::{self, Log, Record};
 use outcome::happenings::Happenings;
 use outcome::recorded::Recorded;
@@ -56,17 +56,18 @@ pub enum Asked {
 
 pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     let TraceArgs { ref run, from_s, for_s, ref out, .. } = *args;
-    write(run, from_s.map_or(Asked::Worst { for_s }, |from_s| Asked::From { from_s, for_s }), out.clone())
+    write(run, from_s.map_or(Asked::Worst { for_s }, |from_s| Asked::From { from_s, for_s }), out.as_deref())
 }
 
 /// Writes the trace of a run to `out`, by default `trace.json` beside its log, and says where.
-pub fn write(run: &Path, asked: Asked, out: Option<PathBuf>) -> anyhow::Result<()> {
+pub fn write(run: &Path, asked: Asked, out: Option<&Path>) -> anyhow::Result<()> {
     let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
     ensure!(
         path.exists(),
         "there is no {}; give the folder of a run that was flown without --no-log, or its flight.mcap",
         path.display()
     );
+    let out = out.map_or_else(|| Ok(path.with_file_name("trace.json")), |out| named_file(out, "json"))?;
     let recorded = Recorded::read(&path)?;
     if let Some(missing) = recorded.missing() {
         eprint_line(&format!("note: {missing}"));
@@ -92,7 +93,6 @@ pub fn write(run: &Path, asked: Asked, out: Option<PathBuf>) -> anyhow::Result<(
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));
     }
-    let out = out.unwrap_or_else(|| path.with_file_name("trace.json"));
     write_whole(&out, document.to_string().as_bytes()).context("choose another file with --out")?;
     print(&format!("{}\nwritten to {} (open it in ui.perfetto.dev)\n", window.describe(), out.display()));
     Ok(())
