@@ -73,13 +73,14 @@ fn flights_are_aligned_on_an_event_or_on_times() {
             .map(|rest| rest.split([',', '}']).next().and_then(|number| number.parse().ok()).expect("a number"))
             .collect()
     };
-    for event in ["died:mixer", "kill:mixer", "0.5,1.25"] {
+    for event in ["died:mixer", "kill:mixer", "0.5s,1.25s"] {
         assert_eq!(begins(event), [-0.5, -1.25], "{event}");
     }
     for (align, told) in [
         ("died:guidance", "has no died:guidance to align; it has died:mixer, kill:mixer, started:mixer"),
-        ("1.0", "1 times for 2 runs"),
+        ("1.0s", "1 times for 2 runs"),
         ("soon", "for example died:mixer"),
+        ("1,2", "'1' has no unit: say 1s or 1ms"),
     ] {
         let output = compare(&[&early.out, &late.out], &["--align", align]);
         let said = text(&output);

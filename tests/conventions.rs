@@ -95,7 +95,27 @@ fn a_shipped_scenario_flies_by_its_name_in_any_folder_and_a_file_of_that_name_wi
     assert_eq!(plan.status.code(), Some(0), "{}", String::from_utf8_lossy(&plan.stderr));
     let unknown = run(launcher().current_dir(folder.path()).args(["fly", "surwey"]));
     assert_eq!(unknown.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&unknown.stderr).contains("`launcher scenarios` lists them"));
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("did you mean `survey`"));
+    let campaign = folder.path().join("mine.toml");
+    std::fs::write(&campaign, "seeds = 2\n[controller.pid]\nmpc.law = 'pid'\n").expect("can be written");
+    for (arguments, said) in [
+        (&["fly", "mine.toml"][..], "`launcher campaign mine.toml` flies it"),
+        (&["campaign", "lows"], "did you mean `laws`?"),
+        (&["scenarios", "survy"], "did you mean `survey`?"),
+        (&["new", "mine.toml", "--lang", "c"], "mine.toml is a file"),
+        (&["tune", "mine.toml"], "\n[tune]\nseed = 101"),
+        (&["stop", "mine"], "`launcher stop --namespace mine`"),
+        (&["inject", "controls", "drop", "--for", "500", "ms"], "a time is one word: 500ms"),
+        (&["inject", "controls", "drop", "--for", "500"], "'500' has no unit: say 500s or 500ms"),
+        (&["report", "runs/x", "--from", "5"], "'5' has no unit: say 5s or 5ms"),
+        (&["compare", "runs/x", "runs/y", "--align", "8,12"], "'8' has no unit"),
+        (&["measure", "sensitivity", "--delays", "5"], "'5' has no unit"),
+    ] {
+        let output = run(launcher().current_dir(folder.path()).args(arguments));
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(said), "{arguments:?} should say {said}: {stderr}");
+    }
 }
 
 #[test]

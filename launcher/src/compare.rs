@@ -19,7 +19,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Draw the runs so that this lies at time zero in each: the first event or fault of a kind, WHAT:NODE as in
-    /// run.json (died:mixer, took-over:attitude-mpc, gust:wind), or a time of each run in seconds (8,12.5)
+    /// run.json (died:mixer, took-over:attitude-mpc, gust:wind), or a time of each run (8s,12.5s)
     #[arg(long, value_name = "EVENT", allow_hyphen_values = true)]
     align: Option<Align>,
 }

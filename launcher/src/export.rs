@@ -31,7 +31,7 @@ pub struct ExportArgs {
     /// Format
     #[arg(long, value_enum, required = true)]
     to: Option<Format>,
-    /// Begin of the part of the flight: 500ms, 2s, 1min, plain seconds
+    /// Begin of the part of the flight: 500ms, 2s, 1min
     #[arg(long = "from", value_name = "TIME", default_value = "0s", value_parser = seconds)]
     from_s: f64,
     /// Length of the part [default: to the end]

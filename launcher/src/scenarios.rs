@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use flight::shipped::{Kind, Shipped};
+use flight::shipped::{Kind, Shipped, advice};
 use runtime::console::{eprint_line, print};
 
 /// Arguments of `scenarios`.
@@ -27,7 +27,10 @@ pub fn scenarios(args: &ScenariosArgs) -> anyhow::Result<()> {
     let named =
         |kind| Shipped::all(kind).find(|shipped| [shipped.name(), shipped.path].map(Path::new).contains(&&**name));
     let Some(shipped) = named(Kind::Scenario).or_else(|| named(Kind::Campaign)) else {
-        bail!("there is no scenario or campaign `{}`; `launcher scenarios` lists them", name.display());
+        let nearest = |kind| advice(kind, name).filter(|advice| advice.starts_with("did you mean"));
+        let meant = nearest(Kind::Scenario).or_else(|| nearest(Kind::Campaign));
+        let meant = meant.map_or(String::new(), |advice| format!("{advice}? "));
+        bail!("there is no scenario or campaign `{}`; {meant}`launcher scenarios` lists them", name.display());
     };
     print(shipped.text());
     Ok(())

@@ -29,11 +29,11 @@ use runtime::console::{eprint_line, print};
 pub struct TraceArgs {
     /// Folder of the run, or its flight.mcap
     pub run: PathBuf,
-    /// Begin of the window in simulated time: 500ms, 2s, 1min, plain seconds
-    #[arg(long = "from", alias = "from-s", value_name = "TIME", value_parser = seconds)]
+    /// Begin of the window in simulated time: 500ms, 2s, 1min
+    #[arg(long = "from", value_name = "TIME", value_parser = seconds)]
     pub from_s: Option<f64>,
     /// Length of the window
-    #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
+    #[arg(long = "for", value_name = "TIME", default_value = "1s", value_parser = seconds)]
     pub for_s: f64,
     /// Window around the worst tick, the default without --from; in lockstep, where no tick is late, at the beginning
     #[arg(long, conflicts_with = "from_s")]
