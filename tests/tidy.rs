@@ -229,7 +229,9 @@ fn names() -> BTreeSet<Vec<String>> {
             None => parts.iter().skip_while(|part| *part != "tests").skip(1).cloned().collect(),
         };
         module.pop_if(|last| ["lib", "main", "mod"].contains(&last.as_str()));
-        module.iter_mut().for_each(|name| *name = name.replace('-', "_"));
+        for name in &mut module {
+            *name = name.replace('-', "_");
+        }
         found.insert(module.clone());
         // Templates of `launcher new` have places to be filled in.
         let Ok(file) = syn::parse_file(&text) else { continue };

@@ -32,7 +32,8 @@ pub fn section(flown: &Scenario) -> String {
     };
     if !presets.is_empty() {
         let number = presets.len();
-        told += &format!("<details><summary>{number} settings by preset</summary>{}</details>", shown(presets));
+        let folded = format!("<details><summary>{number} settings by preset</summary>{}</details>", shown(presets));
+        told.push_str(&folded);
     }
     format!("<section id=\"differences\"><h2>What differs from the defaults</h2>{told}</section>")
 }
