@@ -67,6 +67,23 @@ fn every_package_is_a_room_and_arrows_between_rooms_run_one_way() {
 }
 
 #[test]
+fn the_picture_of_the_crates_has_every_one_in_its_place() {
+    let page = std::fs::read_to_string(top().join("docs/architecture.md")).expect("a readable page");
+    let picture = page.split("```").nth(1).expect("the picture");
+    let words: Vec<&str> = picture.split(|c: char| c.is_whitespace() || c == ':').collect();
+    let mut below = usize::MAX;
+    for rooms in ORDER {
+        // Libraries and programs around a core of the ring stand with `foreign`, in the table below the picture.
+        for room in rooms.iter().filter(|room| !room.starts_with("trefoil")) {
+            let place = words.iter().position(|word| word == room).unwrap_or_else(|| panic!("no {room}: {picture}"));
+            let line = words[..place].iter().filter(|word| **word == "|").count();
+            assert!(line <= below, "{room} stands below what it may depend on: {picture}");
+            below = below.min(line);
+        }
+    }
+}
+
+#[test]
 fn a_controller_links_the_contract_the_vehicle_its_curves_and_the_solver_and_no_other_room() {
     let links = links();
     let mut linked = BTreeSet::new();

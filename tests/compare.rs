@@ -74,13 +74,14 @@ fn flights_are_aligned_on_an_event_or_on_times() {
             .map(|rest| rest.split([',', '}']).next().and_then(|number| number.parse().ok()).expect("a number"))
             .collect()
     };
-    for event in ["died:mixer", "kill:mixer", "0.5,1.25"] {
+    for event in ["died:mixer", "kill:mixer", "0.5s,1.25s"] {
         assert_eq!(begins(event), [-0.5, -1.25], "{event}");
     }
     for (align, told) in [
         ("died:guidance", "has no died:guidance to align; it has died:mixer, kill:mixer, started:mixer"),
-        ("1.0", "1 times for 2 runs"),
+        ("1.0s", "1 times for 2 runs"),
         ("soon", "for example died:mixer"),
+        ("1,2", "'1' has no unit: say 1s or 1ms"),
     ] {
         let output = compare(&[&early.out, &late.out], &["--align", align]);
         let said = text(&output);
@@ -98,6 +99,8 @@ fn a_torn_log_is_compared_as_far_as_it_goes() {
     let said = text(&output);
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.starts_with("note: the log") && said.contains("Settings: all are the same"), "{said}");
+    let named = compare(&[&whole.out, &torn.out], &["--out", torn.out.join("both").to_str().expect("a plain path")]);
+    assert!(named.status.success() && torn.out.join("both.html").is_file(), "a page has its suffix: {}", text(&named));
     let beside = whole.out.with_file_name("compare.html");
     let html = std::fs::read_to_string(&beside).expect("beside the first run");
     assert!(said.contains(&format!("written to {}", beside.display())) && html.contains("is not whole"), "{said}");

@@ -91,10 +91,10 @@ fn a_flight_is_broken_and_mended_from_outside() {
     assert!(done(&["inject", "wind", "step", "--vector", "-1,0,0", "--for", "inf"]).contains("to the end"));
     assert!(done(&["inject", "controls", "garbage"]).starts_with("injected: controls garbage from"));
     wait_until("the mixer refuses", || status(&ns)["nodes"][3]["refused"]["range"].as_u64() >= Some(5));
-    done(&["inject", "position", "wrong", "--value", "-0.1", "--for", "60", "--in", "0.05"]);
+    done(&["inject", "position", "wrong", "--value", "-0.1", "--for", "60s", "--in", "0.05s"]);
     wait_until("the position is wrong", || status(&ns)["faults"].to_string().contains("position"));
     done(&["inject", "guidance", "kill"]);
-    done(&["inject", "payload", "mass", "--in", "0.5"]);
+    done(&["inject", "payload", "mass", "--in", "0.5s"]);
     wait_until("guidance was restarted", || status(&ns)["nodes"][1]["restarts"].as_u64() >= Some(1));
     assert!(done(&["clear", "wind"]).starts_with("cleared: wind step"));
     assert!(done(&["clear"]).contains("payload mass"));

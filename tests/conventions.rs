@@ -75,19 +75,47 @@ fn every_shipped_file_and_every_record_fits_its_schema_and_an_unknown_key_does_n
 #[test]
 fn a_shipped_scenario_flies_by_its_name_in_any_folder_and_a_file_of_that_name_wins() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let check = || run(launcher().current_dir(folder.path()).args(["check", "wind"]));
-    let shipped = check();
-    let said = String::from_utf8_lossy(&shipped.stderr).into_owned();
-    assert_eq!(shipped.status.code(), Some(0), "{said}");
-    assert!(said.contains("note: no file `wind`; scenarios/wind.toml is part of the launcher"), "{said}");
+    let check = |name: &str| run(launcher().current_dir(folder.path()).args(["check", name]));
+    let said = |name: &str| {
+        let shipped = check(name);
+        let said = String::from_utf8_lossy(&shipped.stderr).into_owned();
+        assert_eq!(shipped.status.code(), Some(0), "{said}");
+        said
+    };
+    let note = "note: no file `scenarios/wind.toml`; scenarios/wind.toml is part of the launcher";
+    assert!(said("scenarios/wind.toml").contains(note), "a path may have been meant for a file");
+    assert!(!said("wind").contains("note: no file"), "a name is that of the scenario");
+    std::fs::create_dir(folder.path().join("wind")).expect("can be made");
+    said("wind"); // a folder cannot be flown, so that it hides nothing
+    std::fs::remove_dir(folder.path().join("wind")).expect("can be removed");
     std::fs::write(folder.path().join("wind"), "name = \"mine\"").expect("can be written");
-    let own = check();
+    let own = check("wind");
     assert!(String::from_utf8_lossy(&own.stdout).contains("name = \"mine\"") && !own.stderr.contains(&b'`'));
     let plan = run(launcher().current_dir(folder.path()).args(["campaign", "aggressive", "--plan"]));
     assert_eq!(plan.status.code(), Some(0), "{}", String::from_utf8_lossy(&plan.stderr));
     let unknown = run(launcher().current_dir(folder.path()).args(["fly", "surwey"]));
     assert_eq!(unknown.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&unknown.stderr).contains("`launcher scenarios` lists them"));
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("did you mean `survey`"));
+    let campaign = folder.path().join("mine.toml");
+    std::fs::write(&campaign, "seeds = 2\n[controller.pid]\nmpc.law = 'pid'\n").expect("can be written");
+    for (arguments, said) in [
+        (&["fly", "mine.toml"][..], "`launcher campaign mine.toml` flies it"),
+        (&["campaign", "lows"], "did you mean `laws`?"),
+        (&["scenarios", "survy"], "did you mean `survey`?"),
+        (&["new", "mine.toml", "--lang", "c"], "mine.toml is a file"),
+        (&["tune", "mine.toml"], "\n[tune]\nseed = 101"),
+        (&["stop", "mine"], "`launcher stop --namespace mine`"),
+        (&["inject", "controls", "drop", "--for", "500", "ms"], "a time is one word: 500ms"),
+        (&["inject", "controls", "drop", "--for", "500"], "'500' has no unit: say 500s or 500ms"),
+        (&["report", "runs/x", "--from", "5"], "'5' has no unit: say 5s or 5ms"),
+        (&["compare", "runs/x", "runs/y", "--align", "8,12"], "'8' has no unit"),
+        (&["measure", "sensitivity", "--delays", "5"], "'5' has no unit"),
+    ] {
+        let output = run(launcher().current_dir(folder.path()).args(arguments));
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(said), "{arguments:?} should say {said}: {stderr}");
+    }
 }
 
 #[test]

@@ -158,6 +158,21 @@ fn a_run_that_cannot_be_exported_is_refused() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
         assert!(said.contains(why), "{arguments:?}: {said}");
     }
+    let log = std::fs::read(flown.out.join("flight.mcap")).expect("a log");
+    let [mcap, page] = ["flight.mcap", "report.html"].map(|name| plain(&flown.out.join(name)).to_owned());
+    for arguments in [
+        &["export", &run, "--to", "ulog", "--out", &mcap][..],
+        &["export", &run, "--to", "csv", "--out", &run],
+        &["export", "fmu", "--out", &mcap],
+        &["trace", &run, "--out", &page],
+        &["compare", &run, &mcap, "--out", &page],
+    ] {
+        let output = launcher().args(arguments).output().expect("the launcher runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains("name another with --out"), "{arguments:?}: {said}");
+    }
+    assert!(std::fs::read(&mcap).expect("a log") == log, "what it exports is as it was");
     let left = std::fs::read_dir(&flown.out).expect("a folder").flatten().map(|entry| entry.file_name());
     assert!(left.into_iter().all(|name| !name.to_string_lossy().contains(".part")), "nothing half-written is left");
 }

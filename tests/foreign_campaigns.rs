@@ -289,7 +289,7 @@ fn a_controller_stands_beside_ours_in_the_measurements() {
     crate::sensitivity::realtime_run(folder.path(), "realtime");
     let out = folder.path().join("map");
     let mut command = launcher();
-    command.args(["measure", "sensitivity", "--delays", "0,10", "--jitters", "0", "--misses", "0"]);
+    command.args(["measure", "sensitivity", "--delays", "0,10ms", "--jitters", "0", "--misses", "0"]);
     command.args(["--controller", &mine, "--run"]).arg(folder.path()).arg("--out").arg(&out);
     let flown = command.output().unwrap();
     assert_eq!(flown.status.code(), Some(0), "{}", said(&flown));

@@ -155,7 +155,13 @@ fn the_report_of_a_quiet_and_of_a_busy_flight_can_be_read() {
     }
     let quiet = fly(&["scenarios/survey-paper.toml", "--mode", "inprocess"]);
     let real = fly(&["--set", "run.duration_s=3.0"]);
-    look_at(&[&quiet, &real, &busy(&[])].map(|flight| flight.out.join("report.html")).each_ref().map(PathBuf::as_path));
+    let landed = fly(&["take-off-and-land", "--mode", "inprocess"]); // it has phases
+    look_at(
+        &[&quiet, &real, &landed, &busy(&[])]
+            .map(|flight| flight.out.join("report.html"))
+            .each_ref()
+            .map(PathBuf::as_path),
+    );
 }
 
 #[test]

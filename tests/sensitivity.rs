@@ -35,7 +35,7 @@ fn sensitivity(arguments: &[&str], folder: &Path) -> Output {
 fn the_map_finds_the_limit_of_the_papers_controller() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     realtime_run(folder.path(), "realtime");
-    let grid = ["--delays", "0,4,10,58", "--jitters", "0", "--misses", "0", "--json"];
+    let grid = ["--delays", "0,4ms,10ms,58ms", "--jitters", "0", "--misses", "0", "--json"];
     let output = sensitivity(&grid, folder.path());
     let printed: Value = serde_json::from_slice(&output.stdout).expect("stdout is JSON");
     let map = folder.path().join("map");
@@ -71,7 +71,7 @@ fn the_map_is_the_same_every_time() {
     let short = folder.path().join("short.toml");
     std::fs::write(&short, "name = \"short\"\n[run]\nduration_s = 3.0\n").expect("can be written");
     let [first, again] = [(); 2].map(|()| {
-        let arguments = [plain(&short), "--delays", "5,0", "--jitters", "5", "--misses", "0.2,0", "--seeds", "2"];
+        let arguments = [plain(&short), "--delays", "5ms,0", "--jitters", "5ms", "--misses", "0.2,0", "--seeds", "2"];
         let output = sensitivity(&arguments, folder.path());
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         let table = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -94,7 +94,7 @@ fn what_cannot_be_mapped_is_told() {
     };
     check(&[], &["run.json", "lockstep", "--mode realtime"]);
     check(&["no/such.toml"], &["no/such.toml"]);
-    check(&["--delays=-1,2"], &["--delays", "'-1' is no duration"]);
+    check(&["--delays=-1ms,2ms"], &["--delays", "'-1ms' is no duration"]);
     check(&["--delays=2s"], &["run.command_delay_ms", "2000.0"]);
     check(&["--misses", "0.5,1.5"], &["run.command_drop_probability", "1.5"]);
     check(&["--seeds", "0"], &["--seeds"]);

@@ -22,7 +22,7 @@ const PATIENT: &str = "ticks=100";
 /// `launcher swap` in a stack: its exit code, and what it said.
 fn swap(namespace: &str, words: &[&str]) -> (Option<i32>, String) {
     let mut command = launcher();
-    command.arg("swap").args(words).args(["--standby", "0.2", "--watch", "0.3", "--namespace", namespace]);
+    command.arg("swap").args(words).args(["--standby", "0.2s", "--watch", "0.3s", "--namespace", namespace]);
     let output = command.output().expect("swap runs");
     let said = [output.stdout, output.stderr].concat();
     (output.status.code(), String::from_utf8(said).expect("text"))
@@ -124,13 +124,13 @@ fn a_swap_is_seen_while_it_lasts_and_others_are_refused_meanwhile() {
     assert!(said.contains("no recorder runs in this flight"), "{said}");
     let error = tell(&ns, &["swap", "mixer", "--exec", "/no/such/program"]).expect_err("there is none");
     assert!(error.starts_with("Some(2)") && error.contains("cannot find the program"), "{error}");
-    let error = tell(&ns, &["swap", "mixer", "--watch", "3000"]).expect_err("the scenario's is in its way");
+    let error = tell(&ns, &["swap", "mixer", "--watch", "3000s"]).expect_err("the scenario's is in its way");
     assert!(error.starts_with("Some(2)") && error.contains("two swaps of mixer at once"), "{error}");
     let domain = Domain::find(&ns).expect("it flies");
     let order = Request::Swap(Swap::new(SwapNode::Mixer, 0.0));
     ask(&domain, &order).expect("the first order");
     ask(&domain, &order).expect_err("whether the first has begun or not");
-    let waiting = ["swap", "guidance", "--standby", "3000", "--bounds", "ticks=100000"];
+    let waiting = ["swap", "guidance", "--standby", "3000s", "--bounds", "ticks=100000"];
     thread::scope(|scope| {
         let waiting = scope.spawn(|| tell(&ns, &waiting).expect_err("it does not come to an end"));
         // Which epochs they have, a machine that held a node up for long enough to be replaced decides.

@@ -1,8 +1,10 @@
-//! Each equation of the paper is cited in one file, the pages name files that exist, and comments keep to the rules of
-//! CONTRIBUTING.md.
+//! Each equation of the paper is cited in one file, the pages name files and items that exist, and comments keep to the
+//! rules of CONTRIBUTING.md.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+
+use syn::{Ident, ImplItem, Item, TraitItem, Type};
 
 use crate::harness::{skip, top};
 
@@ -24,6 +26,7 @@ pub fn sources() -> Vec<(PathBuf, String)> {
         "airframe",
         "curves",
         "contract",
+        "navigation",
         "runtime",
         "plant",
         "guidance",
@@ -131,14 +134,21 @@ fn named_files(text: &str) -> Vec<String> {
     links.chain(paths).map(str::to_owned).collect()
 }
 
-#[test]
-fn every_file_that_a_page_names_exists() {
+/// Paths of the pages of the repository, a line each; `None`, which it says, where there is no repository.
+fn pages() -> Option<String> {
     let listed = std::process::Command::new("git").args(["ls-files", "*.md"]).current_dir(top()).output();
     let Some(listed) = listed.ok().filter(|output| output.status.success()) else {
-        return skip("this is no clone, or git is missing");
+        skip("this is no clone, or git is missing");
+        return None;
     };
     let pages = String::from_utf8(listed.stdout).expect("plain names");
     assert!(pages.contains("README.md"), "{pages}");
+    Some(pages)
+}
+
+#[test]
+fn every_file_that_a_page_names_exists() {
+    let Some(pages) = pages() else { return };
     for page in pages.lines() {
         let text = std::fs::read_to_string(top().join(page)).expect("a readable page");
         let folder = top().join(page).with_file_name("");
@@ -146,6 +156,183 @@ fn every_file_that_a_page_names_exists() {
             assert!(folder.join(&name).exists() || top().join(&name).exists(), "{page} names {name}");
         }
     }
+}
+
+/// Names that the items of a file add to `found`, each after the names of the modules and types that it stands in.
+fn collect(items: &[Item], module: &[String], found: &mut BTreeSet<Vec<String>>) {
+    let add = |found: &mut BTreeSet<_>, names: &[&Ident]| {
+        let path = module.iter().cloned().chain(names.iter().map(ToString::to_string)).collect();
+        found.insert(path);
+    };
+    for item in items {
+        match item {
+            Item::Const(i) => add(found, &[&i.ident]),
+            Item::Fn(i) => add(found, &[&i.sig.ident]),
+            Item::Static(i) => add(found, &[&i.ident]),
+            Item::Type(i) => add(found, &[&i.ident]),
+            Item::Struct(i) => {
+                add(found, &[&i.ident]);
+                i.fields
+                    .iter()
+                    .filter_map(|field| field.ident.as_ref())
+                    .for_each(|field| add(found, &[&i.ident, field]));
+            }
+            Item::Enum(i) => {
+                add(found, &[&i.ident]);
+                i.variants.iter().for_each(|variant| add(found, &[&i.ident, &variant.ident]));
+            }
+            Item::Trait(i) => {
+                add(found, &[&i.ident]);
+                for member in &i.items {
+                    match member {
+                        TraitItem::Fn(member) => add(found, &[&i.ident, &member.sig.ident]),
+                        TraitItem::Type(member) => add(found, &[&i.ident, &member.ident]),
+                        _ => {}
+                    }
+                }
+            }
+            Item::Impl(i) => {
+                let Type::Path(of) = &*i.self_ty else { continue };
+                let of = of.path.segments.last().map(|segment| &segment.ident);
+                for (of, member) in of.iter().flat_map(|of| i.items.iter().map(move |member| (*of, member))) {
+                    match member {
+                        ImplItem::Fn(member) => add(found, &[of, &member.sig.ident]),
+                        ImplItem::Const(member) => add(found, &[of, &member.ident]),
+                        _ => {}
+                    }
+                }
+            }
+            // The tests in a `proptest!` are functions that only its expansion has.
+            Item::Macro(i) => {
+                let words: Vec<String> = i.mac.tokens.clone().into_iter().map(|token| token.to_string()).collect();
+                let named = words.windows(2).filter(|pair| pair[0] == "fn").map(|pair| pair[1].clone());
+                found.extend(named.map(|name| [module, &[name]].concat()));
+            }
+            Item::Mod(i) => {
+                let inner = [module, &[i.ident.to_string()]].concat();
+                found.insert(inner.clone());
+                i.content.iter().for_each(|(_, items)| collect(items, &inner, found));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Names of everything in the workspace, from the crate down; of a test, from its file down.
+fn names() -> BTreeSet<Vec<String>> {
+    let mut found = BTreeSet::new();
+    for (path, text) in sources() {
+        let parts: Vec<String> =
+            path.with_extension("").iter().map(|part| part.to_string_lossy().into_owned()).collect();
+        let mut module: Vec<String> = match parts.iter().rposition(|part| part == "src") {
+            Some(src) => [&parts[src - 1..src], &parts[src + 1..]].concat(),
+            None => parts.iter().skip_while(|part| *part != "tests").skip(1).cloned().collect(),
+        };
+        module.pop_if(|last| ["lib", "main", "mod"].contains(&last.as_str()));
+        for name in &mut module {
+            *name = name.replace('-', "_");
+        }
+        found.insert(module.clone());
+        // Templates of `launcher new` have places to be filled in.
+        let Ok(file) = syn::parse_file(&text) else { continue };
+        collect(&file.items, &module, &mut found);
+    }
+    found
+}
+
+/// Paths in backticks, `a::b`, with the text that they stand in.
+fn named_items(text: &str) -> Vec<(&str, Vec<&str>)> {
+    let spans = text.split('`').skip(1).step_by(2);
+    let words = spans.flat_map(|span| {
+        span.split(|c: char| !c.is_alphanumeric() && c != '_' && c != ':').map(move |word| (span, word))
+    });
+    let paths = words.map(|(span, word)| (span, word.split("::").collect::<Vec<_>>()));
+    paths
+        .filter(|(_, path)| path.len() > 1 && path.iter().all(|name| !name.is_empty() && !name.contains(':')))
+        .collect()
+}
+
+#[test]
+fn every_item_that_a_page_names_exists() {
+    let names = names();
+    assert!(names.len() > 3_000, "the items were found: {}", names.len());
+    let lock = std::fs::read_to_string(top().join("Cargo.lock")).expect("Cargo.lock");
+    let is_of_others =
+        |name: &str| name == "std" || lock.contains(&format!("name = \"{name}\"\nversion = \"")) && !is_ours(name);
+    let Some(pages) = pages() else { return };
+    let (mut checked, mut wrong) = (0, vec![]);
+    for page in pages.lines() {
+        let text = std::fs::read_to_string(top().join(page)).expect("a readable page");
+        for (span, path) in named_items(&text).into_iter().filter(|(_, path)| !is_of_others(path[0])) {
+            // The filter of a test is the beginning of its name.
+            let is_filter = span.contains("cargo test");
+            let is_meant = |name: &Vec<String>| {
+                let from = name.len().checked_sub(path.len());
+                from.is_some_and(|from| {
+                    let mut pairs = name[from..].iter().zip(&path).rev();
+                    let last = pairs.next().is_some_and(|(is, said)| is == said || is_filter && is.starts_with(said));
+                    last && pairs.all(|(is, said)| is == said)
+                })
+            };
+            checked += 1;
+            if !names.iter().any(is_meant) {
+                wrong.push(format!("{page} names {}", path.join("::")));
+            }
+        }
+    }
+    assert!(checked > 10 && wrong.is_empty(), "{checked} names on the pages, of which there are not: {wrong:#?}");
+}
+
+/// Returns whether the workspace has a crate of this name.
+fn is_ours(name: &str) -> bool {
+    let folders = [name.to_owned(), format!("launcher/{name}"), format!("foreign/{name}")];
+    folders.iter().any(|folder| top().join(folder).join("Cargo.toml").is_file())
+}
+
+#[test]
+fn the_pages_have_the_sizes_of_the_messages() {
+    use contract::message::{Actuators, Controls, Reference, State};
+    let sizes = [size_of::<State>(), size_of::<Reference>(), size_of::<Controls>(), size_of::<Actuators>()];
+    for page in ["docs/architecture.md", "docs/decisions/0001-ring-and-doorbell.md"] {
+        let text = std::fs::read_to_string(top().join(page)).expect("a readable page");
+        let sentence = text.split(". ").find(|sentence| sentence.contains("STATE") && sentence.contains("bytes"));
+        let sentence = sentence.unwrap_or_else(|| panic!("{page} says how large a message is"));
+        let said: Vec<usize> = numbers(sentence).filter_map(|number| number.parse().ok()).collect();
+        assert!(said.windows(sizes.len()).any(|run| run == sizes), "{page}: {said:?}, and they have {sizes:?}");
+    }
+}
+
+#[test]
+fn the_page_for_developers_names_every_measurement() {
+    let help = crate::harness::launcher().args(["measure", "--help"]).output().expect("the launcher runs");
+    let help = String::from_utf8(help.stdout).expect("UTF-8");
+    let commands = help.split("Commands:\n").nth(1).expect("a list of commands").lines();
+    let commands: Vec<&str> = commands.map_while(|line| line.strip_prefix("  ")?.split_whitespace().next()).collect();
+    let page = std::fs::read_to_string(top().join("CONTRIBUTING.md")).expect("a readable page");
+    let section = page.split("\n## ").find(|section| section.starts_with("Measure")).expect("a section");
+    assert!(commands.contains(&"timing"), "{help}");
+    for command in commands.into_iter().filter(|command| *command != "help") {
+        let is_named =
+            [format!("`{command}`"), format!("measure {command}`")].iter().any(|name| section.contains(name));
+        assert!(is_named, "CONTRIBUTING.md does not name `measure {command}`");
+    }
+}
+
+#[test]
+fn the_checks_count_and_name_what_they_skip() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let log = folder.path().join("log");
+    let said = "test a ... ok\nskipped: needs root: b::c\ntest d ... skipped: no node: d\nskipped: needs root: b::c\n";
+    for (said, expected) in
+        [(said, "skipped: 2\n  needs root: b::c\n  no node: d\n"), ("test a ... ok\n", "skipped: 0\n")]
+    {
+        std::fs::write(&log, said).expect("can be written");
+        let output = std::process::Command::new(top().join(".ci/skipped")).arg(&log).output().expect("a shell runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(String::from_utf8_lossy(&output.stdout), expected);
+    }
+    let checks = std::fs::read_to_string(top().join(".ci/run")).expect(".ci/run");
+    assert!(checks.contains("| tee -a \"$log\"") && checks.contains(".ci/skipped \"$log\""), "they are used");
 }
 
 /// Numbers of a text, as it writes them.

@@ -108,7 +108,7 @@ fn an_export_for_perfetto_is_the_trace_of_the_whole_flight() {
     check_trace(&whole);
     assert_eq!(events(&whole, "X").iter().filter(|slice| lane(slice) == 1).count(), 201);
     let part = |arguments: &[&str]| {
-        let output = run(&[arguments, &["--from", "0.5", "--for", "0.5"]].concat());
+        let output = run(&[arguments, &["--from", "0.5s", "--for", "0.5s"]].concat());
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         read(&flown.out.join("trace.json"))
     };
@@ -150,8 +150,8 @@ fn what_cannot_be_traced_is_told() {
     check(&["no/such/run"], &["no/such/run", "folder of a run"]);
     check(&[plain(&unlogged.out)], &["flight.mcap", "--no-log"]);
     check(&[plain(&in_process.out)], &["no clock", "--mode realtime"]);
-    check(&[plain(&lockstep.out), "--from", "7"], &["7.00 to 8.00 s", "covers 0.10 s", "--from"]);
-    check(&[plain(&lockstep.out), "--for-s", "0"], &["--for"]);
+    check(&[plain(&lockstep.out), "--from", "7s"], &["7.00 to 8.00 s", "covers 0.10 s", "--from"]);
+    check(&[plain(&lockstep.out), "--for", "0s"], &["--for"]);
     check(&[plain(&lockstep.out), "--from", "0", "--worst"], &["--worst"]);
     check(&[plain(&lockstep.out), "--out", "/no/such/folder/x"], &["/no/such/folder", "--out"]);
 }

@@ -9,6 +9,7 @@ use serde_json::json;
 use crate::target::{self, TargetArgs};
 use flight::control::{Request, ask};
 use flight::duration::{seconds, seconds_or_inf, signed_milliseconds};
+use flight::event::name;
 use outcome::faults::course;
 use runtime::console::print;
 
@@ -17,12 +18,7 @@ const USUAL_S: f64 = 0.5;
 
 /// Arguments of `inject`: a `[[fault]]` of a scenario, word for word.
 #[derive(clap::Args)]
-#[command(
-    after_help = "Targets: plant guidance attitude-mpc mixer (kill stop slow hog exit); state reference controls actuators \
-(drop burst delay duplicate reorder corrupt garbage stale rate; wrong, but for state); position velocity attitude rates (off stuck garbage wrong \
-slow delayed intermittent noise); rotor1 rotor2 rotor3 tilt (off stuck wrong slow saturated); wind (step gust); payload \
-(mass); mpc (infeasible nan iteration-cap). Sizes have defaults: see docs/faults.md."
-)]
+#[command(after_help = targets() + ". Sizes have defaults: see docs/faults.md.")]
 pub struct InjectArgs {
     /// Target of the fault: see below
     target: String,
@@ -30,14 +26,14 @@ pub struct InjectArgs {
     kind: String,
     #[command(flatten)]
     stack: TargetArgs,
-    /// Duration: 500ms, 2s, 1min, plain seconds; inf = until it is cleared [default: 0.5s, and no end for kill and
+    /// Duration: 500ms, 2s, 1min; inf = until it is cleared [default: 0.5s, and no end for kill and
     /// exit]
     #[arg(long = "for", value_name = "TIME", value_parser = seconds_or_inf)]
     for_s: Option<f64>,
     /// Time from the next sample but one to the beginning of the fault
     #[arg(long = "in", value_name = "TIME", default_value = "0s", value_parser = seconds)]
     in_s: f64,
-    /// A delay or a time constant: 20ms, 0.1s, plain milliseconds
+    /// A delay or a time constant: 20ms, 0.1s, or plain milliseconds
     #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = signed_milliseconds)]
     ms: Option<f64>,
     /// A bias, a factor, a deviation, a mass; degrees for angles
@@ -64,6 +60,24 @@ pub struct ClearArgs {
     target: Option<String>,
     #[command(flatten)]
     stack: TargetArgs,
+}
+
+/// Lists the targets that have faults in flight, those with the same kinds together, and the kinds in brackets.
+fn targets() -> String {
+    let mut groups: Vec<(Vec<FaultKind>, Vec<&str>)> = vec![];
+    for (target, name) in FaultTarget::ALL {
+        let kinds: Vec<FaultKind> = target.kinds_in_flight().collect();
+        match groups.iter_mut().find(|(known, _)| *known == kinds) {
+            Some((_, names)) => names.push(name),
+            None if kinds.is_empty() => {}
+            None => groups.push((kinds, vec![name])),
+        }
+    }
+    let group = |(kinds, names): &(Vec<FaultKind>, Vec<&str>)| {
+        let kinds: Vec<String> = kinds.iter().map(name).collect();
+        format!("{} ({})", names.join(" "), kinds.join(" "))
+    };
+    format!("Targets: {}", groups.iter().map(group).collect::<Vec<_>>().join("; "))
 }
 
 /// Gives a flying stack a fault.
@@ -122,4 +136,22 @@ pub fn word<T: DeserializeOwned>(what: &str, word: &str) -> anyhow::Result<T> {
 
 fn vector(axes: &[f64]) -> anyhow::Result<[f64; 3]> {
     axes.try_into().map_err(|_| anyhow!("--vector has {} numbers; give three, for example 5,0,0", axes.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_help_names_every_fault_that_is_given_in_flight_and_no_other() {
+        let help = targets();
+        for (target, name) in FaultTarget::ALL {
+            let is_there = help.split([' ', ':', ';']).any(|word| word == name);
+            assert_eq!(is_there, !matches!(target, FaultTarget::Clock | FaultTarget::Host), "{name}: {help}");
+        }
+        for group in ["acceleration height flow (off ", "wind (step gust)", "state (drop burst ", "iteration-cap)"] {
+            assert!(help.contains(group), "{group}: {help}");
+        }
+        assert!(!help.contains("second-publisher"), "an intruder is of a scenario: {help}");
+    }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use contract::exit;
-use flight::files::write_whole;
+use flight::files::{named_file, write_whole};
 use runtime::console::print;
 use view::comparison::{Align, Comparison};
 
@@ -19,16 +19,16 @@ pub struct CompareArgs {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Draw the runs so that this lies at time zero in each: the first event or fault of a kind, WHAT:NODE as in
-    /// run.json (died:mixer, took-over:attitude-mpc, gust:wind), or a time of each run in seconds (8,12.5)
+    /// run.json (died:mixer, took-over:attitude-mpc, gust:wind), or a time of each run (8s,12.5s)
     #[arg(long, value_name = "EVENT", allow_hyphen_values = true)]
     align: Option<Align>,
 }
 
 /// Prints what differs between the runs, and writes the page.
 pub fn compare(args: &CompareArgs) -> anyhow::Result<u8> {
+    let page = args.out.as_deref().map_or_else(|| beside_first(args), |out| named_file(out, "html"))?;
     let comparison = Comparison::read(&args.runs, args.align.as_ref())?;
     print(&comparison.text());
-    let page = args.out.clone().map_or_else(|| beside_first(args), Ok)?;
     write_whole(&page, comparison.page().as_bytes()).context("give another file with --out")?;
     print(&format!("\nwritten to {}\n", page.display()));
     Ok(exit::FLOWN)

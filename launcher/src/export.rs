@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, ensure};
 use flight::duration::{seconds, seconds_or_inf};
-use flight::files::write_whole;
+use flight::files::{named_file, write_whole};
 use flight::settings;
 use flight::shipped::Kind;
 use outcome::recorded::Part;
@@ -31,7 +31,7 @@ pub struct ExportArgs {
     /// Format
     #[arg(long, value_enum, required = true)]
     to: Option<Format>,
-    /// Begin of the part of the flight: 500ms, 2s, 1min, plain seconds
+    /// Begin of the part of the flight: 500ms, 2s, 1min
     #[arg(long = "from", value_name = "TIME", default_value = "0s", value_parser = seconds)]
     from_s: f64,
     /// Length of the part [default: to the end]
@@ -70,9 +70,9 @@ pub struct FmuArgs {
     /// Override a setting, value in TOML
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// File to write
-    #[arg(long, value_name = "FILE", default_value = "trefoil.fmu")]
-    out: PathBuf,
+    /// File to write [default: trefoil.fmu]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
 }
 
 /// Writes what was asked for, and says where.
@@ -91,10 +91,10 @@ fn of_run(run: &Path, to: Format, args: &ExportArgs) -> anyhow::Result<()> {
         Format::Csv => export::Format::Csv,
         Format::Parquet => export::Format::Parquet,
         Format::Ulog => export::Format::Ulog,
-        Format::Perfetto => return trace::write(run, Asked::From { from_s, for_s }, out.clone()),
+        Format::Perfetto => return trace::write(run, Asked::From { from_s, for_s }, out.as_deref()),
     };
     let log = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
-    let written = export::export(&log, format, Part { from_s, to_s: from_s + for_s }, out.clone())?;
+    let written = export::export(&log, format, Part { from_s, to_s: from_s + for_s }, out.as_deref())?;
     for note in &written.notes {
         eprint_line(&format!("note: {note}"));
     }
@@ -105,6 +105,7 @@ fn of_run(run: &Path, to: Format, args: &ExportArgs) -> anyhow::Result<()> {
 /// Writes the FMU, and says where.
 fn fmu(args: &FmuArgs) -> anyhow::Result<()> {
     args.scenario.iter().for_each(|path| scenarios::tell(Kind::Scenario, path));
+    let out = args.out.as_deref().map_or_else(|| Ok("trefoil.fmu".into()), |out| named_file(out, "fmu"))?;
     let scenario = settings::load(args.scenario.as_deref(), &args.set)?;
     check(&scenario).map_err(|why| anyhow!(why))?;
     let library = std::fs::read(library()?).context("cannot read the library of the FMU")?;
@@ -119,8 +120,8 @@ fn fmu(args: &FmuArgs) -> anyhow::Result<()> {
         archive.start_file(name, options)?;
         archive.write_all(bytes)?;
     }
-    write_whole(&args.out, archive.finish()?.get_ref())?;
-    print(&format!("written to {}\n", args.out.display()));
+    write_whole(&out, archive.finish()?.get_ref())?;
+    print(&format!("written to {}\n", out.display()));
     Ok(())
 }
 

@@ -302,11 +302,14 @@ fn fly_processes(
     Ok(Flown { how, wall, scheduling })
 }
 
-/// Prints what the scenario asks for and the processes did not get, as `doctor` does.
+/// Prints what the scenario asks for and the processes did not get, as `doctor` does, and each remedy once.
 fn tell_shortfalls(scenario: &Scenario, scheduling: &[(String, Scheduling)]) {
     let granted = granted(scheduling.iter().map(|(name, got)| (name, got)));
     let findings = machine::scheduling(&Machine::this(), scenario, granted, &program());
-    for finding in findings.iter().filter(|finding| finding.level == Level::Bad) {
+    let mut told = None;
+    for mut finding in findings.into_iter().filter(|finding| finding.level == Level::Bad) {
+        let again = finding.remedy.take_if(|remedy| told.as_ref() == Some(remedy));
+        told = again.or_else(|| finding.remedy.clone()).or(told);
         eprint_line(&format!("note: {}: {}", finding.check, finding.lines().join("\n      ")));
     }
 }

@@ -1,6 +1,7 @@
 //! Examples and exit codes of every command, for `--help`, the manual pages and the page of commands.
 
 use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory, Parser};
 use contract::exit;
 use flight::provenance::Program;
@@ -179,6 +180,29 @@ fn add(command: Command, path: &[&str], help: &Help) -> Command {
 /// Parses the arguments of this process.
 pub fn parse<C: Parser>() -> Result<C, clap::Error> {
     let mut command = command::<C>();
-    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+    let matches = command.try_get_matches_from_mut(std::env::args_os());
+    let matches = matches.map_err(|error| with_advice(error, &command, &std::env::args().collect::<Vec<_>>()))?;
     C::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}
+
+/// Adds what may have been meant to the error for a word that no option takes: a unit apart from its number, or the
+/// name of a stack.
+fn with_advice(mut error: clap::Error, command: &Command, words: &[String]) -> clap::Error {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg) else { return error };
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    let apart = words.windows(2).find(|pair| pair[1] == *word && is_number(&pair[0])).map(|pair| &pair[0]);
+    // A command that takes no words but the name of a stack, which has an option.
+    let of_a_stack = words.get(1).and_then(|name| command.find_subcommand(name)).filter(|command| {
+        command.get_positionals().next().is_none() && command.get_arguments().any(|of| of.get_id() == "namespace")
+    });
+    let tip = match (apart, of_a_stack) {
+        _ if error.kind() != ErrorKind::UnknownArgument || word.starts_with('-') => return error,
+        (Some(number), _) => format!("a time is one word: {number}{word}"),
+        (None, Some(command)) => {
+            format!("a stack is named with --namespace: `launcher {} --namespace {word}`", command.get_name())
+        }
+        (None, None) => return error,
+    };
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    error
 }

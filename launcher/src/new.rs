@@ -38,6 +38,9 @@ pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
         bail!("there is no {node} in {language}; there are: {}", pairs());
     };
     let shown = args.dir.display();
+    if args.dir.exists() && !args.dir.is_dir() {
+        bail!("{shown} is a file, and a controller is written into a folder: name a new one");
+    }
     if std::fs::read_dir(&args.dir).is_ok_and(|mut entries| entries.next().is_some()) {
         bail!("the folder {shown} is not empty: name a new one");
     }

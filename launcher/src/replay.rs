@@ -205,7 +205,7 @@ fn ticks(part: Part, recording: &Recording) -> (u64, Option<u64>) {
 
 /// Parses `NODE@TIME`; returns topic and tick of that cycle, and the function to call before it.
 fn breakpoint(stop: &str, recording: &Recording) -> anyhow::Result<(Topic, u64, fn())> {
-    let (name, time) = stop.split_once('@').context("--break takes NODE@TIME, for example attitude-mpc@12.34")?;
+    let (name, time) = stop.split_once('@').context("--break takes NODE@TIME, for example attitude-mpc@12.34s")?;
     let (topic, time_s) = (node(name)?, seconds(time).map_err(|why| anyhow!("--break {stop}: {why}"))?);
     let tick = (time_s / recording.scenario.sample_s()).round() as u64;
     Ok((topic, tick, wait_for_debugger))

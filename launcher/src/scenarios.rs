@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use flight::shipped::{Kind, Shipped};
+use flight::shipped::{Kind, Shipped, advice};
 use runtime::console::{eprint_line, print};
 
 /// Arguments of `scenarios`.
 #[derive(clap::Args)]
 #[command(
     after_help = "Every command that takes a scenario or campaign file takes these names too. If there is a file of that \
-name, the file wins."
+name, the file wins; a folder of that name does not."
 )]
 pub struct ScenariosArgs {
     /// Scenario or campaign to print
@@ -27,7 +27,10 @@ pub fn scenarios(args: &ScenariosArgs) -> anyhow::Result<()> {
     let named =
         |kind| Shipped::all(kind).find(|shipped| [shipped.name(), shipped.path].map(Path::new).contains(&&**name));
     let Some(shipped) = named(Kind::Scenario).or_else(|| named(Kind::Campaign)) else {
-        bail!("there is no scenario or campaign `{}`; `launcher scenarios` lists them", name.display());
+        let nearest = |kind| advice(kind, name).filter(|advice| advice.starts_with("did you mean"));
+        let meant = nearest(Kind::Scenario).or_else(|| nearest(Kind::Campaign));
+        let meant = meant.map_or(String::new(), |advice| format!("{advice}? "));
+        bail!("there is no scenario or campaign `{}`; {meant}`launcher scenarios` lists them", name.display());
     };
     print(shipped.text());
     Ok(())
@@ -44,9 +47,9 @@ fn first_sentence(text: &str) -> &str {
     text.split_once(". ").map_or(text, |(first, _)| first).trim_end_matches('.')
 }
 
-/// Says on stderr that `path` is a shipped file, if it is one.
+/// Says on stderr that the shipped file is taken for `path`, if a file of the user may have been meant.
 pub fn tell(kind: Kind, path: &Path) {
-    if let Some(shipped) = Shipped::find(kind, path) {
+    if let Some(shipped) = Shipped::find(kind, path).filter(|shipped| shipped.may_be_mistaken(path)) {
         eprint_line(&format!("note: no file `{}`; {} is part of the launcher", path.display(), shipped.path));
     }
 }

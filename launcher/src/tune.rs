@@ -29,12 +29,25 @@ pub struct TuneArgs {
     controller: Vec<String>,
 }
 
+/// Returns the lines that make a campaign one that can be tuned, for its first controller.
+fn lines(campaign: &Campaign) -> String {
+    let name = campaign.controllers.first().map_or("NAME", |(name, _)| name.as_str());
+    format!(
+        ". Add these lines, with the settings that shall be scaled in groups; docs/campaigns.md explains them:\n\n\
+         [tune]\n\
+         seed = 101        # of the training draws\n\
+         samples = 10      # draws that each try flies\n\
+         flights = 1000    # budget of each controller\n\
+         scale.{name} = [[\"mpc.r.0\"], [\"mpc.r.1\", \"mpc.r.2\"]]"
+    )
+}
+
 /// Searches and prints the gains; returns the exit code.
 pub fn tune(args: &TuneArgs) -> anyhow::Result<u8> {
     scenarios::tell(Kind::Campaign, &args.file);
     let campaign = Campaign::load(&args.file)?;
     let file = args.file.display();
-    let tune = campaign.tune().with_context(|| format!("{file} has no [tune]; docs/campaigns.md says what it is"))?;
+    let tune = campaign.tune().with_context(|| format!("{file} has no [tune]{}", lines(&campaign)))?;
     let interrupts = catch_interrupts()?;
     let progress = Progress::start();
     let show = |name: &str, flights: u64, cost: f64| {

@@ -100,5 +100,8 @@ export function problemsInPage() {
       if (left < -1 || top < -1 || right > canvas.width + 1 || bottom > canvas.height + 1) found.add(`clipped in a plot: ${quoted(text)}`);
     }
   }
+  // The figures of a flight share their time: its phases are named below the first of them.
+  const named = [...document.querySelectorAll('#course .lanes, #figures .lanes')].filter(lanes => lanes.querySelector('.phase'));
+  if (named.length > 1) found.add(`the phases are named below ${named.length} figures`);
   return [...found];
 }

@@ -63,4 +63,4 @@ pub use sensors::*;
 pub use swap::*;
 pub use timing::*;
 pub use vehicle::*;
-pub use words::suggest;
+pub use words::{nearest, suggest};

@@ -39,9 +39,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
-use contract::scenario::{Given, Scenario, any_table, find_programs, suggest, to_toml};
+use contract::scenario::{Given, any_table, find_programs, suggest};
 use flight::programs;
-use flight::shipped::{self, Kind, Shipped};
+use flight::shipped::{self, Kind, Shipped, advice, kind_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -429,9 +429,10 @@ fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
         return Ok((shipped.origin().into(), shipped.text().into()));
     }
     let text = read_text(path, MAX_TEXT_BYTES).with_context(|| {
+        let meant = advice(Kind::Campaign, path).map_or(String::new(), |advice| format!("{advice}? Or "));
         let path = path.display();
         format!(
-            "cannot read the campaign {path}; give the path of a campaign file, or the name of a shipped one: \
+            "cannot read the campaign {path}; {meant}give the path of a campaign file, or the name of a shipped one: \
                  `launcher scenarios` lists them"
         )
     })?;
@@ -440,37 +441,13 @@ fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
 
 /// Returns the error for a text that is no campaign, with the place.
 fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::Error {
-    if is_scenario(text) {
+    if kind_of(text) == Some(Kind::Scenario) {
         return anyhow::anyhow!(
             "{origin} is a scenario, which `launcher fly {origin}` flies once. A campaign is a file of its own that names the \
              scenario, `scenario = \"PATH\"`, and says what varies: campaigns/ has some, docs/campaigns.md has the form"
         );
     }
     anyhow::anyhow!("{origin}: {}", suggest(error.to_string().trim_end()))
-}
-
-/// Returns whether a text has tables of a scenario and none of a campaign.
-fn is_scenario(text: &str) -> bool {
-    const OF_A_CAMPAIGN: [&str; 14] = [
-        "scenario",
-        "seed",
-        "seeds",
-        "samples",
-        "sampling",
-        "settings",
-        "vary",
-        "controller",
-        "controllers",
-        CASE,
-        "random_faults",
-        "compare",
-        "promise",
-        "tune",
-    ];
-    let Ok(table) = text.parse::<Table>() else { return false };
-    let known = to_toml(&Scenario::default()).parse::<Table>().unwrap_or_default();
-    let of_a_scenario = |key: &String| key != "name" && (known.contains_key(key) || key == "fault" || key == "swap");
-    table.keys().any(of_a_scenario) && !table.keys().any(|key| OF_A_CAMPAIGN.contains(&key.as_str()))
 }
 
 /// Returns `seeds` as a list of values of [`SEED`].

@@ -3,9 +3,9 @@
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 
 use crate::dir::Dir;
 
@@ -13,6 +13,24 @@ use crate::dir::Dir;
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let (folder, name) = split(path).with_context(|| format!("cannot write {}", path.display()))?;
     folder.write_whole(name, bytes)
+}
+
+/// Returns the path of the file that a user named with `--out`: with `suffix` if it has none.
+///
+/// # Errors
+/// A file has the path, which may be the very log that is read, or work of another program.
+pub fn named_file(out: &Path, suffix: &str) -> anyhow::Result<PathBuf> {
+    let is_bare = out.file_name().is_some() && out.extension().is_none() && !out.is_dir();
+    let path = if is_bare { out.with_extension(suffix) } else { out.to_owned() };
+    ensure!(!path.is_file(), "{} is there already: name another with --out, or remove it", path.display());
+    Ok(path)
+}
+
+/// Returns the path of the folder that a user named with `--out`; an error if anything is in it.
+pub fn named_folder(out: &Path) -> anyhow::Result<PathBuf> {
+    let is_empty = std::fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
+    ensure!(is_empty, "the folder {} is not empty: name another with --out", out.display());
+    Ok(out.to_owned())
 }
 
 /// Opens a file of a run or a campaign, and returns it with its size; an error if it has more than `limit` bytes.
@@ -68,6 +86,23 @@ mod tests {
         assert!(said(Path::new("/dev/null")).contains("it is a device"));
         assert_eq!(fs::read(at("precious")).unwrap(), b"precious");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4, "no parts are left");
+    }
+
+    #[test]
+    fn an_output_that_a_user_names_gets_its_suffix_and_replaces_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("empty")).unwrap();
+        for (name, path) in [("page", "page.html"), ("page.htm", "page.htm"), ("empty", "empty")] {
+            assert_eq!(named_file(&at(name), "html").unwrap(), at(path));
+        }
+        assert_eq!([named_folder(&at("empty")).unwrap(), named_folder(&at("new")).unwrap()], [at("empty"), at("new")]);
+        fs::write(at("page.html"), "mine").unwrap();
+        for refused in
+            [named_file(&at("page"), "html"), named_file(&at("page.html"), "csv"), named_folder(folder.path())]
+        {
+            assert!(refused.unwrap_err().to_string().contains("name another with --out"));
+        }
     }
 
     #[test]

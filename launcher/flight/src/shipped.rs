@@ -2,14 +2,16 @@
 //!
 //! | a user writes | is |
 //! |---|---|
-//! | a path at which there is anything | that file |
-//! | `survey`, `faults/swap-law`, `scenarios/survey.toml` | the shipped scenario, if nothing is there |
+//! | a path at which there is anything but a folder | that file |
+//! | `survey`, `faults/swap-law`, `scenarios/survey.toml` | the shipped scenario, if no file is there |
 //! | `laws`, `campaigns/laws.toml` | the shipped campaign, likewise |
 //! | `shipped:/scenarios/survey.toml` | the shipped file, always: as shipped campaigns name their scenarios |
 
 use std::path::{Component, Path};
 
-use contract::scenario::{ScenarioError, Source};
+use contract::Scenario;
+use contract::scenario::{ScenarioError, Source, nearest, to_toml};
+use toml::Table;
 
 // `FILES`: the shipped files, made by `build.rs`.
 include!(concat!(env!("OUT_DIR"), "/shipped.rs"));
@@ -35,6 +37,14 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Word for it in a sentence.
+    fn word(self) -> &'static str {
+        match self {
+            Self::Scenario => "scenario",
+            Self::Campaign => "campaign",
+        }
+    }
+
     fn folder(self) -> &'static str {
         match self {
             Self::Scenario => "scenarios",
@@ -54,11 +64,16 @@ impl Shipped {
     pub fn find(kind: Kind, path: &Path) -> Option<Self> {
         let words = match path.strip_prefix(ROOT) {
             Ok(inside) => inside,
-            Err(_) if path.symlink_metadata().is_ok() => return None,
+            Err(_) if path.symlink_metadata().is_ok() && !path.is_dir() => return None,
             Err(_) => path,
         };
         let name = without_parents(words)?;
         Self::all(kind).find(|shipped| name == shipped.name() || name == shipped.path)
+    }
+
+    /// Returns whether `path` may have been meant for a file of the user: it is no name that only a shipped file has.
+    pub fn may_be_mistaken(self, path: &Path) -> bool {
+        path != Path::new(self.name()) && !path.starts_with(ROOT)
     }
 
     /// Name by which users call it: the path in its folder, without the ending.
@@ -87,13 +102,75 @@ impl Shipped {
 /// Reads the scenario at `path`, or the shipped one of that name.
 ///
 /// # Errors
-/// There is neither, or the file cannot be read.
+/// There is neither, the file cannot be read, or it is a campaign.
 pub fn scenario(path: &Path) -> Result<Source, ScenarioError> {
-    match Shipped::find(Kind::Scenario, path) {
-        Some(shipped) => Ok(Source { path: Some(shipped.origin()), text: shipped.text().into() }),
-        None => Source::read(path),
+    if let Some(shipped) = Shipped::find(Kind::Scenario, path) {
+        return Ok(Source { path: Some(shipped.origin()), text: shipped.text().into() });
+    }
+    let shown = path.display();
+    if let Some(advice) = advice(Kind::Scenario, path) {
+        let help =
+            format!("{advice}, or give the path of a scenario file; `launcher scenarios` lists the shipped ones");
+        return Err(ScenarioError::of(format!("there is no scenario `{shown}`"), help));
+    }
+    let source = Source::read(path)?;
+    if kind_of(&source.text) == Some(Kind::Campaign) {
+        let help = format!("`launcher campaign {shown}` flies it, and `--only N` its flight N with log and report");
+        return Err(ScenarioError::of(format!("`{shown}` is a campaign, which has many flights"), help));
+    }
+    Ok(source)
+}
+
+/// Returns what may have been meant by a name of which there is no file and nothing shipped of this `kind`: what is
+/// shipped of the other kind, or the nearest name; `None` for a path, and if no name is near.
+pub fn advice(kind: Kind, name: &Path) -> Option<String> {
+    if name.symlink_metadata().is_ok() || Path::new(&format!("{}.toml", name.display())).is_file() {
+        return None;
+    }
+    let (other, command) = match kind {
+        Kind::Scenario => (Kind::Campaign, "campaign"),
+        Kind::Campaign => (Kind::Scenario, "fly"),
+    };
+    if let Some(shipped) = Shipped::find(other, name) {
+        let name = shipped.name();
+        return Some(format!("`launcher {command} {name}` flies the shipped {} of that name", other.word()));
+    }
+    let word = name.strip_prefix(kind.folder()).unwrap_or(name);
+    let word = word.to_str().filter(|word| word.len() < name.as_os_str().len() || word.split('.').count() == 1)?;
+    let nearest = nearest(word.strip_suffix(".toml").unwrap_or(word), Shipped::all(kind).map(Shipped::name))?;
+    Some(format!("did you mean `{nearest}`"))
+}
+
+/// Returns what a text is, by its top-level keys; `None` if it has those of both, or of neither.
+pub fn kind_of(text: &str) -> Option<Kind> {
+    let table = text.parse::<Table>().ok()?;
+    let known = to_toml(&Scenario::default()).parse::<Table>().unwrap_or_default();
+    let is_of_a_scenario = |key: &String| key != "name" && (known.contains_key(key) || key == "fault" || key == "swap");
+    let is_of_a_campaign = |key: &String| OF_A_CAMPAIGN.contains(&key.as_str());
+    match (table.keys().any(is_of_a_scenario), table.keys().any(is_of_a_campaign)) {
+        (true, false) => Some(Kind::Scenario),
+        (false, true) => Some(Kind::Campaign),
+        _ => None,
     }
 }
+
+/// Top-level keys of a campaign.
+const OF_A_CAMPAIGN: [&str; 14] = [
+    "scenario",
+    "seed",
+    "seeds",
+    "samples",
+    "sampling",
+    "settings",
+    "vary",
+    "controller",
+    "controllers",
+    "case",
+    "random_faults",
+    "compare",
+    "promise",
+    "tune",
+];
 
 /// Returns `path` with `..` resolved by its words alone; `None` if it is absolute, or leaves the folder.
 fn without_parents(path: &Path) -> Option<String> {
@@ -129,6 +206,49 @@ mod tests {
         std::fs::write(&own, "name = \"mine\"").unwrap();
         assert_eq!(scenario(&own).unwrap().text, "name = \"mine\"");
         assert_eq!(found(Kind::Scenario, folder.path().to_str().unwrap()), None);
+    }
+
+    #[test]
+    fn a_name_that_is_not_shipped_gets_the_nearest_and_a_campaign_its_command() {
+        let advice = |kind, name: &str| advice(kind, Path::new(name)).unwrap_or_default();
+        for (name, expected) in [
+            ("survy", "did you mean `survey`"),
+            ("scenarios/survy.toml", "did you mean `survey`"),
+            ("faults/swap-low", "did you mean `faults/swap-law`"),
+            ("laws", "`launcher campaign laws` flies the shipped campaign of that name"),
+            ("mine.toml", ""),
+            ("qqqq", ""),
+        ] {
+            assert_eq!(advice(Kind::Scenario, name), expected, "{name}");
+        }
+        assert_eq!(advice(Kind::Campaign, "lows"), "did you mean `laws`");
+        assert_eq!(advice(Kind::Campaign, "wind"), "`launcher fly wind` flies the shipped scenario of that name");
+
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mine.toml");
+        std::fs::write(&file, "seeds = 3\n[settings]\nrun.duration_s = 2.0").unwrap();
+        let said = scenario(&file).err().unwrap().to_string();
+        assert!(said.contains("is a campaign") && said.contains("`launcher campaign /"), "{said}");
+        for shipped in Shipped::all(Kind::Campaign) {
+            assert_eq!(kind_of(shipped.text()), Some(Kind::Campaign), "{}", shipped.path);
+        }
+        for shipped in Shipped::all(Kind::Scenario) {
+            assert_eq!(kind_of(shipped.text()), Some(Kind::Scenario), "{}", shipped.path);
+        }
+    }
+
+    #[test]
+    fn only_a_path_may_be_meant_for_a_file() {
+        for (path, expected) in [
+            ("wind", false),
+            ("faults/swap-law", false),
+            ("shipped:/scenarios/wind.toml", false),
+            ("scenarios/wind.toml", true),
+            ("./wind", true),
+        ] {
+            let shipped = Shipped::find(Kind::Scenario, Path::new(path)).unwrap();
+            assert_eq!(shipped.may_be_mistaken(Path::new(path)), expected, "{path}");
+        }
     }
 
     #[test]

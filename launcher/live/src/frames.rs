@@ -1,7 +1,7 @@
 //! Frames of the page, and what they are made of: the columns of the report, its timing, its happenings.
 
 use contract::Scenario;
-use contract::scenario::{FaultKind, FaultTarget, Mode, SwapNode};
+use contract::scenario::{FaultTarget, Mode, SwapNode};
 use contract::topic::{NODES, Topic};
 use flight::event::{Event, TimedEvent, name};
 use flight::log::Record;
@@ -201,14 +201,9 @@ impl Frames {
 
 /// Kinds of fault that can be given in flight, by target.
 fn faults() -> Map<String, Value> {
-    let in_flight = FaultTarget::ALL.iter().filter(|(target, _)| {
-        !matches!(target, FaultTarget::Clock | FaultTarget::Host) // the launcher refuses these while it flies
-    });
-    let kinds = |target: FaultTarget| {
-        let kinds = target.kinds().iter().filter(|kind: &&FaultKind| !kind.is_intrusion());
-        kinds.map(name).collect::<Vec<_>>()
-    };
-    in_flight.map(|(target, name)| ((*name).to_owned(), json!(kinds(*target)))).collect()
+    let kinds = |target: FaultTarget| target.kinds_in_flight().map(name).collect::<Vec<_>>();
+    let all = FaultTarget::ALL.iter().map(|(target, name)| ((*name).to_owned(), kinds(*target)));
+    all.filter(|(_, kinds)| !kinds.is_empty()).map(|(name, kinds)| (name, json!(kinds))).collect()
 }
 
 /// Makes the row of a tick: time, columns of the report, and [`MORE`]. Unknown values are null.
@@ -272,7 +267,7 @@ mod tests {
         let mut frames = Frames::new(&Scenario::default());
         let fault = contract::scenario::Fault {
             vector: Some([0.0, 3.0, 0.0]),
-            ..contract::scenario::Fault::new(FaultTarget::Wind, FaultKind::Step, 0.0, None)
+            ..contract::scenario::Fault::new(FaultTarget::Wind, contract::scenario::FaultKind::Step, 0.0, None)
         };
         let event =
             Event { fault: Some(Box::new((0, fault))), ..Event::new(3, "wind", 0, flight::event::What::Injected) };

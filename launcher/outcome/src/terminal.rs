@@ -55,9 +55,8 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
         let error = if log.error.is_some() { "; it is not whole" } else { "" }; // the cause stands on stderr
         line("log", format!("{} records{dropped}{error}", log.records));
     }
-    let granted = run.provenance.as_ref().map_or(vec![], |provenance| granted(scenario, provenance));
-    for (i, granted) in granted.into_iter().enumerate() {
-        line(if i == 0 { "real time" } else { "" }, granted);
+    if let Some(granted) = run.provenance.as_ref().and_then(|provenance| granted(scenario, provenance)) {
+        line("real time", granted);
     }
     // In real time no flight repeats another.
     let hash = run.state_hash.as_deref().unwrap_or("none: messages were not seen");
@@ -75,18 +74,12 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
     text
 }
 
-/// Describes in lines the scheduling class and memory lock that the kernel gave the processes and, where the processes
-/// asked for more, the command that grants it; empty outside real time, or if no scheduling was recorded.
-fn granted(scenario: &Scenario, provenance: &Provenance) -> Vec<String> {
-    let granted = provenance::granted(&provenance.scheduling).filter(|_| scenario.run.mode == Mode::Realtime);
-    let Some(granted) = granted else { return vec![] };
-    let program = provenance.host.command.first().map_or("target/release/launcher", String::as_str);
-    let [class, memory] = machine::privileges::judge(scenario, granted, program);
-    let got = format!("{}; memory {}", class.found, memory.found);
-    match class.remedy.or(memory.remedy) {
-        Some(remedy) => vec![got + ":", format!("`{remedy}` gives it")],
-        None => vec![got],
-    }
+/// Describes the scheduling class and memory lock that the kernel gave the processes; `None` outside real time, or if
+/// no scheduling was recorded. The command that grants more stands in the notes at the begin of the flight.
+fn granted(scenario: &Scenario, provenance: &Provenance) -> Option<String> {
+    let granted = provenance::granted(&provenance.scheduling).filter(|_| scenario.run.mode == Mode::Realtime)?;
+    let [class, memory] = machine::privileges::judge(scenario, granted, "launcher");
+    Some(format!("{}; memory {}", class.found, memory.found))
 }
 
 /// Largest number of faults that the terminal lists one by one.
@@ -163,24 +156,22 @@ mod tests {
     }
 
     #[test]
-    fn privileges_not_granted_are_told_with_the_command_that_grants_them() {
+    fn privileges_not_granted_are_told() {
         let told = |policy: &str, locked_kb: u64, scenario: &Scenario| {
             let affinity = String::new();
             let node =
                 provenance::Scheduling { policy: policy.into(), priority: 0, affinity, locked_kb, rttime_us: None };
             let scheduling = NODES.iter().map(|name| ((*name).into(), node.clone())).collect();
-            let host = provenance::Host { command: vec!["./launcher".into()], ..host() };
-            granted(scenario, &Provenance { host, scheduling, scenario: String::new() }).join("\n")
+            granted(scenario, &Provenance { host: host(), scheduling, scenario: String::new() }).unwrap_or_default()
         };
         let mut scenario = Scenario::default();
         scenario.run.mode = Mode::Realtime;
         assert_eq!(told("fifo", 9, &scenario), "SCHED_FIFO; memory locked");
         assert_eq!(
             told("other", 0, &scenario),
-            "SCHED_OTHER for want of privilege; memory not locked for want of privilege:\n\
-             `sudo setcap cap_sys_nice,cap_ipc_lock+ep ./launcher` gives it"
+            "SCHED_OTHER for want of privilege; memory not locked for want of privilege"
         );
-        assert!(told("fifo", 0, &scenario).ends_with("`sudo setcap cap_ipc_lock+ep ./launcher` gives it"));
+        assert_eq!(told("fifo", 0, &scenario), "SCHED_FIFO; memory not locked for want of privilege");
         (scenario.realtime.policy, scenario.realtime.lock_memory) = (Policy::Other, false);
         let by_scenario = "SCHED_OTHER, as the scenario has it; memory not locked, as the scenario has it";
         assert_eq!(told("other", 0, &scenario), by_scenario);

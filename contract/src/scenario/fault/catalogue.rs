@@ -266,6 +266,12 @@ impl FaultTarget {
             Self::Host => &[K::DiskFull, K::ShmRemoved],
         }
     }
+
+    /// Kinds of fault that the target can be given while it flies; none for the clock and the host.
+    pub fn kinds_in_flight(self) -> impl Iterator<Item = FaultKind> {
+        let of_a_scenario = matches!(self, Self::Clock | Self::Host);
+        self.kinds().iter().copied().filter(move |kind| !of_a_scenario && !kind.is_intrusion())
+    }
 }
 
 impl<'de> Deserialize<'de> for FaultTarget {

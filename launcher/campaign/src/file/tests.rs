@@ -34,7 +34,10 @@ fn each_case_has_its_scenario_and_its_settings_above_those_of_all() {
     let of = |controller: usize, case: &str| campaign.given(controller, Some(case)).scenario(&[]).unwrap();
     let far = of(1, "far");
     assert_eq!((far.run.duration_s, far.bounds.max_position_error_m, far.mpc.np), (7.0, Some(2.0), 25));
-    assert_eq!((far.mpc.law, of(1, "near").mpc.np), (contract::scenario::Law::Lqr, Scenario::default().mpc.np));
+    assert_eq!(
+        (far.mpc.law, of(1, "near").mpc.np),
+        (contract::scenario::Law::Lqr, contract::Scenario::default().mpc.np)
+    );
     let again = Campaign::read(&campaign.merged(), "y.toml", "y", Path::new("")).unwrap();
     assert_eq!((again.merged(), again.flights()), (campaign.merged(), 6), "it needs no other file");
     for (other, expected) in [

@@ -1,11 +1,12 @@
 //! Section "Factors": share passed and position error over each factor.
 
 use statrs::statistics::{Data, OrderStatistics};
-use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, escape, legend, map, short};
+use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, legend, map, short};
 
 use super::bins::{Binned, parts};
 use super::data::Page;
 use super::maps::share_cell;
+use super::words::heading;
 
 /// Largest number of controllers that are told apart by colour; with more, each has a row.
 pub const COLOURED: usize = 4;
@@ -64,7 +65,7 @@ pub fn section(page: &Page) -> String {
 
 fn one(page: &Page, factor: &Binned) -> String {
     let plots = if has_rows(page, factor) { rows(page, factor) } else { shares(page, factor) + &errors(page, factor) };
-    format!("<h3>{}</h3><div class=\"plots\">{plots}</div>", escape(&factor.key))
+    format!("<h3>{}</h3><div class=\"plots\">{plots}</div>", heading(&factor.key))
 }
 
 /// Returns whether a map with rows is needed, because there are too many controllers or words for a plot.

@@ -2,10 +2,11 @@
 
 use std::collections::HashSet;
 
-use view::draw::{MapCell, escape, map};
+use view::draw::{MapCell, map};
 
 use super::bins::{Binned, parts_of_two};
 use super::data::Page;
+use super::words::heading;
 use crate::Rate;
 use crate::variation::Values;
 
@@ -38,7 +39,7 @@ pub fn section(page: &Page) -> String {
         let is_grid = [across, up].iter().all(|factor| is_listed(page, factor));
         rules.insert(is_grid);
         let of_controllers = (0..page.names.len()).map(|controller| one(page, controller, [across, up], is_grid));
-        let heading = [escape(&across.key), escape(&up.key)].join(" and ");
+        let heading = [heading(&across.key), heading(&up.key)].join(" and ");
         maps += &[&format!("<h3>{heading}</h3><div class=\"plots\">"), &*of_controllers.collect::<String>(), "</div>"]
             .concat();
     }

@@ -26,6 +26,7 @@ mod pairs;
 pub mod promises;
 mod setup;
 pub mod under_way;
+mod words;
 mod worst;
 
 use view::draw::{self, STYLE};

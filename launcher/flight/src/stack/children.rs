@@ -104,6 +104,12 @@ pub struct Children {
     cleaners: Vec<JoinHandle<()>>,
 }
 
+/// Says which process cannot be started, and from which file.
+fn cannot_start(name: &str, executable: Option<&str>) -> String {
+    let own = || std::env::current_exe().map_or_else(|_| "the launcher".into(), |path| path.display().to_string());
+    executable.map_or_else(|| format!("cannot start {name} from {}", own()), |file| format!("cannot start {file}"))
+}
+
 impl Children {
     pub fn new(domain: Domain, one_cpu: Option<OneCpu>) -> Self {
         Self { domain, one_cpu, outputs: None, all: vec![], told: 0, cleaners: vec![] }
@@ -142,7 +148,7 @@ impl Children {
         }
         // In a group of its own a Ctrl-C in the terminal does not reach it: the launcher then stops the nodes in order.
         let child = command.process_group(0).spawn().map_err(|error| {
-            let cannot = format!("cannot start {}", executable.map_or(name, |program| &program.exec));
+            let cannot = cannot_start(name, executable.map(|program| program.exec.as_str()));
             let is_crowded = error.kind() == ErrorKind::WouldBlock;
             let raise = if is_crowded { "; allow this user more processes (`ulimit -u`)" } else { "" };
             anyhow::Error::new(error).context(format!("{cannot}{raise}"))
@@ -281,5 +287,17 @@ pub fn kill(child: &mut Child) {
             ));
         }
         std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_cannot_be_started_is_told_with_its_file() {
+        let own = std::env::current_exe().unwrap();
+        assert_eq!(cannot_start("guidance", None), format!("cannot start guidance from {}", own.display()));
+        assert_eq!(cannot_start("mixer", Some("/opt/mine")), "cannot start /opt/mine");
     }
 }

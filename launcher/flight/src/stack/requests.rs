@@ -127,7 +127,8 @@ fn node_status(run: &Run, topic: Topic) -> Value {
 /// Adds `fault` to the flight, to begin `at_s` after the next sample but one; returns it with its time in the flight.
 fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Value, String> {
     needs_a_clock(run)?;
-    if matches!(fault.target, FaultTarget::Clock | FaultTarget::Host) || fault.kind.is_intrusion() {
+    let (is_known, kind) = (fault.target.kinds().contains(&fault.kind), fault.kind);
+    if is_known && !fault.target.kinds_in_flight().any(|given| given == kind) {
         return Err(
             "faults of clock, host and intruders are not given while it flies: write them into the scenario".into()
         );

@@ -44,7 +44,7 @@ use runtime::console::eprint_line;
 pub struct SensitivityArgs {
     /// Scenario to fly instead of the survey; its profile, delay, jitter and misses give way to those of the map
     pub scenario: Option<PathBuf>,
-    /// Delays: 5ms, 0.01s, plain milliseconds [default: 0 to 10 ms for paper, 0 to 64 ms for robust]
+    /// Delays: 5ms, 0.01s [default: 0 to 10 ms for paper, 0 to 64 ms for robust]
     #[arg(long, value_delimiter = ',', value_name = "TIME,...", value_parser = milliseconds)]
     pub delays: Vec<f64>,
     /// Jitters

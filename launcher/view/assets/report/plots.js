@@ -9,7 +9,7 @@ function timePlots(group, figures, pathElements) {
   'use strict';
   const { time, flights } = group.time ? group : onOneAxis(group.flights);
   const happened = group.happened;
-  let lanes = lanesOf();
+  let [lanes, lanesBelow] = lanesOf();
   const paths = time.length && pathElements ? flightPaths(time, flights, happened, pathElements) : null;
   const root = document.documentElement;
   const key = `group ${(timePlots.groups = (timePlots.groups ?? 0) + 1)}`;
@@ -31,9 +31,12 @@ function timePlots(group, figures, pathElements) {
     for (const [element] of figures) element.innerHTML = '<p class="empty">No samples were recorded.</p>';
   }
 
+  // Lanes of the first figure, and those of the others: phases are named once, and are a light ground everywhere.
   function lanesOf() {
-    const { faults, absences, phases, events } = happened;
-    return [faults, absences, phases, events].some(all => all.length) ? happenedLanes(happened) : null;
+    return [happened, { ...happened, phases: [] }].map(all => {
+      const { faults, absences, phases, events } = all;
+      return [faults, absences, phases, events].some(some => some.length) ? happenedLanes(all) : null;
+    });
   }
 
   // Draws samples that have come since, unless the reader has zoomed in to look at earlier ones; with `anew` those of
@@ -45,7 +48,7 @@ function timePlots(group, figures, pathElements) {
 
   // Draws what happened anew.
   function remark() {
-    lanes = lanesOf();
+    [lanes, lanesBelow] = lanesOf();
     build();
   }
 
@@ -60,13 +63,15 @@ function timePlots(group, figures, pathElements) {
     const window = zoom;
     for (const u of plots) u.destroy();
     plots = [];
-    for (const [holder, all] of shown) {
+    const first = shown.findIndex(([, all]) => all.length);
+    for (const [number, [holder, all]] of shown.entries()) {
       holder.replaceChildren();
       if (!all.length) holder.closest('figure')?.remove();
       all.forEach((plot, i) => {
         const element = holder.appendChild(document.createElement('div'));
         element.className = 'plot';
-        plots.push(timePlot(element, plot, all.length > 1, i === all.length - 1, colour, widthOf(holder)));
+        plots.push(timePlot(element, plot, all.length > 1, i === all.length - 1, colour, widthOf(holder),
+          number === first ? lanes : lanesBelow));
       });
     }
     if (plots.length) follow(plots[0]);
@@ -99,7 +104,7 @@ function timePlots(group, figures, pathElements) {
     return factor === 1 ? column : column.map(value => (value === null ? null : value * factor));
   }
 
-  function timePlot(element, plot, stacked, last, colour, width) {
+  function timePlot(element, plot, stacked, last, colour, width, lanes) {
     const lines = merged(group.lines?.[plot.lines] || []);
     const axis = { stroke: colour('muted'), font: '12px system-ui, sans-serif', labelFont: '12px system-ui, sans-serif',
       grid: { stroke: colour('grid'), width: 1 }, ticks: { stroke: colour('grid'), width: 1, size: 4 }, gap: 4, labelGap: 2 };
@@ -248,7 +253,16 @@ function drawLines(u, lines, plot, colour) {
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
   ctx.font = `${12 * px}px system-ui, sans-serif`;
+  // Boxes of the words so far, none of which another may cover.
+  const taken = [];
+  const isFree = box => taken.every(other => box.right < other.left || box.left > other.right || box.bottom < other.top || box.top > other.bottom);
+  const boxOf = (words, align, x, y) => {
+    const wide = ctx.measureText(words).width;
+    const left = align === 'left' ? x : align === 'right' ? x - wide : x - wide / 2;
+    return { left: left - 4 * px, right: left + wide + 4 * px, top: y - 12 * px, bottom: y + 4 * px };
+  };
   const label = (words, align, x, y) => {
+    taken.push(boxOf(words, align, x, y));
     ctx.textAlign = align;
     ctx.setLineDash([]);
     ctx.strokeStyle = colour('page');
@@ -257,6 +271,7 @@ function drawLines(u, lines, plot, colour) {
     ctx.fillStyle = colour('muted');
     ctx.fillText(words, x, y);
   };
+  const names = [];
   lines.forEach(({ y, label: name, span_s }, i) => {
     const [from, to] = span_s || [null, null];
     const left = Math.max(bbox.left, from === null ? -Infinity : u.valToPos(from, 'x', true));
@@ -274,10 +289,12 @@ function drawLines(u, lines, plot, colour) {
     ctx.moveTo(left, level);
     ctx.lineTo(right, level);
     ctx.stroke();
-    const below = level - bbox.top < 18 * px;
     if (y < 0 || ctx.measureText(words).width > right - left) return;
-    const atLeft = i % 2 === 1; // neighbours may lie close together
-    label(words, atLeft ? 'left' : 'right', atLeft ? left + 4 * px : right - 4 * px, level + (below ? 15 : -5) * px);
+    // Above its line at one end, at the other, below it: where no other words are. Neighbours may lie close together.
+    const ends = [['right', right - 4 * px], ['left', left + 4 * px]];
+    if (i % 2 === 1) ends.reverse();
+    const offsets = [-5 * px, 15 * px].filter(offset => level + offset - 12 * px >= bbox.top && level + offset <= bbox.top + bbox.height);
+    names.push(offsets.flatMap(offset => ends.map(([align, x]) => [words, align, x, level + offset])));
   });
   // Where there is no room for the names, the sizes alone.
   const edge = (arrow, y) => {
@@ -288,6 +305,10 @@ function drawLines(u, lines, plot, colour) {
   };
   edge('↑', bbox.top + 13 * px);
   edge('↓', bbox.top + bbox.height - 6 * px);
+  for (const places of names) {
+    const free = places.find(place => isFree(boxOf(...place)));
+    if (free) label(...free);
+  }
   ctx.restore();
 }
 

@@ -45,7 +45,7 @@ function flightFigures(realtime) {
       { unit: 'N m', span: 0.02, series: [series('lon', 'lon', 'blue'), series('lat', 'lat', 'orange', { dash: [9, 4] }), series('ped', 'ped', 'green', { dash: [2, 3] })] },
     ],
     effort: [{ unit: 'u′Ru', span: 0.1, floor: true, series: [series('control effort', 'effort', 'blue')] }],
-    rung: [{ unit: '', words: RUNGS, series: [series('rung', 'rung', 'blue')] }],
+    rung: [{ unit: '', words: RUNGS, series: [series('mixer flies by', 'rung', 'blue')] }],
     wind: [
       { unit: 'm/s', span: 0.5, series: [series('wind north', 'wind_north', 'blue'), series('east', 'wind_east', 'orange', { dash: [9, 4] }),
         series('down', 'wind_down', 'green', { dash: [2, 3] })] },

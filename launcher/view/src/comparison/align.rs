@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use anyhow::{Context, ensure};
+use flight::duration::signed_seconds;
 use flight::event::name;
 use outcome::run_record::RunRecord;
 
@@ -22,14 +23,12 @@ impl FromStr for Align {
         if let Some((what, target)) = text.split_once(':') {
             return Ok(Self::Event { what: what.into(), target: target.into() });
         }
-        let times: Result<Vec<f64>, _> = text.split(',').map(|time| time.trim().parse()).collect();
-        match times {
-            Ok(times) if times.iter().all(|time_s| time_s.is_finite()) => Ok(Self::Times(times)),
-            _ => {
-                Err("give an event as WHAT:NODE, for example died:mixer, or a time of each run, for example 8,12.5"
-                    .into())
-            }
-        }
+        let times: Result<Vec<f64>, _> = text.split(',').map(signed_seconds).collect();
+        times.map(Self::Times).map_err(|why| {
+            format!(
+                "give an event as WHAT:NODE, for example died:mixer, or a time of each run, for example 8s,12.5s: {why}"
+            )
+        })
     }
 }
 
@@ -92,8 +91,8 @@ mod tests {
     #[test]
     fn an_alignment_is_an_event_or_a_time_of_each_run() {
         assert_eq!("died:mixer".parse(), Ok(Align::Event { what: "died".into(), target: "mixer".into() }));
-        assert_eq!("8, 12.5".parse(), Ok(Align::Times(vec![8.0, 12.5])));
-        for text in ["died", "", "1,x", "inf"] {
+        assert_eq!("8s, 12.5s".parse(), Ok(Align::Times(vec![8.0, 12.5])));
+        for text in ["died", "", "1s,x", "inf", "1"] {
             assert!(text.parse::<Align>().unwrap_err().contains("died:mixer"), "{text}");
         }
     }

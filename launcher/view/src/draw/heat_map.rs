@@ -44,7 +44,7 @@ pub struct HeatCell {
 
 impl HeatMap {
     /// Draws the map of `cells`. Entries of the axes ascend. `point` is a row value and two column values: a dot is
-    /// drawn at the first and a line from there to the second.
+    /// drawn at the first and a line from there to the second, below the numbers of the nearest row.
     pub fn draw(
         &self,
         title: &str,
@@ -57,6 +57,7 @@ impl HeatMap {
         let x = |position: f64| left + CELL.0 * position;
         let y = |position: f64| top + h - CELL.1 * position;
         let [across, up] = self.axes;
+        let across = &if is_even(columns) { across.to_owned() } else { format!("{across}, in uneven steps") };
         let mut svg =
             Svg::sized(left + w + 4.0, top + h + below, &format!("{} over {across} and {up}, {title}", self.values));
         svg.text(left, 14.0, "map", title);
@@ -73,7 +74,8 @@ impl HeatMap {
         }
         if let Some([row, from, to]) = point {
             let at = |value: f64| x(position(columns, value) + 0.5);
-            let (from, to, cy) = (at(from), at(to), y(position(rows, row) + 0.5));
+            // At the lower edge of the nearest row, where it covers no number.
+            let (from, to, cy) = (at(from), at(to), y(position(rows, row).round()) - 4.5);
             for class in ["halo", "point"] {
                 svg.add(format_args!(
                     "<g class=\"{class}\"><circle cx=\"{from:.1}\" cy=\"{cy:.1}\" r=\"4\"/>\
@@ -133,6 +135,12 @@ impl HeatMap {
     }
 }
 
+/// Returns whether the entries of an axis are as far apart as they are drawn.
+fn is_even(axis: &[f64]) -> bool {
+    let steps: Vec<f64> = axis.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.iter().all(|step| (step - steps[0]).abs() < 1e-9 * steps[0].abs())
+}
+
 /// Returns the place of `value` on an axis of evenly spaced entries, in entries from the first; no farther than the
 /// ends.
 fn position(axis: &[f64], value: f64) -> f64 {
@@ -153,4 +161,40 @@ pub(super) fn colour(shade: f64) -> String {
         (from + (position - lower as f64) * (to - from)).round()
     });
     format!("rgb({r},{g},{b})")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_point_covers_no_number_and_uneven_steps_are_told() {
+        let map = HeatMap { scale: (0.1, 1.0), values: "error", axes: ["delay [ms]", "jitter [ms]"] };
+        let (columns, rows) = ([0.0, 4.0, 10.0], [0.0, 5.0]);
+        let cell = |row: f64| HeatCell { column: 4.0, row, value: Some(0.5), label: "x".into(), title: String::new() };
+        let drawn = |row: f64| map.draw("t", [&columns, &rows], &rows.map(cell), Some([row, 2.0, 7.0]));
+        for row in [0.0, 1.3, 5.0] {
+            let svg = drawn(row);
+            let numbers = |begin: &str| -> Vec<f64> {
+                let after = svg.split(begin).skip(1);
+                after.filter_map(|rest| rest.split('"').next()?.parse().ok()).collect()
+            };
+            let cells: Vec<f64> = svg
+                .match_indices("value middle")
+                .map(|(at, _)| {
+                    let text = &svg[svg[..at].rfind("<text").expect("a text")..];
+                    text.split(" y=\"")
+                        .nth(1)
+                        .and_then(|rest| rest.split('"').next()?.parse().ok())
+                        .expect("its height")
+                })
+                .collect();
+            assert_eq!(cells.len(), 2, "{svg}");
+            for cy in numbers("cy=\"") {
+                assert!(cells.iter().all(|base| cy - 4.0 > *base || cy + 4.0 < base - 9.0), "{row}: {cy} {cells:?}");
+            }
+        }
+        assert!(drawn(0.0).contains("delay [ms], in uneven steps"));
+        assert!(is_even(&[0.0, 5.0, 10.0]) && is_even(&[0.0]) && is_even(&[]));
+    }
 }

@@ -23,6 +23,7 @@ use contract::scenario::Mode;
 use contract::{Scenario, Topic};
 use flight::dir::Dir;
 use flight::event::Event;
+use flight::files::{named_file, named_folder};
 use flight::log::{Count, Record};
 use outcome::recorded::{Part, Recorded};
 
@@ -49,18 +50,19 @@ pub struct Export {
 }
 
 /// Writes the `part` of the run at `log`, its `flight.mcap`, in a `format` to `out`; by default beside the log: into
-/// the folder `csv` or `parquet`, or as `flight.ulg`.
+/// the folder `csv` or `parquet`, or as `flight.ulg`, in the place of an earlier export.
 ///
 /// # Errors
-/// The log cannot be read, the part has no message, or the files cannot be written; then none of them is new.
-pub fn export(log: &Path, format: Format, part: Part, out: Option<PathBuf>) -> anyhow::Result<Export> {
-    let out = out.unwrap_or_else(|| {
-        log.with_file_name(match format {
-            Format::Csv => "csv",
-            Format::Parquet => "parquet",
-            Format::Ulog => "flight.ulg",
-        })
-    });
+/// The log cannot be read, the part has no message, `out` has files already, or the files cannot be written; then none
+/// of them is new.
+pub fn export(log: &Path, format: Format, part: Part, out: Option<&Path>) -> anyhow::Result<Export> {
+    let out = match (out, format) {
+        (Some(out), Format::Csv | Format::Parquet) => named_folder(out)?,
+        (Some(out), Format::Ulog) => named_file(out, "ulg")?,
+        (None, Format::Csv) => log.with_file_name("csv"),
+        (None, Format::Parquet) => log.with_file_name("parquet"),
+        (None, Format::Ulog) => log.with_file_name("flight.ulg"),
+    };
     ensure!(log.exists(), "there is no {}; give the folder of a run that was flown with a log", log.display());
     let cannot = || format!("cannot write {}: choose another place with --out", out.display());
     let folder = match format {

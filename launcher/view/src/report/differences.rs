@@ -1,6 +1,9 @@
-//! Settings of the flight that differ from the defaults of its profile: the table that the page opens with.
+//! Settings of the flight that differ from the defaults of its profile. What the line `preset` of a table sets is
+//! folded away.
 
 use contract::Scenario;
+use contract::scenario::load;
+use flight::event::name;
 
 use crate::draw::{escape, table};
 use crate::settings;
@@ -8,11 +11,13 @@ use crate::settings;
 /// Returns the section with the settings that differ. Faults and swaps are listed one by one.
 pub fn section(flown: &Scenario) -> String {
     let profile = format!("{:?}", flown.profile).to_lowercase();
-    let rows = differences(flown);
-    let told = if rows.is_empty() {
-        format!("<p>Every setting is the default of profile <b>{profile}</b>.</p>")
-    } else {
-        let heading = format!("default of {profile}");
+    let (presets, rows): (Vec<_>, Vec<_>) = {
+        let own = settings::differences(&[&with_presets(flown), flown]);
+        let is_own = |row: &Vec<String>| row[0].ends_with(".preset") || own.iter().any(|own| own[0] == row[0]);
+        differences(flown).into_iter().partition(|row| !is_own(row))
+    };
+    let heading = format!("default of {profile}");
+    let shown = |rows: Vec<Vec<String>>| {
         let cells = |row: Vec<String>| {
             let mut cells: Vec<String> = row.iter().map(|words| escape(words)).collect();
             cells[0] = format!("<code>{}</code>", cells[0]);
@@ -20,7 +25,27 @@ pub fn section(flown: &Scenario) -> String {
         };
         table(&["setting", &heading, "this flight"], rows.into_iter().map(cells))
     };
+    let mut told = if rows.is_empty() {
+        format!("<p>Every setting is the default of profile <b>{profile}</b>.</p>")
+    } else {
+        shown(rows)
+    };
+    if !presets.is_empty() {
+        let number = presets.len();
+        let folded = format!("<details><summary>{number} settings by preset</summary>{}</details>", shown(presets));
+        told.push_str(&folded);
+    }
     format!("<section id=\"differences\"><h2>What differs from the defaults</h2>{told}</section>")
+}
+
+/// Returns the defaults of the profile and the presets that `flown` has.
+fn with_presets(flown: &Scenario) -> Scenario {
+    let presets = [
+        format!("profile={}", name(flown.profile)),
+        format!("airframe.preset={}", name(flown.airframe.preset)),
+        format!("plant.sensors.preset={}", name(flown.plant.sensors.preset)),
+    ];
+    load(None, &presets).unwrap_or_else(|_| flown.profile.into())
 }
 
 /// Key, default and value of every setting that differs.
@@ -54,5 +79,22 @@ mod tests {
         ];
         assert_eq!(differences(&flown), expected);
         assert!(section(&flown).contains(kill));
+    }
+
+    #[test]
+    fn what_a_preset_sets_is_folded_away_below_its_line() {
+        let given = [
+            "plant.sensors.preset='typical'",
+            "run.duration_s=5.0",
+            "plant.sensors.rates.noise_density=[0.1, 0.1, 0.1]",
+        ];
+        let flown = contract::scenario::load(None, &given.map(str::to_owned)).unwrap();
+        let page = section(&flown);
+        let (shown, folded) = page.split_once("<details>").expect("a folded table");
+        assert_eq!(shown.matches("<tr>").count(), 1 + given.len(), "{shown}");
+        for key in ["plant.sensors.preset", "run.duration_s", "plant.sensors.rates.noise_density"] {
+            assert!(shown.contains(key) && !folded.contains(&format!("<code>{key}</code>")), "{key}: {page}");
+        }
+        assert!(folded.contains("settings by preset</summary>") && folded.matches("<tr>").count() > 10, "{folded}");
     }
 }

@@ -43,7 +43,7 @@ pub const METRICS: [Shown; 15] = [
     shown(|m| m.demand_effort, "control effort, mean u'Ru", "", 3),
     shown(|m| m.fallback_s, "time without a demand at the mixer", "s", 2),
     shown(|m| m.commands_saturated as f64, "commands clipped at a limit", "", 0),
-    shown(|m| m.negative_squares as f64, "roots of negative squares avoided", "", 0),
+    shown(|m| m.negative_squares as f64, "commands that ask a rotor to pull down", "", 0),
 ];
 const KEY_FIGURES: usize = 6;
 /// Name of the largest altitude error at any time.

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use self::events::Trace;
 use flight::duration::seconds;
-use flight::files::write_whole;
+use flight::files::{named_file, write_whole};
 use flight::log::{self, Log, Record};
 use outcome::happenings::Happenings;
 use outcome::recorded::Recorded;
@@ -29,11 +29,11 @@ use runtime::console::{eprint_line, print};
 pub struct TraceArgs {
     /// Folder of the run, or its flight.mcap
     pub run: PathBuf,
-    /// Begin of the window in simulated time: 500ms, 2s, 1min, plain seconds
-    #[arg(long = "from", alias = "from-s", value_name = "TIME", value_parser = seconds)]
+    /// Begin of the window in simulated time: 500ms, 2s, 1min
+    #[arg(long = "from", value_name = "TIME", value_parser = seconds)]
     pub from_s: Option<f64>,
     /// Length of the window
-    #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
+    #[arg(long = "for", value_name = "TIME", default_value = "1s", value_parser = seconds)]
     pub for_s: f64,
     /// Window around the worst tick, the default without --from; in lockstep, where no tick is late, at the beginning
     #[arg(long, conflicts_with = "from_s")]
@@ -56,17 +56,18 @@ pub enum Asked {
 
 pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     let TraceArgs { ref run, from_s, for_s, ref out, .. } = *args;
-    write(run, from_s.map_or(Asked::Worst { for_s }, |from_s| Asked::From { from_s, for_s }), out.clone())
+    write(run, from_s.map_or(Asked::Worst { for_s }, |from_s| Asked::From { from_s, for_s }), out.as_deref())
 }
 
 /// Writes the trace of a run to `out`, by default `trace.json` beside its log, and says where.
-pub fn write(run: &Path, asked: Asked, out: Option<PathBuf>) -> anyhow::Result<()> {
+pub fn write(run: &Path, asked: Asked, out: Option<&Path>) -> anyhow::Result<()> {
     let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
     ensure!(
         path.exists(),
         "there is no {}; give the folder of a run that was flown without --no-log, or its flight.mcap",
         path.display()
     );
+    let out = out.map_or_else(|| Ok(path.with_file_name("trace.json")), |out| named_file(out, "json"))?;
     let recorded = Recorded::read(&path)?;
     if let Some(missing) = recorded.missing() {
         eprint_line(&format!("note: {missing}"));
@@ -92,7 +93,6 @@ pub fn write(run: &Path, asked: Asked, out: Option<PathBuf>) -> anyhow::Result<(
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));
     }
-    let out = out.unwrap_or_else(|| path.with_file_name("trace.json"));
     write_whole(&out, document.to_string().as_bytes()).context("choose another file with --out")?;
     print(&format!("{}\nwritten to {} (open it in ui.perfetto.dev)\n", window.describe(), out.display()));
     Ok(())
