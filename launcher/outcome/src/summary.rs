@@ -139,7 +139,9 @@ impl Summary {
                 self.state(state);
                 let is_known = |answer: &mut Record| answer.stamp().tick <= state.stamp.tick;
                 let known: Vec<Record> = self.early.extract_if(.., is_known).collect();
-                known.iter().for_each(|answer| self.answer(answer));
+                for answer in &known {
+                    self.answer(answer);
+                }
             }
             answer if self.samples > 0 && answer.stamp().tick <= self.last.stamp.tick => self.answer(answer),
             answer => {
@@ -202,7 +204,7 @@ impl Summary {
         let next = self.phases.partition_point(|(since_s, _)| *since_s <= t);
         let phase = next.checked_sub(1).map(|i| self.phases[i].1);
         let has_landed = || self.phases.get(next).is_some_and(|(_, after)| stands(*after));
-        phase.is_none_or(|phase| !stands(phase) && !(phase == PlantStatus::Landing && has_landed()))
+        !phase.is_some_and(|phase| stands(phase) || phase == PlantStatus::Landing && has_landed())
     }
 
     /// Notes the first touchdown after a flight, if `state` at `t` \[s\] is it.
@@ -308,7 +310,9 @@ mod tests {
             if answers_first {
                 both.reverse();
             }
-            both.iter().for_each(|record| summary.observe(record));
+            for record in &both {
+                summary.observe(record);
+            }
         }
         summary.metrics()
     }
@@ -324,7 +328,7 @@ mod tests {
                 for error_m in [metrics.max_position_error_m, metrics.final_position_error_m] {
                     assert!((error_m - 0.5).abs() < 1e-6, "{error_m}");
                 }
-                let effort = (0.01 + 0.25) / 2.0 * Scenario::default().mpc.r[0];
+                let effort = f64::midpoint(0.01, 0.25) * Scenario::default().mpc.r[0];
                 assert!((metrics.demand_effort - effort).abs() < 1e-12, "{}", metrics.demand_effort);
             }
             assert!((short.on_ground_s - 0.04).abs() < 1e-9 && (long.on_ground_s - 5.04).abs() < 1e-9);
