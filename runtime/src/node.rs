@@ -27,7 +27,7 @@ pub trait Core: Sized + 'static {
     fn build(scenario: &Scenario) -> Result<Self, SessionError>;
     /// Answers to sample `tick` from the newest messages of the inputs. An error ends the process.
     fn step(&mut self, tick: u64, inputs: &Self::Inputs) -> Result<Self::Answer, SessionError>;
-    /// Packs the memory; [`NO_MEMORY`](contract::snapshot::NO_MEMORY) if the core cannot be continued by another.
+    /// Packs the memory; [`NO_MEMORY`] if the core cannot be continued by another.
     fn snapshot(&self) -> Snapshot;
     /// Continues from the memory of another process; returns `false` if it does not fit, and counts as none.
     fn restore(&mut self, memory: &Snapshot) -> bool;
