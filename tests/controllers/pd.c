@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "trefoil.h"
@@ -29,7 +30,7 @@
 #define CRASH_WHEN_LOADED 14
 #define MARK_WHEN_LOADED 15 // writes the file TREFOIL_MARK
 #define REFUSE_MEMORY 16
-#define FORK_IN_STEP 17   // both processes return
+#define FORK_IN_STEP 17   // both processes return, the copy first
 #define DAEMON_IN_STEP 18 // the copy returns, and its parent has ended
 #define STRAY_IN_STEP 19  // a copy in a session of its own sleeps for ever
 #define LEAVE_VARIABLE 20 // the next flight in this process fails
@@ -114,6 +115,13 @@ static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) 
   return pd;
 }
 
+// Copies the process; the copy returns at once, and the process when the copy has ended.
+static void copy_returns(void) {
+  pid_t copy = fork();
+  if (copy < 0) abort();
+  if (copy) waitpid(copy, NULL, 0);
+}
+
 static int32_t step(void *node, const void *input, void *answer) {
   Pd *pd = node;
   const TrefoilAttitudeInput *in = input;
@@ -140,7 +148,7 @@ static int32_t step(void *node, const void *input, void *answer) {
         if (fcntl(number, F_GETFD) >= 0) dup2(mark, number);
     }
     if (TRAP == ROUNDING_IN_STEP) change_rounding();
-    if (TRAP == FORK_IN_STEP && fork() < 0) abort();
+    if (TRAP == FORK_IN_STEP) copy_returns();
     if (TRAP == DAEMON_IN_STEP && daemon(1, 1)) abort();
     if (TRAP == STRAY_IN_STEP && !fork()) {
       setsid();
@@ -160,7 +168,7 @@ static void snapshot(const void *node, void *memory) {
   const Pd *pd = node;
   memcpy(memory, &pd->memory, sizeof pd->memory);
   if (TRAP == ROUNDING_IN_SNAPSHOT && pd->memory.steps == TRAP_TICK) change_rounding();
-  if (TRAP == FORK_IN_SNAPSHOT && pd->memory.steps == TRAP_TICK && fork() < 0) abort();
+  if (TRAP == FORK_IN_SNAPSHOT && pd->memory.steps == TRAP_TICK) copy_returns();
 }
 
 static int32_t restore(void *node, const void *memory) {
