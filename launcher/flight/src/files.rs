@@ -15,12 +15,12 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     folder.write_whole(name, bytes)
 }
 
-/// Returns the path of the file that a user named with `--out`: with `suffix` if it has none.
+/// Returns the path of the file that a user named with `--out`: with `suffix` if it has none, and nothing has the name.
 ///
 /// # Errors
 /// A file has the path, which may be the very log that is read, or work of another program.
 pub fn named_file(out: &Path, suffix: &str) -> anyhow::Result<PathBuf> {
-    let is_bare = out.file_name().is_some() && out.extension().is_none() && !out.is_dir();
+    let is_bare = out.file_name().is_some() && out.extension().is_none() && out.symlink_metadata().is_err();
     let path = if is_bare { out.with_extension(suffix) } else { out.to_owned() };
     ensure!(!path.is_file(), "{} is there already: name another with --out, or remove it", path.display());
     Ok(path)
