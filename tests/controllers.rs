@@ -387,7 +387,7 @@ fn a_copy_that_a_library_makes_of_its_process_answers_to_nothing() {
     // The parent has ended, so its process has died, and the copy is no stand-in for it.
     let (daemon, ended) = (trapped(folder.path(), 18, "lockstep"), trapped(folder.path(), 6, "lockstep"));
     assert_eq!((daemon.code(), daemon.state_hash()), (Some(0), ended.state_hash()), "{}", daemon.stderr);
-    // The launcher kills what a dead process leaves, so the copy may end before it has counted itself; the death is said.
+    // The launcher kills what a dead process leaves, so the copy may end before it has counted itself.
     assert!(daemon.run()["but"].to_string().contains("attitude-mpc failed in flight"), "{}", daemon.run()["but"]);
     let daemon = trapped(folder.path(), 18, "inprocess");
     assert_eq!(daemon.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", daemon.stderr);
