@@ -35,12 +35,6 @@ fn flights_of_any_length_rate_and_mode_are_laid_side_by_side_and_over_each_other
     let told = line(&said, "position error, maximum [m]");
     let measured = [&long, &fast, &real].map(|run| format!("{:.4}", run.metric("max_position_error_m")));
     assert_eq!(told, measured);
-    let altitude = ["altitude error, otherwise [m]", "altitude error, maximum [m]"].map(|row| line(&said, row));
-    assert!(!said.contains("10 to 50 s"), "no flight lasted so long: {said}");
-    assert!(
-        altitude[0][2] == "-" && altitude[1][2] != "-",
-        "only the paper's mission is level from 10 to 50 s: {said}"
-    );
     let misses = real.run()["timing"]["nodes"]["mixer"]["misses"].to_string();
     assert_eq!(line(&said, "mixer, misses"), ["-", "-", &misses], "only in real time is anything late");
 

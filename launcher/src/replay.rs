@@ -161,8 +161,7 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
             print(&format!("{other}: a difference may be the program's\n"));
         }
         if args.closed {
-            let flown = recorded.summary.metrics();
-            let flights = [flown, summary.metrics()].map(|metrics| (&recording.scenario, metrics));
+            let flights = [recorded.summary.metrics(), summary.metrics()];
             print(&(comparison::metrics(&["flight", "with these settings"], &flights).text() + "\n"));
         }
     })?;

@@ -100,12 +100,9 @@ pub struct Bounds {
     /// Largest position error \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_position_error_m: Option<f64>,
-    /// Largest altitude error for t in \[10, 50\] s \[m\].
+    /// Largest altitude error \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_altitude_error_horizontal_m: Option<f64>,
-    /// Largest altitude error at other times \[m\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub max_altitude_error_vertical_m: Option<f64>,
+    pub max_altitude_error_m: Option<f64>,
     /// Largest position error at the end \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub final_position_error_m: Option<f64>,

@@ -93,8 +93,7 @@ fn example() -> Table {
         },
         bounds: Bounds {
             max_position_error_m: Some(0.7),
-            max_altitude_error_horizontal_m: Some(0.1),
-            max_altitude_error_vertical_m: Some(0.2),
+            max_altitude_error_m: Some(0.2),
             final_position_error_m: Some(0.1),
             max_fallback_s: Some(2.0),
         },

@@ -59,9 +59,11 @@ fn arrays_replace_and_tables_merge() {
 
 #[test]
 fn errors_in_the_shape_name_the_key_and_the_fix() {
-    let cases: [(&str, &[&str]); 18] = [
+    let cases: [(&str, &[&str]); 20] = [
         ("duration_s=3", &["unknown key `duration_s`", "--set duration_s=3", "did you mean `run.duration_s`?"]),
         ("plant.mass_kg=1.2", &["unknown key `plant.mass_kg`", "did you mean `plant.airframe.mass_kg`?"]),
+        ("bounds.max_altitude_error_horizontal_m=0.1", &["did you mean `bounds.max_altitude_error_m`?"]),
+        ("bounds.max_altitude_error_vertical_m=0.2", &["did you mean `bounds.max_altitude_error_m`?"]),
         ("plant.rotor_lag=3", &["unknown key `plant.rotor_lag`", "did you mean `plant.rotor_lag_s`?", "substep_s"]),
         ("bounds.x=3", &["unknown key `bounds.x`", "known in `bounds`: final_position_error_m, max_alt"]),
         ("plant.rotor_lag_s=slow", &["`plant.rotor_lag_s`", "string \"slow\", expected a number", "= 0.03"]),

@@ -1,5 +1,7 @@
 //! Columns that a table of flights has of each outcome.
 
+use anyhow::ensure;
+use contract::scenario::nearest;
 use outcome::metrics::Metrics;
 use outcome::solves::SolverRecord;
 use serde_json::Value;
@@ -29,6 +31,19 @@ pub fn of_the_outcome() -> Vec<(String, Kind)> {
 pub fn metrics() -> Vec<String> {
     let is_number = |(name, kind)| matches!(kind, Kind::Real | Kind::Int).then_some(name);
     of_the_outcome().into_iter().filter_map(is_number).collect()
+}
+
+/// Checks that the table of flights has a column `metric` of numbers, for `who`.
+pub fn require_metric(who: &str, metric: &str) -> anyhow::Result<()> {
+    let known = metrics();
+    let hint = nearest(metric, known.iter().map(String::as_str));
+    let hint = hint.map_or(String::new(), |meant| format!("did you mean {meant:?}? "));
+    ensure!(
+        known.iter().any(|name| name == metric),
+        "{who}: there is no metric {metric:?}; {hint}there are {}",
+        known.join(", ")
+    );
+    Ok(())
 }
 
 /// Lists metrics and counts of the solver by column name; each is a number or null.

@@ -52,11 +52,7 @@ impl Compare {
         ensure!(!is_empty, "[compare]: `controllers` is empty: name one, or leave it out to compare all");
         ensure!(controllers.len() > 1, "[compare]: there is one controller only; give another [controller.NAME]");
         ensure!(!self.metrics.is_empty(), "[compare]: `metrics` is empty: name a column of the table of flights");
-        let known = columns::metrics();
-        for metric in &self.metrics {
-            ensure!(known.contains(metric), "[compare]: there is no metric {metric:?}; there are {}", known.join(", "));
-        }
-        Ok(())
+        self.metrics.iter().try_for_each(|metric| columns::require_metric("[compare]", metric))
     }
 
     /// Returns whether the controller `name` is compared with the one.

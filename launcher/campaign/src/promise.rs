@@ -106,9 +106,7 @@ impl Promise {
         known("controller", &self.controllers, controllers)?;
         known("case", &self.cases, cases)?;
         known("list of values of", &self.at.keys().cloned().collect::<Vec<_>>(), listed)?;
-        let metrics = columns::metrics();
-        let metrics: Vec<&str> = metrics.iter().map(String::as_str).collect();
-        known("metric", &metric.clone().into_iter().collect::<Vec<_>>(), &metrics)?;
+        metric.iter().try_for_each(|metric| columns::require_metric(&format!("[[promise]] {figure:?}"), metric))?;
         let is_limited = at_most.is_some() != at_least.is_some();
         let is_finite = [at_most, at_least].into_iter().flatten().all(|limit| limit.is_finite());
         ensure!(is_finite, "[[promise]] {figure:?}: give a finite limit");

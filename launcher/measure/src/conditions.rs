@@ -59,8 +59,7 @@ pub fn measure(args: &ConditionsArgs) -> anyhow::Result<u8> {
 /// Makes the cells of one flight.
 fn cells(flown: &Flown, row: usize, suffix: &str, step: Option<&Percentiles>) -> Vec<String> {
     let number = |column| flown.number(row, column);
-    let altitude_m = number("max_altitude_error_horizontal_m").max(number("max_altitude_error_vertical_m"));
-    let errors_m = [number("rms_position_error_m"), number("max_position_error_m"), altitude_m];
+    let errors_m = ["rms_position_error_m", "max_position_error_m", "max_altitude_error_m"].map(number);
     let mut cells = vec![flown.text(row, "case").to_owned() + suffix, flown.text(row, "controller").to_owned()];
     cells.extend(errors_m.into_iter().chain([number("demand_effort")]).map(|value| format!("{value:.4}")));
     cells.push(format!("{:.0}", number("solver_ticks_with_active_constraints")));

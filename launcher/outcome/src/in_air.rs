@@ -32,11 +32,7 @@ impl InAir {
     /// Begins without a sample.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
-            metrics: Metrics {
-                max_altitude_error_horizontal_m: f64::NAN,
-                max_altitude_error_vertical_m: f64::NAN,
-                ..Metrics::default()
-            },
+            metrics: Metrics::default(),
             square_sum_m2: 0.0,
             samples: 0,
             following: Following::default(),
@@ -57,12 +53,7 @@ impl InAir {
         m.max_position_error_m = m.max_position_error_m.max(distance);
         m.final_position_error_m = distance;
         m.position_error_integral_ms += distance * self.sample_s;
-        let leg = if (10.0..=50.0).contains(&t) {
-            &mut m.max_altitude_error_horizontal_m
-        } else {
-            &mut m.max_altitude_error_vertical_m
-        };
-        *leg = leg.max(error[2].abs()); // NaN, the start, gives way to any number
+        m.max_altitude_error_m = m.max_altitude_error_m.max(error[2].abs());
         self.square_sum_m2 += distance * distance;
         self.samples += 1;
         self.metrics.fallback_s = self.fallback_ticks as f64 * self.sample_s;

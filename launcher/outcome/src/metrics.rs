@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Metrics of run.json. Errors, effort and counts of commands are those of the flight in the air: a vehicle that waits
-/// for its take-off or has landed does not count. A following or altitude error without a sample is NaN, which is null
+/// for its take-off or has landed does not count. A following error without a sample is NaN, which is null
 /// in JSON.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Metrics {
@@ -16,14 +16,10 @@ pub struct Metrics {
     #[serde(deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub rms_position_error_m: f64,
-    /// Largest altitude error for t in \[10, 50\] s \[m\].
+    /// Largest altitude error \[m\].
     #[serde(deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
-    pub max_altitude_error_horizontal_m: f64,
-    /// Largest altitude error otherwise \[m\].
-    #[serde(deserialize_with = "or_nan")]
-    #[schemars(with = "Option<f64>")]
-    pub max_altitude_error_vertical_m: f64,
+    pub max_altitude_error_m: f64,
     /// Euclidean position error at the last sample \[m\].
     #[serde(deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]

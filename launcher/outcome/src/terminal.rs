@@ -1,7 +1,7 @@
 //! Account of a flight for people: the text that `fly` prints at its end.
 
 use contract::Scenario;
-use contract::scenario::{Mode, TrajectoryKind};
+use contract::scenario::Mode;
 use flight::event::{Event, TimedEvent, name};
 use flight::provenance::{self, Provenance};
 use flight::swap_story::of_candidates;
@@ -23,12 +23,7 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
     };
     let [max, rms, last] = [m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m];
     line("position error", format!("{max:.4} m max, {rms:.4} m RMS, {last:.4} m at the end"));
-    let (horizontal, vertical) = (m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m);
-    let altitude = match scenario.mission.trajectory {
-        TrajectoryKind::Survey => format!("{} in 10-50 s, {} otherwise", metres(horizontal), metres(vertical)),
-        _ => format!("{} max", metres(horizontal.max(vertical))),
-    };
-    line("altitude error", altitude);
+    line("altitude error", format!("{:.4} m max", m.max_altitude_error_m));
     let (low, high, tilt, saturated) = (m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated);
     let actuators = format!("rotors {low:.0} to {high:.0}, tilt {tilt:.1} deg max, {saturated} commands saturated");
     line("actuators", actuators);
@@ -132,10 +127,6 @@ fn grouped<'a, K: PartialEq>(events: impl Iterator<Item = (K, &'a TimedEvent)>) 
         }
     }
     groups
-}
-
-fn metres(value: f64) -> String {
-    if value.is_nan() { "not reached".into() } else { format!("{value:.4} m") }
 }
 
 #[cfg(test)]

@@ -35,9 +35,9 @@ use serde_json::{Map, Value, json};
 pub use align::Align;
 
 /// Table with a row for each metric and a column for each flight, named by `titles`.
-pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {
+pub fn metrics(titles: &[&str], flights: &[Metrics]) -> Table {
     let row = |metric: &Shown| {
-        let values: Vec<f64> = flights.iter().map(|(scenario, of)| metric.of(of, scenario)).collect();
+        let values: Vec<f64> = flights.iter().map(metric.of).collect();
         let cell = |value: &f64| if value.is_nan() { "-".into() } else { format!("{value:.*}", metric.decimals + 1) };
         let unit = if metric.unit.is_empty() { String::new() } else { format!(" [{}]", metric.unit) };
         let cells = std::iter::once(format!("{}{unit}", metric.name)).chain(values.iter().map(cell));
@@ -216,8 +216,7 @@ impl Comparison {
     fn tables(&self) -> Vec<Table> {
         let titles = self.titles();
         let scenarios: Vec<_> = self.flights.iter().map(|flight| &flight.scenario).collect();
-        let of_flights: Vec<_> =
-            self.flights.iter().map(|flight| (&flight.scenario, flight.recorded.summary.metrics())).collect();
+        let of_flights: Vec<_> = self.flights.iter().map(|flight| flight.recorded.summary.metrics()).collect();
         let what = ["flight", "mode", "Hz", "flown [s]", "ended", "folder", "flown by"];
         let differences = settings::differences(&scenarios);
         let told = if differences.is_empty() { "Settings: all are the same" } else { "Settings that differ" };

@@ -1,4 +1,4 @@
-//! Bounds of a campaign: how many flights have each, and how many were judged by it.
+//! Bounds of a campaign: how many flights have each.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -24,8 +24,6 @@ pub struct Bound {
     words: [&'static str; 2],
     /// Limits in rising order, with the number of flights that have each.
     limits: Vec<(f64, usize)>,
-    /// Number of flights that lasted until the bound is judged.
-    judged: usize,
     /// Number of flights flown, with this bound or without.
     flown: usize,
 }
@@ -41,7 +39,7 @@ impl Bound {
 
     /// Describes bound and limits, with the number of flights if not all have the bound.
     fn in_words(&self) -> String {
-        let Self { words: [words, unit], limits, judged, flown, .. } = self;
+        let Self { words: [words, unit], limits, flown, .. } = self;
         let have: usize = limits.iter().map(|(_, flights)| flights).sum();
         let mut text = match &limits[..] {
             [(limit, _)] => format!("{words} at most {} {unit}", short(*limit)),
@@ -56,11 +54,7 @@ impl Bound {
         if have < *flown {
             let _ = write!(text, ", in {have} of {flown} flights only");
         }
-        match judged {
-            0 => text + " (no flight came to where it is judged)",
-            judged if *judged < have => text + &format!(" (judged in {judged} flights; the others ended before)"),
-            _ => text,
-        }
+        text
     }
 }
 
@@ -76,20 +70,17 @@ pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
         }
         _ => vec![],
     };
-    let all: Vec<_> = rows.clone().into_par_iter().map(|row| (row, of_row(&row))).collect();
+    let all: Vec<_> = rows.clone().into_par_iter().map(|row| of_row(&row)).collect();
     let mut found: Vec<(Bound, BTreeMap<u64, usize>)> = vec![];
-    for (row, checks) in all {
+    for checks in all {
         for check in checks {
-            let judged = flights.column(column(&check.metric)).is_some_and(|all| all.number(row).is_some());
             let i = found.iter().position(|(bound, _)| bound.metric == check.metric).unwrap_or_else(|| {
                 let (metric, words) = (check.metric, check.words);
-                let bound = Bound { metric, words, limits: vec![], judged: 0, flown: rows.len() };
+                let bound = Bound { metric, words, limits: vec![], flown: rows.len() };
                 found.push((bound, BTreeMap::new()));
                 found.len() - 1
             });
-            let (bound, limits) = &mut found[i];
-            *limits.entry(check.limit.to_bits()).or_default() += 1; // limits are not negative, so their bits sort alike
-            bound.judged += usize::from(judged);
+            *found[i].1.entry(check.limit.to_bits()).or_default() += 1; // limits are not negative, so their bits sort alike
         }
     }
     let with_limits = |(bound, limits): (Bound, BTreeMap<u64, usize>)| Bound {
@@ -97,11 +88,6 @@ pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
         ..bound
     };
     found.into_iter().map(with_limits).collect()
-}
-
-/// Column of the metric that a bound limits.
-fn column(metric: &str) -> &str {
-    if metric == "max_fallback_s" { "fallback_s" } else { metric }
 }
 
 /// Describes when a flight passes.

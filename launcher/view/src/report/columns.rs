@@ -211,19 +211,19 @@ pub fn lines(scenario: &Scenario) -> Value {
     let error = [paper(claims::POSITION_M), bound(bounds.max_position_error_m)].into_iter().flatten();
     // Time in which the paper's flight is horizontal, and the times before and after.
     let [from, to] = claims::HORIZONTAL_S;
-    let (horizontal, vertical) = (&[[Some(from), Some(to)]][..], &[[Some(0.0), Some(from)], [Some(to), None]][..]);
+    let (horizontal, vertical) =
+        (&[Some([Some(from), Some(to)])][..], &[Some([Some(0.0), Some(from)]), Some([Some(to), None])][..]);
     let altitude = [
         (paper(claims::ALTITUDE_HORIZONTAL_M), horizontal),
         (paper(claims::ALTITUDE_VERTICAL_M), vertical),
-        (bound(bounds.max_altitude_error_horizontal_m), horizontal),
-        (bound(bounds.max_altitude_error_vertical_m), vertical),
+        (bound(bounds.max_altitude_error_m), &[None][..]),
     ];
     let altitude = altitude.into_iter().filter_map(|(line, spans)| Some((line?, spans)));
     let limits = scenario.limits();
     let [max1, max2, _] = limits.rotor_speed_max;
     json!({
         "error": error.map(|(y, label)| line(y, label, None)).collect::<Value>(),
-        "error_z": altitude.flat_map(|((y, label), spans)| spans.iter().flat_map(move |span| both(y, label, Some(*span)))).collect::<Value>(),
+        "error_z": altitude.flat_map(|((y, label), spans)| spans.iter().flat_map(move |span| both(y, label, *span))).collect::<Value>(),
         "rotors": [
             line(limits.rotor_speed_min, "Ω min", None),
             line(max1, "Ω₁ max", None),

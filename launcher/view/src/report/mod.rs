@@ -15,7 +15,7 @@
 //! The folder `assets/report/` holds the page's template, style and scripts, and uPlot, which draws the time plots.
 
 mod air;
-mod claims;
+pub mod claims;
 pub mod columns;
 mod costs;
 mod differences;
@@ -133,7 +133,7 @@ fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option
     let sampling = columns.sampling(scenario);
     let (claims, timing_pictures, costs) = match of_all {
         Some(OfAll { timing, costs }) => {
-            let claims = claims::section(&claims::judge(run, &reach, scenario), &run.metrics);
+            let claims = claims::section(&claims::judge(run, &reach, scenario), &run.metrics, scenario);
             (claims, timing::pictures(timing, run, scenario), costs)
         }
         None => Default::default(),
@@ -151,7 +151,7 @@ fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option
         ("ended", sections::ended(run, &result)),
         ("result", result),
         ("facts", sections::facts(run, scenario)),
-        ("key_figures", sections::key_figures(run, scenario)),
+        ("key_figures", sections::key_figures(run)),
         ("log_defect", log_defect),
         ("but", reservations),
         ("differences", differences::section(scenario)),

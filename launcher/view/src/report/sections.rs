@@ -1,6 +1,6 @@
 //! The parts of the page that are text and tables. A dash stands for a value that the run does not have.
 
-use contract::scenario::{Mode, TrajectoryKind, to_toml};
+use contract::scenario::{Mode, to_toml};
 use contract::{Scenario, exit};
 use flight::event::name;
 use flight::recorder::LogOutcome;
@@ -19,21 +19,17 @@ pub struct Shown {
     pub name: &'static str,
     pub unit: &'static str,
     pub decimals: usize,
-    /// `true` for a metric of the survey alone, which is the one flight that is level from 10 to 50 s.
-    pub of_survey: bool,
 }
 
 const fn shown(of: fn(&Metrics) -> f64, name: &'static str, unit: &'static str, decimals: usize) -> Shown {
-    Shown { of, name, unit, decimals, of_survey: false }
+    Shown { of, name, unit, decimals }
 }
 
-/// Metrics of a flight. The first six are the key figures.
-pub const METRICS: [Shown; 15] = [
+/// Metrics of a flight. The first four are the key figures.
+pub const METRICS: [Shown; 13] = [
     shown(|m| m.max_position_error_m, "position error, maximum", "m", 3),
     shown(|m| m.rms_position_error_m, "position error, RMS", "m", 3),
-    shown(|m| m.max_altitude_error_horizontal_m.max(m.max_altitude_error_vertical_m), ALTITUDE, "m", 3),
-    Shown { of_survey: true, ..shown(|m| m.max_altitude_error_horizontal_m, "altitude error, 10 to 50 s", "m", 3) },
-    Shown { of_survey: true, ..shown(|m| m.max_altitude_error_vertical_m, "altitude error, otherwise", "m", 3) },
+    shown(|m| m.max_altitude_error_m, "altitude error, maximum", "m", 3),
     shown(|m| m.final_position_error_m, "position error, at the end", "m", 3),
     shown(|m| m.position_error_integral_ms, "position error, integral", "m s", 3),
     shown(|m| m.max_rate_radps, "body rate, maximum", "rad/s", 3),
@@ -45,17 +41,7 @@ pub const METRICS: [Shown; 15] = [
     shown(|m| m.commands_saturated as f64, "commands clipped at a limit", "", 0),
     shown(|m| m.negative_squares as f64, "commands that ask a rotor to pull down", "", 0),
 ];
-const KEY_FIGURES: usize = 6;
-/// Name of the largest altitude error at any time.
-const ALTITUDE: &str = "altitude error, maximum";
-
-impl Shown {
-    /// Returns the metric of a flight of `scenario`; NaN if it has none.
-    pub fn of(&self, metrics: &Metrics, scenario: &Scenario) -> f64 {
-        let applies = !self.of_survey || scenario.mission.trajectory == TrajectoryKind::Survey;
-        if applies { (self.of)(metrics) } else { f64::NAN }
-    }
-}
+const KEY_FIGURES: usize = 4;
 
 /// The verdict on the run: its style in the page, and one line for people.
 pub fn result(run: &RunRecord) -> (&'static str, String) {
@@ -102,18 +88,11 @@ pub fn facts(run: &RunRecord, scenario: &Scenario) -> String {
 }
 
 /// Key figures: errors of position and altitude, and the age at the actuator.
-pub fn key_figures(run: &RunRecord, scenario: &Scenario) -> String {
+pub fn key_figures(run: &RunRecord) -> String {
     let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
-    let is_survey = scenario.mission.trajectory == TrajectoryKind::Survey;
-    // The survey tells the altitude error of each leg, any other flight the larger one.
-    let told = METRICS[..KEY_FIGURES].iter().filter(|metric| match metric.name {
-        ALTITUDE => !is_survey,
-        _ => is_survey || !metric.of_survey,
-    });
-    let errors = told.map(|metric| {
-        let value = number(metric.of(&run.metrics, scenario), metric.decimals);
-        tile(metric.name, value, metric.unit)
-    });
+    let errors = METRICS[..KEY_FIGURES]
+        .iter()
+        .map(|Shown { of, name, unit, decimals }| tile(name, number(of(&run.metrics), *decimals), unit));
     // Only in real time is an age measured.
     let timing = run.timing.as_ref().filter(|_| run.mode == Mode::Realtime);
     let age_ms = timing.map(|timing| timing.age_at_actuator.p99_us / 1e3);
@@ -123,7 +102,7 @@ pub fn key_figures(run: &RunRecord, scenario: &Scenario) -> String {
 /// Remaining metrics of the flight, its solver, its log and its speed.
 pub fn metrics(run: &RunRecord) -> String {
     let solver = &run.solver;
-    let measured = METRICS[KEY_FIGURES..].iter().map(|Shown { of, name, unit, decimals, .. }| {
+    let measured = METRICS[KEY_FIGURES..].iter().map(|Shown { of, name, unit, decimals }| {
         ((*name).to_owned(), format!("{} {unit}", number(of(&run.metrics), *decimals)))
     });
     let of_log = |of: fn(&LogOutcome) -> u64| run.log.as_ref().map_or(DASH.into(), |log| of(log).to_string());
