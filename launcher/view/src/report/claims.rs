@@ -2,8 +2,7 @@
 //!
 //! The paper makes its claims for one flight: the whole minute of the `survey` trajectory, flown by the paper's
 //! controllers and vehicle in calm. For any other flight of that trajectory with the paper's profile the page has the
-//! measured values, and a claim is `not applicable`; the page of a flight of another mission or profile does not mention
-//! the claims.
+//! measured values, and a claim is `not applicable`; the page of another mission or profile does not mention the claims.
 
 use crate::draw::{DASH, escape, number, table, verdict};
 use contract::Scenario;
@@ -88,7 +87,7 @@ pub struct Reach {
     share: f64,
     tilt_rad: f64,
     limits: airframe::Limits,
-    /// Largest altitude errors in the horizontal part of the paper's flight and in the rest \[m\]; NaN without a sample.
+    /// Largest altitude errors in the horizontal part of the paper's flight and in the rest \[m\]; NaN if not reached.
     pub altitude_m: [f64; 2],
 }
 
