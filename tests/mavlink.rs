@@ -84,6 +84,9 @@ fn a_ground_station_sees_the_flight_that_the_log_has_and_changes_nothing() {
     let heartbeats = of(&came, "HEARTBEAT");
     assert!((5..=9).contains(&heartbeats.len()), "{heartbeats:?}");
     assert_eq!([&heartbeats[0]["type"], &heartbeats[0]["autopilot"]], [15, 0], "a tricopter, generic");
+    let page = std::fs::read_to_string(top().join("docs/mavlink.md")).expect("it reads");
+    let has_name = |of: &&Value| page.contains(&format!("\n| {} | ", of["custom_mode"]));
+    assert!(heartbeats.iter().all(has_name), "docs/mavlink.md should name each mode: {heartbeats:?}");
     let texts: Vec<&str> = of(&came, "STATUSTEXT").iter().filter_map(|of| of["text"].as_str()).collect();
     assert!(texts.iter().any(|text| text.ends_with("s: payload injected mass for 0.2 s")), "{texts:?}");
     for kind in

@@ -186,12 +186,16 @@ impl Vehicle {
     }
 }
 
-/// The vehicle flies by itself and is stabilised; it has no modes that a station could choose.
+/// The only mode, `custom_mode` of HEARTBEAT: the mission of the scenario is flown. `docs/mavlink.md` has its name.
+const SCENARIO_MODE: u32 = 0;
+
+/// The vehicle flies by itself and is stabilised; it has no modes that a station could choose. Without the flag
+/// `CUSTOM_MODE_ENABLED` a station shows these flags: with it, some show what another autopilot calls 0.
 fn heartbeat(armed: bool, system_status: MavState) -> MavMessage {
     let flying = MavModeFlag::MAV_MODE_FLAG_AUTO_ENABLED | MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
     let armed = if armed { MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { MavModeFlag::empty() };
     MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-        custom_mode: 0,
+        custom_mode: SCENARIO_MODE,
         mavtype: MavType::MAV_TYPE_TRICOPTER,
         autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
         base_mode: flying | armed,
