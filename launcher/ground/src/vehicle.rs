@@ -218,7 +218,8 @@ fn extended_state(status: PlantStatus) -> MavMessage {
     MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA { vtol_state, landed_state })
 }
 
-/// Version of this program, with the first characters of its commit; parameters are numbers, and that is all it can do.
+/// Version of this program, with the first characters of its commit, and the protocols whose requests are answered. A
+/// station that misses the bit of missions does not ask for the list, which is empty.
 fn autopilot_version() -> MavMessage {
     let program = flight::provenance::Program::this();
     let mut numbers = program.version.split('.').map(|number| number.parse::<u32>().unwrap_or(0));
@@ -229,6 +230,8 @@ fn autopilot_version() -> MavMessage {
     flight_custom_version.iter_mut().zip(commit.bytes()).for_each(|(to, byte)| *to = byte);
     MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
         capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
             | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
         flight_sw_version: major << 24 | minor << 16 | patch << 8,
         flight_custom_version,
