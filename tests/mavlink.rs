@@ -84,6 +84,9 @@ fn a_ground_station_sees_the_flight_that_the_log_has_and_changes_nothing() {
     let heartbeats = of(&came, "HEARTBEAT");
     assert!((5..=9).contains(&heartbeats.len()), "{heartbeats:?}");
     assert_eq!([&heartbeats[0]["type"], &heartbeats[0]["autopilot"]], [15, 0], "a tricopter, generic");
+    let page = std::fs::read_to_string(top().join("docs/mavlink.md")).expect("it reads");
+    let has_name = |of: &&Value| page.contains(&format!("\n| {} | ", of["custom_mode"]));
+    assert!(heartbeats.iter().all(has_name), "docs/mavlink.md should name each mode: {heartbeats:?}");
     let texts: Vec<&str> = of(&came, "STATUSTEXT").iter().filter_map(|of| of["text"].as_str()).collect();
     assert!(texts.iter().any(|text| text.ends_with("s: payload injected mass for 0.2 s")), "{texts:?}");
     for kind in
@@ -130,12 +133,26 @@ fn check_parameters(came: &[Value]) {
     assert_eq!(of_name("DL_END_MS"), [9.0]);
     let texts = of(came, "STATUSTEXT");
     assert!(texts.iter().any(|of| of["text"].as_str().is_some_and(|text| text.starts_with("MPC_NP is read-only"))));
+    let errors = of(came, "PARAM_ERROR").into_iter().map(|of| (of["param_id"].as_str(), of["error"].as_u64()));
+    let expected = [("MPC_NP", READ_ONLY), ("SYSID_THISMAV", DOES_NOT_EXIST), ("SYSID_THISMAV", DOES_NOT_EXIST)];
+    assert!(errors.eq(expected.map(|(name, error)| (Some(name), Some(error)))), "{:?}", of(came, "PARAM_ERROR"));
 }
+
+// Errors of parameters, MAV_PARAM_ERROR.
+const DOES_NOT_EXIST: u64 = 1;
+const READ_ONLY: u64 = 5;
 
 // Results of commands, MAV_RESULT.
 const ACCEPTED: u64 = 0;
 const DENIED: u64 = 2;
 const UNSUPPORTED: u64 = 3;
+
+// Results of mission requests, MAV_MISSION_RESULT.
+const INVALID_SEQUENCE: u64 = 13;
+const MISSION_DENIED: u64 = 14;
+
+/// Bits of `MAV_PROTOCOL_CAPABILITY`: missions by `MISSION_ITEM_INT`, `COMMAND_INT`, MAVLink 2, numbers as parameters.
+const CAPABILITIES: u64 = 4 | 8 | 8192 | 131_072;
 
 fn check_answers(came: &[Value]) {
     let results = |command: u64| -> Vec<u64> {
@@ -145,8 +162,11 @@ fn check_answers(came: &[Value]) {
     assert_eq!(results(512), [ACCEPTED, UNSUPPORTED], "AUTOPILOT_VERSION, and a camera that is not there");
     assert_eq!(results(400), [DENIED], "it is not armed or disarmed from outside");
     assert_eq!(results(511), [ACCEPTED]);
-    assert_eq!(of(came, "AUTOPILOT_VERSION").len(), 1);
+    let versions = of(came, "AUTOPILOT_VERSION");
+    assert_eq!((versions.len(), &versions[0]["capabilities"]), (1, &Value::from(CAPABILITIES)));
     assert_eq!(of(came, "MISSION_COUNT")[0]["count"], 0);
+    let missions = of(came, "MISSION_ACK").into_iter().map(|of| of["type"].as_u64());
+    assert!(missions.eq([INVALID_SEQUENCE, MISSION_DENIED, MISSION_DENIED].map(Some)), "an item, an upload, a clear");
 }
 
 #[test]

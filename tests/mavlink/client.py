@@ -42,6 +42,11 @@ while time.monotonic() < deadline:
         command(ARM, 0)
         command(SET_INTERVAL, ATTITUDE, 20_000)
         command(REQUEST, HOME_POSITION, system=7)  # another vehicle's
+        mav.param_request_read_send(1, 1, b"SYSID_THISMAV", -1)
+        mav.param_set_send(1, 1, b"SYSID_THISMAV", 2.0, mavutil.mavlink.MAV_PARAM_TYPE_REAL32)
         mav.mission_request_list_send(1, 1, 0)
+        mav.mission_request_int_send(1, 1, 0, 0)
+        mav.mission_count_send(1, 1, 3, 0)
+        mav.mission_clear_all_send(1, 1, 255)
         link.write(b"no MAVLink")
 json.dump(came, sys.stdout, default=str)

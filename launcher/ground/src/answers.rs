@@ -6,10 +6,10 @@
 
 use std::time::Instant;
 
-use mavlink::MavHeader;
-use mavlink::MessageData;
 #[allow(clippy::wildcard_imports, reason = "the dialect's own names, all in capitals")]
 use mavlink::dialects::common::*;
+use mavlink::types::CharArray;
+use mavlink::{MavHeader, Message, MessageData};
 
 use crate::link::{COMPONENT, SYSTEM};
 use crate::parameters::Parameters;
@@ -25,44 +25,51 @@ pub struct Station {
 
 impl Station {
     /// Returns the answers to `request`; none if it is for another system, or asks for nothing.
+    #[expect(deprecated, reason = "MISSION_REQUEST and MISSION_ITEM are the requests of stations before 2020")]
     pub fn answer(&mut self, from: MavHeader, request: &MavMessage) -> Vec<MavMessage> {
-        let is_ours = |system: u8, component: u8| [0, SYSTEM].contains(&system) && [0, COMPONENT].contains(&component);
+        let is_ours = |target: Option<u8>, own: u8| target.is_some_and(|target| [0, own].contains(&target));
+        if !is_ours(request.target_system_id(), SYSTEM) || !is_ours(request.target_component_id(), COMPONENT) {
+            return vec![];
+        }
+        let refused = MavMissionResult::MAV_MISSION_DENIED;
+        let no_such_item = MavMissionResult::MAV_MISSION_INVALID_SEQUENCE;
         match request {
-            MavMessage::PARAM_REQUEST_LIST(of) if is_ours(of.target_system, of.target_component) => {
-                self.parameters.all()
+            MavMessage::PARAM_REQUEST_LIST(_) => self.parameters.all(),
+            MavMessage::PARAM_REQUEST_READ(of) => {
+                let value = self.parameters.find(of.param_id.to_str().unwrap_or_default(), of.param_index);
+                let missing = MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST;
+                vec![value.unwrap_or_else(|| param_error(from, of.param_id, of.param_index, missing))]
             }
-            MavMessage::PARAM_REQUEST_READ(of) if is_ours(of.target_system, of.target_component) => {
-                let name = of.param_id.to_str().unwrap_or_default();
-                self.parameters.find(name, of.param_index).into_iter().collect()
-            }
-            MavMessage::PARAM_SET(of) if is_ours(of.target_system, of.target_component) => self.refuse(of),
-            MavMessage::COMMAND_LONG(of) if is_ours(of.target_system, of.target_component) => {
-                self.command(from, of.command, [of.param1, of.param2])
-            }
-            MavMessage::COMMAND_INT(of) if is_ours(of.target_system, of.target_component) => {
-                self.command(from, of.command, [of.param1, of.param2])
-            }
-            MavMessage::MISSION_REQUEST_LIST(of) if is_ours(of.target_system, of.target_component) => {
-                let (target_system, target_component) = (from.system_id as u8, from.component_id);
-                let mission_type = of.mission_type; // the missions of a scenario are no lists of waypoints
-                vec![MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
-                    count: 0,
-                    target_system,
-                    target_component,
-                    mission_type,
-                    opaque_id: 0,
-                })]
+            MavMessage::PARAM_SET(of) => self.refuse(from, of),
+            MavMessage::COMMAND_LONG(of) => self.command(from, of.command, [of.param1, of.param2]),
+            MavMessage::COMMAND_INT(of) => self.command(from, of.command, [of.param1, of.param2]),
+            MavMessage::MISSION_REQUEST_LIST(of) => vec![mission_count(from, of.mission_type)],
+            MavMessage::MISSION_REQUEST_INT(of) => vec![mission_ack(from, of.mission_type, no_such_item)],
+            MavMessage::MISSION_REQUEST(of) => vec![mission_ack(from, of.mission_type, no_such_item)],
+            MavMessage::MISSION_REQUEST_PARTIAL_LIST(of) => vec![mission_ack(from, of.mission_type, no_such_item)],
+            MavMessage::MISSION_COUNT(of) => vec![mission_ack(from, of.mission_type, refused)],
+            MavMessage::MISSION_CLEAR_ALL(of) => vec![mission_ack(from, of.mission_type, refused)],
+            MavMessage::MISSION_WRITE_PARTIAL_LIST(of) => vec![mission_ack(from, of.mission_type, refused)],
+            MavMessage::MISSION_ITEM_INT(of) => vec![mission_ack(from, of.mission_type, refused)],
+            MavMessage::MISSION_ITEM(of) => vec![mission_ack(from, of.mission_type, refused)],
+            // The protocol has a text here, and no MISSION_ACK.
+            MavMessage::MISSION_SET_CURRENT(_) => {
+                texts(MavSeverity::MAV_SEVERITY_WARNING, "a flight keeps the mission of its scenario", 1)
             }
             _ => vec![],
         }
     }
 
-    /// Answers an attempt to set a parameter with its value, as the protocol has it, and a text.
-    fn refuse(&self, of: &PARAM_SET_DATA) -> Vec<MavMessage> {
+    /// Answers an attempt to set a parameter: the error comes first, since a station acts on the first answer; the
+    /// value that stays is for stations before `PARAM_ERROR`, and the text for people.
+    fn refuse(&self, from: MavHeader, of: &PARAM_SET_DATA) -> Vec<MavMessage> {
         let name = of.param_id.to_str().unwrap_or_default();
-        let Some(value) = self.parameters.find(name, -1) else { return vec![] };
+        let Some(value) = self.parameters.find(name, -1) else {
+            return vec![param_error(from, of.param_id, -1, MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST)];
+        };
+        let error = param_error(from, of.param_id, -1, MavParamError::MAV_PARAM_ERROR_READ_ONLY);
         let text = format!("{name} is read-only: a flight keeps its settings");
-        [vec![value], texts(MavSeverity::MAV_SEVERITY_WARNING, &text, 1)].concat()
+        [vec![error, value], texts(MavSeverity::MAV_SEVERITY_WARNING, &text, 1)].concat()
     }
 
     /// Carries out a command, which is acknowledged first.
@@ -95,3 +102,38 @@ impl Station {
         [acknowledged].into_iter().chain(message).collect()
     }
 }
+
+/// Number of items of a mission: none, since the missions of a scenario are no lists of waypoints.
+fn mission_count(to: MavHeader, mission_type: MavMissionType) -> MavMessage {
+    MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
+        count: 0,
+        target_system: to.system_id as u8,
+        target_component: to.component_id,
+        mission_type,
+        opaque_id: 0,
+    })
+}
+
+fn mission_ack(to: MavHeader, mission_type: MavMissionType, result: MavMissionResult) -> MavMessage {
+    MavMessage::MISSION_ACK(MISSION_ACK_DATA {
+        target_system: to.system_id as u8,
+        target_component: to.component_id,
+        mavtype: result,
+        mission_type,
+        opaque_id: 0,
+    })
+}
+
+/// Error for the parameter with the name or the place of the request.
+fn param_error(to: MavHeader, param_id: CharArray<16>, param_index: i16, error: MavParamError) -> MavMessage {
+    MavMessage::PARAM_ERROR(PARAM_ERROR_DATA {
+        param_index,
+        target_system: to.system_id as u8,
+        target_component: to.component_id,
+        param_id,
+        error,
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -186,12 +186,16 @@ impl Vehicle {
     }
 }
 
-/// The vehicle flies by itself and is stabilised; it has no modes that a station could choose.
+/// The only mode, `custom_mode` of HEARTBEAT: the mission of the scenario is flown. `docs/mavlink.md` has its name.
+const SCENARIO_MODE: u32 = 0;
+
+/// The vehicle flies by itself and is stabilised; it has no modes that a station could choose. Without the flag
+/// `CUSTOM_MODE_ENABLED` a station shows these flags: with it, some show what another autopilot calls 0.
 fn heartbeat(armed: bool, system_status: MavState) -> MavMessage {
     let flying = MavModeFlag::MAV_MODE_FLAG_AUTO_ENABLED | MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
     let armed = if armed { MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { MavModeFlag::empty() };
     MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-        custom_mode: 0,
+        custom_mode: SCENARIO_MODE,
         mavtype: MavType::MAV_TYPE_TRICOPTER,
         autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
         base_mode: flying | armed,
@@ -214,7 +218,8 @@ fn extended_state(status: PlantStatus) -> MavMessage {
     MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA { vtol_state, landed_state })
 }
 
-/// Version of this program, with the first characters of its commit; parameters are numbers, and that is all it can do.
+/// Version of this program, with the first characters of its commit, and the protocols whose requests are answered. A
+/// station that misses the bit of missions does not ask for the list, which is empty.
 fn autopilot_version() -> MavMessage {
     let program = flight::provenance::Program::this();
     let mut numbers = program.version.split('.').map(|number| number.parse::<u32>().unwrap_or(0));
@@ -225,6 +230,8 @@ fn autopilot_version() -> MavMessage {
     flight_custom_version.iter_mut().zip(commit.bytes()).for_each(|(to, byte)| *to = byte);
     MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
         capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MISSION_INT
+            | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
             | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
         flight_sw_version: major << 24 | minor << 16 | patch << 8,
         flight_custom_version,
