@@ -307,7 +307,7 @@ impl AttitudeMpc {
     }
 
     /// Packs the whole memory, for the process that continues this flight, except [`hurry`](Self::hurry), which belongs
-    /// to the process. The solver's starting constraints are left out if they are more than [`memory::MAX_HELD`].
+    /// to the process.
     pub fn snapshot(&self) -> Snapshot {
         let warm_start = self.constrained.as_ref().map_or(WarmStart::default(), |it| it.solver.warm_start());
         snapshot::pack(&Whole { memory: self.memory, warm_start })

@@ -12,8 +12,9 @@ use crate::indi::Stage;
 
 /// Number of states of the largest model, which has the actuator lag.
 pub const MAX_STATES: usize = LAGGED;
-/// Most constraints in a snapshot's warm start. The successor of a solver that holds more starts without any.
-pub const MAX_HELD: usize = 26;
+/// Most discs in a warm start, and a quarter of most constraints: those of a plan of 20 moves. A solver that holds more
+/// starts its next solve without any, as its successor does.
+pub const MAX_DISCS: usize = 20;
 
 /// Memory of the controller without its solver.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -41,24 +42,17 @@ pub struct Memory {
     pub fallbacks: u64,
 }
 
-/// Constraints that the next solve starts from, as stored in a snapshot: the first `count` of `held`.
+/// Constraints that the next solve starts from, as stored in a snapshot.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct WarmStart {
-    /// Number of constraints, at most [`MAX_HELD`].
+    /// Number of constraints.
     pub count: u64,
-    /// Constraints in the order in which they joined the working set.
-    pub held: [Held; MAX_HELD],
-}
-
-/// Constraint held as an equation.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
-#[repr(C)]
-pub struct Held {
-    /// Index among all constraints: the linear rows, then the discs.
-    pub place: u64,
-    /// Cosine and sine of the angle at which a disc is touched; 0 for a row.
-    pub towards: [f64; 2],
+    /// Their indices among all constraints, the linear rows and then the discs, in the order in which they joined the
+    /// working set; four to a word.
+    pub places: [[u16; 4]; MAX_DISCS],
+    /// Cosine and sine of the angle at which a disc is touched, for the discs in the order of `places`.
+    pub towards: [[f64; 2]; MAX_DISCS],
 }
 
 /// Contents of a snapshot: a controller that restores a copy continues the same flight.
@@ -72,7 +66,7 @@ pub struct Whole {
 }
 
 impl Layout for Whole {
-    const NAME: [u8; 8] = *b"attmpc 4";
+    const NAME: [u8; 8] = *b"attmpc 5";
 }
 
 impl Memory {

@@ -6,7 +6,7 @@ use qp::{ActiveSet, Member, WorkingSet};
 
 use super::outcome::{CONTRADICTION, Outcome, Verdict};
 use crate::constraints::PlanSet;
-use crate::memory::{Held, MAX_HELD, WarmStart};
+use crate::memory::WarmStart;
 
 /// Solver of one set-up.
 pub struct ActiveSetSolver {
@@ -91,6 +91,9 @@ impl ActiveSetSolver {
         self.solver.max_iterations = if fault == Some(FaultKind::IterationCap) { 1 } else { self.max_iterations };
         let outcome = self.solver.solve(&self.centre, &self.offsets, plan.as_mut_slice());
         self.offsets[0] = honest;
+        if self.packed().is_none() {
+            self.solver.forget(); // the next solve of a process that restores a snapshot begins alike
+        }
 
         let verdict = match outcome.termination {
             qp::Termination::Optimal => Verdict::Solved,
@@ -100,37 +103,47 @@ impl ActiveSetSolver {
         Outcome { verdict, iterations: u64::from(outcome.iterations) }
     }
 
-    /// Constraints that the next solve starts from; none if they are more than [`MAX_HELD`].
+    /// Constraints that the next solve starts from.
     pub fn warm_start(&self) -> WarmStart {
+        self.packed().unwrap_or_default()
+    }
+
+    /// Working set as in a snapshot; `None` if it has more members than that has room for.
+    fn packed(&self) -> Option<WarmStart> {
         let members = &self.solver.working_set().members;
-        let mut start = WarmStart::default();
-        if members.len() <= MAX_HELD {
-            start.count = members.len() as u64;
-            for (held, member) in start.held.iter_mut().zip(members) {
-                *held = match member {
-                    Member::Row(row) => Held { place: *row as u64, towards: [0.0; 2] },
-                    Member::Cut { disc, towards } => Held { place: (self.first_disc + disc) as u64, towards: *towards },
-                };
-            }
+        let mut start = WarmStart { count: members.len() as u64, ..WarmStart::default() };
+        let mut touches = start.towards.iter_mut();
+        let mut places = start.places.as_flattened_mut().iter_mut();
+        for member in members {
+            let place = match member {
+                Member::Row(row) => *row,
+                Member::Cut { disc, towards } => {
+                    *touches.next()? = *towards;
+                    self.first_disc + disc
+                }
+            };
+            *places.next()? = place.try_into().ok()?;
         }
-        start
+        Some(start)
     }
 
     /// Makes the next solve start from the constraints of `from`. Returns `false`, and changes nothing, if one of them
-    /// is unknown to this set-up or occurs twice.
+    /// is unknown to this set-up or occurs twice, or if they are more than `from` has room for.
     pub fn start_from(&mut self, from: &WarmStart) -> bool {
         let discs = (self.offsets.len() - self.first_disc) / 2;
         let mut free = vec![true; self.first_disc + discs];
-        let Some(held) = from.held.get(..from.count as usize) else { return false };
-        if !held.iter().all(|held| free.get_mut(held.place as usize).is_some_and(std::mem::take)) {
-            return false;
-        }
-        let member = |Held { place, towards }: &Held| match (*place as usize).checked_sub(self.first_disc) {
-            None => Member::Row(*place as usize),
-            Some(disc) => Member::Cut { disc, towards: *towards },
+        let mut touches = from.towards.iter();
+        let Some(places) = from.places.as_flattened().get(..from.count as usize) else { return false };
+        let member = |place: &u16| {
+            let place = usize::from(*place);
+            let is_new = free.get_mut(place).is_some_and(std::mem::take);
+            is_new.then_some(())?;
+            match place.checked_sub(self.first_disc) {
+                None => Some(Member::Row(place)),
+                Some(disc) => Some(Member::Cut { disc, towards: *touches.next()? }),
+            }
         };
-        let members = held.iter().map(member).collect();
-        self.solver.warm_start(&WorkingSet { members });
-        true
+        let members: Option<Vec<Member>> = places.iter().map(member).collect();
+        members.map(|members| self.solver.warm_start(&WorkingSet { members })).is_some()
     }
 }

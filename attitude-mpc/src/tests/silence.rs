@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use super::{hover, violent_turn};
 use crate::AttitudeMpc;
-use crate::memory::{Held, MAX_HELD, WarmStart, Whole};
+use crate::memory::{MAX_DISCS, WarmStart, Whole};
 
 #[test]
 fn without_a_fresh_state_the_demand_is_repeated_with_status_stale() {
@@ -115,15 +115,13 @@ fn a_warm_start_with_unknown_or_repeated_constraints_is_refused() {
     let mut scenario = Scenario::default();
     scenario.mpc.solver = Solver::ActiveSet;
     let mut mpc = AttitudeMpc::new(&scenario);
-    let mut restore = |count: u64, places: [u64; 2]| {
+    let mut restore = |count: u64, places: [u16; 2]| {
         let mut warm_start = WarmStart { count, ..WarmStart::default() };
-        for (held, place) in warm_start.held.iter_mut().zip(places) {
-            *held = Held { place, ..Held::default() };
-        }
+        warm_start.places.as_flattened_mut()[..2].copy_from_slice(&places);
         mpc.restore(&snapshot::pack(&Whole { memory: mpc.memory, warm_start }))
     };
     assert!(restore(2, [3, 4]));
-    for (count, places) in [(2, [9999, 3]), (2, [3, 3]), (1, [1 << 60, 3]), (MAX_HELD as u64 + 1, [3, 4])] {
+    for (count, places) in [(2, [9999, 3]), (2, [3, 3]), (4 * MAX_DISCS as u64 + 1, [3, 4])] {
         assert!(!restore(count, places), "{count} of {places:?}");
     }
     let (state, reference) = violent_turn(&mpc, 0);
@@ -156,6 +154,27 @@ fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec
     pairs
 }
 
+#[test]
+fn a_plan_of_many_moves_at_its_limits_is_continued_bit_by_bit() {
+    for (moves, fits) in [(20, true), (60, false)] {
+        let mut scenario = Scenario::default();
+        (scenario.mpc.solver, scenario.mpc.np, scenario.mpc.nu) = (Solver::ActiveSet, moves, moves);
+        scenario.mpc.max_iterations = 1000;
+        let tumbling = |tick: u32| ([20.0 - f64::from(tick), 1.2, -1.2, 10.0, 10.0, 10.0, 3.0], 0);
+        let path: Vec<_> = (0..8).map(tumbling).collect();
+        for [one, other] in continued(&scenario, &path, 4) {
+            assert_eq!(one, other);
+            assert_eq!(one.status, SolveStatus::Solved as u64);
+        }
+        let mut mpc = AttitudeMpc::new(&scenario);
+        let (mut state, reference) = violent_turn(&mpc, 0);
+        (state.measured.velocity_mps[2], state.measured.rates_radps) = (20.0, [10.0; 3]);
+        mpc.step(0, &state, &reference);
+        let held = snapshot::unpack::<Whole>(&mpc.snapshot()).expect("its own").warm_start.count;
+        assert!(if fits { held > 26 } else { held == 0 }, "{moves} moves hold {held}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
@@ -163,6 +182,7 @@ proptest! {
     fn a_restored_node_answers_bit_by_bit_like_the_one_it_continues(
         path in prop::collection::vec((prop::array::uniform7(-1.5..1.5_f64), 0_u64..3), 4..30), until in 1_usize..4,
         [paper, own, soft, measured] in prop::array::uniform4(prop::bool::ANY),
+        moves in prop::sample::select(&[5, 5, 20, 40][..]),
         law in prop::sample::select(&[Law::Mpc, Law::Mpc, Law::Mpc, Law::Pid, Law::Geometric, Law::Indi][..]),
     ) {
         let mut scenario = Scenario::from(if paper { Profile::Paper } else { Profile::Robust });
@@ -175,6 +195,7 @@ proptest! {
         }
         scenario.mpc.time_limit_ms = 0.0;
         scenario.mpc.law = law;
+        (scenario.mpc.np, scenario.mpc.nu) = (moves.max(scenario.mpc.np), moves);
         for [one, other] in continued(&scenario, &path, until) {
             prop_assert_eq!(one, other);
         }
