@@ -44,6 +44,29 @@ fn an_fmu_flies_the_states_of_a_log_bit_for_bit() {
 }
 
 #[test]
+fn an_fmu_has_the_date_of_the_commit_and_none_of_today() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plant.fmu");
+    let (code, said) = export(&["--out", plain(&file)]);
+    assert_eq!(code, Some(0), "{said}");
+    let mut archive = zip::ZipArchive::new(std::fs::File::open(&file).unwrap()).unwrap();
+    for place in 0..archive.len() {
+        let dated = archive.by_index(place).unwrap().last_modified();
+        assert_eq!(dated, Some(zip::DateTime::default()), "1980, whenever it is written");
+    }
+    let description = std::io::read_to_string(archive.by_name("modelDescription.xml").unwrap()).unwrap();
+    let format = ["show", "--no-patch", "--date=format-local:%Y-%m-%dT%H:%M:%SZ", "--format=%cd", "HEAD"];
+    let asked = Command::new("git").arg("-C").arg(top()).args(format).env("TZ", "UTC").output();
+    match asked.ok().filter(|asked| asked.status.success() && top().join(".git").exists()) {
+        Some(asked) => {
+            let date = String::from_utf8_lossy(&asked.stdout).trim().to_owned();
+            assert!(description.contains(&format!("generationDateAndTime=\"{date}\"")), "{date}: {description}");
+        }
+        None => assert!(!description.contains("generationDateAndTime"), "{description}"),
+    }
+}
+
+#[test]
 fn what_cannot_be_exported_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let nowhere = folder.path().join("no/such/folder.fmu");
