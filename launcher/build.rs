@@ -22,7 +22,8 @@ const SOURCES: [&str; 14] = [
     "scenarios",
 ];
 
-/// Tells the commit, its date, and whether the sources differ from it; nothing where this is no checkout of the repository.
+/// Tells the commit, its date, and whether the sources differ from it; nothing where this is no checkout of the
+/// repository.
 fn main() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository");
     let git = |arguments: &[&str]| {

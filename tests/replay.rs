@@ -57,7 +57,10 @@ fn a_torn_log_is_flown_again_as_far_as_it_reads() {
     let output = of_run(&["replay"], &flown.out);
     let said = text(&output);
     assert!(output.status.code() == Some(1) && said.contains("is not whole"), "{said}");
-    assert!(said.contains("no difference in what was compared") && said.contains(&format!("plant {states} of")), "{said}");
+    assert!(
+        said.contains("no difference in what was compared") && said.contains(&format!("plant {states} of")),
+        "{said}"
+    );
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Compression of the chunks of a log with LZ4, which MCAP's readers know. The crate `mcap` does this only by libraries
 //! in C; here it is done in Rust.
 
-use std::collections::HashMap;
+use std::collections::VecDeque;
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
 
 use crc32fast::Hasher;
@@ -28,8 +28,8 @@ pub struct Compressor<W> {
     at: u64,
     /// Bytes of the record that is not complete yet.
     begun: Vec<u8>,
-    /// Length of the record of a chunk, and of its compressed content, by the chunk's offset in the file.
-    chunks: HashMap<u64, (u64, u64)>,
+    /// Length of the record of each chunk, and of its compressed content, until the index has it.
+    chunks: VecDeque<(u64, u64)>,
     /// Checksum of the section of the file.
     sum: Hasher,
     /// `true` after the last record.
@@ -38,7 +38,7 @@ pub struct Compressor<W> {
 
 impl<W: Write> Compressor<W> {
     pub fn new(file: W) -> Self {
-        Self { file, at: 0, begun: vec![], chunks: HashMap::new(), sum: Hasher::new(), has_ended: false }
+        Self { file, at: 0, begun: vec![], chunks: VecDeque::new(), sum: Hasher::new(), has_ended: false }
     }
 
     /// Returns the length of the record that has begun, if it is complete.
@@ -61,7 +61,7 @@ impl<W: Write> Compressor<W> {
                 let content = compress(&body[TOLD + 4 + 8..])?;
                 let length = content.len() as u64;
                 let body = [&body[..TOLD], &name(), &length.to_le_bytes(), &content].concat();
-                self.chunks.insert(self.at, ((HEAD + body.len()) as u64, length));
+                self.chunks.push_back(((HEAD + body.len()) as u64, length));
                 self.emit_record(op::CHUNK, &body)
             }
             op::CHUNK_INDEX => {
@@ -69,9 +69,9 @@ impl<W: Write> Compressor<W> {
                 const BEFORE: usize = 8 + 8 + 8;
                 /// Name of the compression, length of the compressed content; the true length of the content follows.
                 const AFTER: usize = 4 + 8 + 8;
-                let offset = u64::from_le_bytes(std::array::from_fn(|i| body[16 + i]));
+                let next = self.chunks.pop_front(); // the index has the order of the chunks
                 let (length, compressed) =
-                    self.chunks.get(&offset).ok_or_else(|| Error::other("an index of a chunk that is not there"))?;
+                    next.ok_or_else(|| Error::other("an index of more chunks than there are"))?;
                 let (rest, after) = body[BEFORE + 8..].split_at(body.len() - BEFORE - 8 - AFTER);
                 let (length, compressed) = (length.to_le_bytes(), compressed.to_le_bytes());
                 let body = [&body[..BEFORE], &length, rest, &name(), &compressed, &after[4 + 8..]].concat();
@@ -93,6 +93,7 @@ impl<W: Write> Compressor<W> {
             _ => self.emit(record),
         }
     }
+
     fn emit_record(&mut self, opcode: u8, body: &[u8]) -> Result<()> {
         self.emit(&[opcode])?;
         self.emit(&(body.len() as u64).to_le_bytes())?;

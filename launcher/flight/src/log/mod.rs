@@ -12,8 +12,8 @@
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
 //! | metadata `trefoil` | version and commit of the writer, layout of the messages, run, and the two time rules above |
 //!
-//! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, and compresses it ([`lz4`]).
-//! A killed process loses no more than that, and [`read()`] reads what is there. No node writes a log, because one write
+//! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, compressed by `lz4.rs`; a
+//! killed process loses no more than that, and [`read()`] reads what is there. No node writes a log, because one write
 //! can take milliseconds.
 
 mod channel;
