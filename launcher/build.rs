@@ -1,4 +1,4 @@
-//! Asks git which commit this is.
+//! Asks git which commit this is, and of when.
 
 #![expect(clippy::disallowed_macros, reason = "it is how a build script speaks to cargo")]
 
@@ -22,12 +22,14 @@ const SOURCES: [&str; 14] = [
     "scenarios",
 ];
 
-/// Tells the commit, and whether the sources differ from it; nothing where this is no checkout of the repository.
+/// Tells the commit, its date, and whether the sources differ from it; nothing where this is no checkout of the
+/// repository.
 fn main() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository");
     let git = |arguments: &[&str]| {
         // Without the lock: a refreshed index would have this run again.
-        let told = Command::new("git").arg("--no-optional-locks").arg("-C").arg(top).args(arguments).output().ok()?;
+        let mut told = Command::new("git");
+        let told = told.arg("--no-optional-locks").arg("-C").arg(top).args(arguments).env("TZ", "UTC").output().ok()?;
         told.status.success().then(|| String::from_utf8_lossy(&told.stdout).trim().to_owned())
     };
     // Sources that were unpacked within another repository are not of its commit.
@@ -37,6 +39,10 @@ fn main() {
     let changed = git(&[&["status", "--porcelain", "--"], &SOURCES[..]].concat()).is_none_or(|list| !list.is_empty());
     println!("cargo::rustc-env=TREFOIL_COMMIT={commit}");
     println!("cargo::rustc-env=TREFOIL_CHANGED={changed}");
+    let as_utc = "--date=format-local:%Y-%m-%dT%H:%M:%SZ";
+    if let Some(date) = git(&["show", "--no-patch", as_utc, "--format=%cd", "HEAD"]) {
+        println!("cargo::rustc-env=TREFOIL_DATE={date}");
+    }
     let heads = ["HEAD", "logs/HEAD"].iter().filter_map(|name| git(&["rev-parse", "--git-path", name]));
     for path in heads.map(|path| top.join(path)).chain(SOURCES.iter().map(|name| top.join(name))) {
         if path.exists() {

@@ -44,6 +44,29 @@ fn an_fmu_flies_the_states_of_a_log_bit_for_bit() {
 }
 
 #[test]
+fn an_fmu_has_the_date_of_the_commit_and_none_of_today() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plant.fmu");
+    let (code, said) = export(&["--out", plain(&file)]);
+    assert_eq!(code, Some(0), "{said}");
+    let mut archive = zip::ZipArchive::new(std::fs::File::open(&file).unwrap()).unwrap();
+    for place in 0..archive.len() {
+        let dated = archive.by_index(place).unwrap().last_modified();
+        assert_eq!(dated, Some(zip::DateTime::default()), "1980, whenever it is written");
+    }
+    let description = std::io::read_to_string(archive.by_name("modelDescription.xml").unwrap()).unwrap();
+    let format = ["show", "--no-patch", "--date=format-local:%Y-%m-%dT%H:%M:%SZ", "--format=%cd", "HEAD"];
+    let asked = Command::new("git").arg("-C").arg(top()).args(format).env("TZ", "UTC").output();
+    match asked.ok().filter(|asked| asked.status.success() && top().join(".git").exists()) {
+        Some(asked) => {
+            let date = String::from_utf8_lossy(&asked.stdout).trim().to_owned();
+            assert!(description.contains(&format!("generationDateAndTime=\"{date}\"")), "{date}: {description}");
+        }
+        None => assert!(!description.contains("generationDateAndTime"), "{description}"),
+    }
+}
+
+#[test]
 fn what_cannot_be_exported_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let nowhere = folder.path().join("no/such/folder.fmu");
@@ -116,6 +139,42 @@ fn a_table_has_the_bits_of_the_log() {
     assert_eq!(cycles.iter().filter(|row| row[1] == "plant").count(), 201);
     let damaged = cells(&flown.out.join("csv/controls.csv"));
     assert!(damaged.iter().any(|row| row.last().is_some_and(|intact| intact == "0")), "the corrupt ones are there too");
+}
+
+#[test]
+fn a_ulog_has_the_numbers_of_the_settings_as_parameters() {
+    let flown = fly(&[
+        "--mode",
+        "inprocess",
+        "--set=run.duration_s=1.5",
+        "--set=run.seed=5000000000",
+        "--set=fault=[{ at_s = 0.5, for_s = 0.3, target = \"rotor1\", kind = \"wrong\", value = 0.75 }]",
+    ]);
+    let (code, said) = export_run(&flown.out, "ulog", &[]);
+    assert_eq!(code, Some(0), "{said}");
+    let file = std::fs::read(flown.out.join("flight.ulg")).expect("a file");
+    let mut rest = &file[16..]; // magic and time
+    let mut parameters = std::collections::BTreeMap::new();
+    while let [low, high, kind, message @ ..] = rest {
+        let (message, after) = message.split_at(u16::from_le_bytes([*low, *high]).into());
+        rest = after;
+        if *kind == b'P' {
+            let (key, value) = message[1..].split_at(message[0].into());
+            let key = std::str::from_utf8(key).expect("a text").to_owned();
+            assert!(parameters.insert(key, <[u8; 4]>::try_from(value).expect("32 bits")).is_none(), "twice");
+        }
+    }
+    for (key, value) in [
+        ("float run.duration_s", 1.5_f32.to_le_bytes()),
+        ("float airframe.mass_kg", 1.1_f32.to_le_bytes()),
+        ("float fault.0.value", 0.75_f32.to_le_bytes()),
+        ("float initial.position_m.2", 0.0_f32.to_le_bytes()),
+        ("int32_t run.rate_hz", 100_i32.to_le_bytes()),
+        ("int32_t initial.standing", 0_i32.to_le_bytes()),
+    ] {
+        assert_eq!(parameters.get(key), Some(&value), "{key}");
+    }
+    assert!(!parameters.keys().any(|key| key.ends_with("run.seed") || key.ends_with("run.mode")), "{parameters:?}");
 }
 
 #[test]
@@ -199,4 +258,6 @@ fn pandas_duckdb_and_pyulog_read_what_the_log_has() {
     let events: Vec<&str> = read["events"].as_array().expect("events").iter().filter_map(Value::as_str).collect();
     assert_eq!(events[..2], ["guidance died", "guidance started"], "{read}");
     assert!(read["logged"][0].as_str().is_some_and(|text| text.starts_with("guidance epoch 1 died")), "{read}");
+    let parameters = &read["parameters"];
+    assert_eq!((&parameters["run.rate_hz"], &parameters["fault.0.at_s"]), (&json!(100), &json!(0.5)), "{parameters}");
 }

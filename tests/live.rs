@@ -8,6 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use flight::foxglove::Channel;
+use flight::log::Lz4;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest;
@@ -502,8 +503,9 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_log_has_them() {
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     let file = std::fs::read(outcome.out.join("flight.mcap")).expect("a log");
-    let logged: BTreeMap<(String, u64), (Vec<u8>, Vec<u8>)> = mcap::MessageStream::new(&file)
-        .expect("a log")
+    let mut log = mcap::io::MessageReader::new(&file[..]);
+    log.add_decompressor(Lz4::default()).expect("a name");
+    let logged: BTreeMap<(String, u64), (Vec<u8>, Vec<u8>)> = log
         .map(|message| message.expect("a message"))
         .filter(|message| message.channel.topic.starts_with("/view/"))
         .map(|message| {

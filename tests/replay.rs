@@ -47,6 +47,23 @@ fn a_flight_with_deaths_swaps_and_losses_repeats_from_its_folder() {
 }
 
 #[test]
+fn a_torn_log_is_flown_again_as_far_as_it_reads() {
+    let flown = fly(&["--mode", "inprocess", "--set", "run.duration_s=4.0"]);
+    let file = flown.out.join("flight.mcap");
+    let whole = std::fs::read(&file).expect("a log");
+    std::fs::write(&file, &whole[..whole.len() / 2]).expect("a shorter log");
+    let states = log::read(&file).expect("the scenario and what follows").states.len();
+    assert!((100..300).contains(&states), "{states} of 401");
+    let output = of_run(&["replay"], &flown.out);
+    let said = text(&output);
+    assert!(output.status.code() == Some(1) && said.contains("is not whole"), "{said}");
+    assert!(
+        said.contains("no difference in what was compared") && said.contains(&format!("plant {states} of")),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_flight_that_was_given_faults_in_flight_repeats_from_its_folder() {
     let name = namespace();
     let flight = Flight::start(&name, &["--set", "run.duration_s=4.0", "--set", "supervision.hang_ms=5000"]);

@@ -356,3 +356,12 @@ fn the_results_have_the_figures_of_the_page_on_faults() {
     }
     assert!(rows >= 4, "{rows}");
 }
+
+/// A feature of `mcap` or `parquet` would bring them back.
+#[test]
+fn nothing_compresses_by_a_library_in_c() {
+    let lock = std::fs::read_to_string(top().join("Cargo.lock")).expect("Cargo.lock");
+    for name in ["zstd-sys", "lz4-sys", "libz-sys", "bzip2-sys", "lzma-sys"] {
+        assert!(!lock.contains(&format!("name = \"{name}\"")), "{name} is in Cargo.lock");
+    }
+}

@@ -13,6 +13,7 @@ use runtime::console::{eprint_line, print};
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};
 use view::export;
 use view::trace::{self, Asked};
+use zip::DateTime;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 use crate::run_folder::with_hint;
@@ -110,10 +111,11 @@ fn fmu(args: &FmuArgs) -> anyhow::Result<()> {
     check(&scenario).map_err(|why| anyhow!(why))?;
     let library = std::fs::read(library()?).context("cannot read the library of the FMU")?;
     let mut archive = ZipWriter::new(Cursor::new(vec![]));
-    let options = SimpleFileOptions::default();
+    let description = model_description(&scenario, option_env!("TREFOIL_DATE"));
+    let options = SimpleFileOptions::default().last_modified_time(DateTime::default()); // not today's, by any feature
     let platform = format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS);
     for (name, bytes) in [
-        ("modelDescription.xml".to_owned(), model_description(&scenario).as_bytes()),
+        ("modelDescription.xml".to_owned(), description.as_bytes()),
         (format!("resources/{SCENARIO_FILE}"), contract::scenario::to_toml(&scenario).as_bytes()),
         (format!("binaries/{platform}/{MODEL}.so"), &library),
     ] {

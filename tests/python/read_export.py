@@ -146,6 +146,7 @@ def main():
         sys.exit("the events differ between CSV and Parquet")
     counts["events"] = [f"{event.node} {event.what}" for event in events.itertuples()]
     counts["logged"] = [message.message for message in ULog(str(run / "flight.ulg")).logged_messages]
+    counts["parameters"] = ULog(str(run / "flight.ulg")).initial_parameters
     counts["cycles"] = cycles.groupby("node").size().to_dict()
     print(json.dumps(counts))
 

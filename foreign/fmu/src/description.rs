@@ -28,11 +28,13 @@ pub fn check(scenario: &Scenario) -> Result<(), String> {
     }
 }
 
-/// Writes the description of the plant of `scenario`.
-pub fn model_description(scenario: &Scenario) -> String {
+/// Writes the description of the plant of `scenario`, with the date of the program, if that is known: the date of today
+/// would change the bytes of the same plant.
+pub fn model_description(scenario: &Scenario, date: Option<&str>) -> String {
     let (_, trim) = start(scenario);
     let [sample_s, duration_s] = [scenario.sample_s(), scenario.run.duration_s];
     let name = escaped(&scenario.name);
+    let date = date.map_or(String::new(), |date| format!("\n    generationDateAndTime=\"{date}\""));
     let [one, two, three] = trim.rotor_speed;
     let tilt = trim.tilt_rad;
     let mut variables = String::new();
@@ -49,7 +51,7 @@ pub fn model_description(scenario: &Scenario) -> String {
     format!(
         r#"<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="Trefoil plant: {name}" instantiationToken="{TOKEN}"
-    description="Tilt-rotor tricopter with actuators and sensors" generationTool="Trefoil launcher">
+    description="Tilt-rotor tricopter with actuators and sensors" generationTool="Trefoil launcher"{date}>
   <CoSimulation modelIdentifier="{MODEL}" canGetAndSetFMUState="true" canSerializeFMUState="true"
       canHandleVariableCommunicationStepSize="false" fixedInternalStepSize="{sample_s:?}"/>
   <UnitDefinitions>

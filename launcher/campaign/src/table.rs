@@ -1,11 +1,11 @@
-//! Tables of flights: typed columns in memory, and Parquet files compressed with zstd.
+//! Tables of flights: typed columns in memory, and Parquet files compressed with LZ4.
 //!
 //! A file carries the SHA-256 of its columns, because Parquet does not always notice a changed bit in a number.
 
 use std::sync::Arc;
 
 use anyhow::{Context, bail, ensure};
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::file::metadata::KeyValue;
@@ -254,7 +254,7 @@ impl Table {
         let own = [(HASH, self.hash())];
         let words = words.iter().chain(&own).map(|(key, word)| KeyValue::new((*key).to_owned(), word.clone()));
         let properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
+            .set_compression(Compression::LZ4_RAW)
             .set_created_by("trefoil".into())
             .set_key_value_metadata(Some(words.collect()));
         let mut writer = SerializedFileWriter::new(vec![], Arc::new(schema), Arc::new(properties.build()))?;

@@ -12,12 +12,14 @@
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
 //! | metadata `trefoil` | version and commit of the writer, layout of the messages, run, and the two time rules above |
 //!
-//! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses no
-//! more than that, and [`read()`] reads what is there. No node writes a log, because one write can take milliseconds.
+//! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, compressed by `lz4.rs`; a
+//! killed process loses no more than that, and [`read()`] reads what is there. No node writes a log, because one write
+//! can take milliseconds.
 
 mod channel;
 mod index;
 mod join;
+mod lz4;
 mod order;
 mod read;
 mod schema;
@@ -28,6 +30,7 @@ mod write;
 pub use channel::{Channel, channels, encode, encode_event, view_channels};
 pub use index::{ALL, Span};
 pub use join::{join, memories, part, read_parts, rest, stream};
+pub use lz4::Lz4;
 pub use order::last_tick;
 pub use read::{Log, WrittenBy, read};
 pub use ring::count::{Count, counted};

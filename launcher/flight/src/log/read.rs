@@ -13,12 +13,13 @@ use contract::{
     scenario::file::MAX_LOG_BYTES,
 };
 use mcap::{
-    parse_record,
+    McapError, parse_record,
     records::{Record as McapRecord, op},
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 
 use super::index::{ALL, Parts, Span, Wanted};
+use super::lz4::Lz4;
 use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, order, schema};
 use crate::event::Event;
 use crate::files;
@@ -172,6 +173,7 @@ fn walk(
             .with_validate_data_section_crc(file.is_all())
             .with_validate_summary_section_crc(true),
     );
+    mcap.add_decompressor(Lz4::default())?;
     let mut contents = Contents {
         each,
         wanted,
@@ -194,6 +196,11 @@ fn walk(
                     break Some(format!("{error:#}"));
                 }
             }
+            Some(Err(McapError::UnsupportedCompression(name))) => bail!(
+                "cannot read {}: another program has compressed it with {name}; only lz4 is read, which \
+                 `mcap compress --compression lz4` writes",
+                path.display()
+            ),
             Some(Err(error)) => break Some(error.to_string()),
         }
     };

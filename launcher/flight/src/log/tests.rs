@@ -11,12 +11,12 @@ use contract::{
     Topic,
     message::{Actuators, Controls, Message, Reference, Stamp, State},
 };
-use mcap::{MessageStream, WriteOptions};
+use mcap::{WriteOptions, io::MessageReader};
 use proptest::prelude::*;
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
 use tempfile::TempDir;
 
-use super::{Log, LogWriter, Record, read};
+use super::{Log, LogWriter, Lz4, Record, read};
 use crate::event::{Event, Sender, What};
 
 mod damage;
@@ -51,6 +51,13 @@ fn any_record() -> impl Strategy<Value = Record> {
         Topic::Controls => of::<Controls>(&words).into(),
         Topic::Actuators => of::<Actuators>(&words).into(),
     })
+}
+
+/// Returns the messages of a log as MCAP's reader has them.
+fn messages(log: &[u8]) -> Vec<mcap::Message<'static>> {
+    let mut reader = MessageReader::new(log);
+    reader.add_decompressor(Lz4::default()).unwrap();
+    reader.map(Result::unwrap).collect()
 }
 
 /// Returns a STATE whose position is its tick.
@@ -110,7 +117,7 @@ fn log_time_is_simulated_and_publish_time_is_of_the_clock() {
     log.write(&message.into()).unwrap();
     log.finish().unwrap();
     let bytes = fs::read(&path).unwrap();
-    let logged: Vec<_> = MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
+    let logged = messages(&bytes);
     assert_eq!(logged.len(), 1);
     assert_eq!(logged[0].channel.topic, "/controls");
     assert_eq!(logged[0].log_time, 2_500_000_000);
@@ -138,7 +145,7 @@ fn events_stand_at_their_ticks_beside_the_messages() {
 
     let bytes = fs::read(&path).unwrap();
     assert!(String::from_utf8_lossy(&bytes).contains("stamp.tick times 2000000 ns"), "its rate is told");
-    let logged: Vec<_> = MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
+    let logged = messages(&bytes);
     let schema = logged[4].channel.schema.clone().unwrap();
     assert_eq!((logged[4].channel.topic.as_str(), schema.encoding.as_str()), ("/events", "protobuf"));
     assert_eq!([logged[4].log_time, logged[5].log_time], [6_000_000, 10_000_000]);

@@ -14,9 +14,9 @@ use contract::{Scenario, Topic};
 use mcap::{
     McapError, McapResult, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
-    write::NoSeek,
 };
 
+use super::lz4::Compressor;
 use super::{Memory, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
 use crate::files;
@@ -24,7 +24,7 @@ use crate::foxglove::{Channel, Derived, Scene};
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
 use crate::provenance::Program;
 
-type Mcap = Writer<NoSeek<BufWriter<File>>>;
+type Mcap = Writer<Compressor<BufWriter<File>>>;
 
 /// The log of a run that is being flown.
 ///
@@ -226,11 +226,13 @@ fn open(
 ) -> McapResult<(Mcap, [u16; Topic::COUNT], [u16; 2])> {
     let program = Program::this();
     let mut mcap = WriteOptions::new()
-        .compression(None)
+        .compression(None) // `Compressor` compresses the chunks
         .chunk_size(None) // `LogWriter` closes the chunks
         .disable_seeking(true) // a chunk is written once it is whole, never patched
+        .calculate_data_section_crc(false) // `Compressor` has these checksums
+        .calculate_summary_section_crc(false)
         .library(concat!("trefoil ", env!("CARGO_PKG_VERSION")))
-        .create(NoSeek::new(sink))?;
+        .create(Compressor::new(sink))?;
     mcap.write_metadata(&metadata(SCENARIO.0, &[(SCENARIO.1, scenario_toml)]))?;
     mcap.write_metadata(&metadata(
         WRITTEN_BY,

@@ -1,10 +1,10 @@
-//! Tables as Parquet, compressed with zstd. A missing value is null; NaN is kept.
+//! Tables as Parquet, compressed with LZ4. A missing value is null; NaN is kept.
 
 use std::sync::Arc;
 
 use anyhow::Context;
 use flight::dir::{Dir, NewFile};
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical, ZstdLevel};
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
@@ -47,7 +47,7 @@ impl<'a> Rows<'a> for Parquet<'a> {
         };
         let fields = columns.iter().map(field).collect::<Result<Vec<_>, _>>()?;
         let schema = Type::group_type_builder(name).with_fields(fields).build()?;
-        let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default()));
+        let properties = WriterProperties::builder().set_compression(Compression::LZ4_RAW);
         let properties = properties.set_created_by("trefoil".into()).build();
         let file = folder.begin(&format!("{name}.parquet"))?;
         let writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?;

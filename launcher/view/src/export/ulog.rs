@@ -6,6 +6,7 @@
 //! | `trefoil_cycles_NODE` | the times of a node's cycles |
 //! | those of [`super::px4`] | what PX4 has a topic for |
 //!
+//! The numbers and switches of the settings are parameters; the whole settings are the information `trefoil_scenario`.
 //! `timestamp` is simulated time \[us\]. Events are logged messages. A message whose checksum does not fit is left out,
 //! because its time cannot be trusted either.
 
@@ -18,6 +19,7 @@ use contract::{Scenario, Topic};
 use flight::dir::{Dir, NewFile};
 use flight::event::{Event, What, name};
 use flight::log::{Record, columns};
+use toml::{Table, Value};
 
 use super::px4;
 use super::sink::Sink;
@@ -41,7 +43,9 @@ impl<'a> Ulog<'a> {
         ulog.file.write_all(&0_u64.to_le_bytes())?; // time of the beginning
         ulog.message(b'B', &[&[0; 40]])?; // no flags, nothing appended
         ulog.info("sys_name", "Trefoil")?;
-        ulog.info("trefoil_scenario", &to_toml(scenario))?;
+        let settings = to_toml(scenario);
+        ulog.info("trefoil_scenario", &settings)?;
+        ulog.parameters("", &Value::Table(settings.parse::<Table>()?))?;
         let mut topics = vec![];
         for topic in Topic::ALL {
             let name = format!("trefoil_{}", topic.name());
@@ -79,6 +83,33 @@ impl<'a> Ulog<'a> {
     fn info(&mut self, key: &str, value: &str) -> anyhow::Result<()> {
         let key = format!("char[{}] {key}", value.len());
         self.message(b'I', &[&[key.len() as u8], key.as_bytes(), value.as_bytes()])
+    }
+
+    /// Writes each number and switch in `value` as a parameter, called by its key; a number in a key is a place in a
+    /// list. Left out is what the format cannot hold: texts, whole numbers beyond 32 bits, very long keys.
+    fn parameters(&mut self, key: &str, value: &Value) -> anyhow::Result<()> {
+        let below = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
+        let whole = |number: i64| Some(("int32_t", i32::try_from(number).ok()?.to_le_bytes()));
+        let parameter = match value {
+            Value::Table(fields) => {
+                return fields.iter().try_for_each(|(name, value)| self.parameters(&below(name), value));
+            }
+            Value::Array(all) => {
+                let mut places = (0..).zip(all);
+                return places
+                    .try_for_each(|(place, value): (usize, _)| self.parameters(&below(&place.to_string()), value));
+            }
+            Value::Boolean(is_on) => whole((*is_on).into()),
+            Value::Integer(number) => whole(*number),
+            Value::Float(number) => Some(("float", (*number as f32).to_le_bytes())),
+            Value::String(_) | Value::Datetime(_) => None,
+        };
+        let Some((kind, bytes)) = parameter else { return Ok(()) };
+        let key = format!("{kind} {key}");
+        match u8::try_from(key.len()) {
+            Ok(length) => self.message(b'P', &[&[length], key.as_bytes(), &bytes]),
+            Err(_) => Ok(()),
+        }
     }
 
     /// Writes a row of the topic with this number.

@@ -19,24 +19,30 @@ fn read_bytes(bytes: &[u8]) -> anyhow::Result<Log> {
 }
 
 #[test]
-fn a_log_that_was_compressed_by_another_program_is_read() {
+fn a_log_that_is_not_compressed_is_read() {
     let whole = thousand_states();
-    for compression in [mcap::Compression::Lz4, mcap::Compression::Zstd] {
-        let options = WriteOptions::new().compression(Some(compression)).chunk_size(Some(64 << 10));
-        let mut writer = options.create(std::io::Cursor::new(vec![])).unwrap();
-        writer
-            .write_metadata(&write::metadata(super::super::SCENARIO.0, &[(super::super::SCENARIO.1, SCENARIO)]))
-            .unwrap();
-        for message in MessageStream::new(&whole).unwrap() {
-            writer.write(&message.unwrap()).unwrap();
-        }
-        writer.finish().unwrap();
-        let compressed = writer.into_inner().into_inner();
-        assert!(compressed.len() < whole.len() / 2);
-        let log = read_bytes(&compressed).unwrap();
-        assert!(log.complete(), "{:?}", log.defect);
-        assert!(log.states.into_iter().eq((0..1000).map(state)));
+    let options = WriteOptions::new().compression(None).chunk_size(Some(64 << 10));
+    let mut writer = options.create(std::io::Cursor::new(vec![])).unwrap();
+    writer.write_metadata(&write::metadata(super::super::SCENARIO.0, &[(super::super::SCENARIO.1, SCENARIO)])).unwrap();
+    for message in messages(&whole) {
+        writer.write(&message).unwrap();
     }
+    writer.finish().unwrap();
+    let plain = writer.into_inner().into_inner();
+    assert!(whole.len() < plain.len() / 4, "{} of {} bytes", whole.len(), plain.len());
+    let log = read_bytes(&plain).unwrap();
+    assert!(log.complete(), "{:?}", log.defect);
+    assert!(log.states.into_iter().eq((0..1000).map(state)));
+}
+
+#[test]
+fn a_log_of_another_compression_is_refused_by_its_name() {
+    let mut log = thousand_states();
+    while let Some(at) = log.windows(3).position(|bytes| bytes == b"lz4") {
+        log[at..at + 3].copy_from_slice(b"xyz");
+    }
+    let error = read_bytes(&log).unwrap_err().to_string();
+    assert!(error.contains("compressed it with xyz") && error.contains("mcap compress"), "{error}");
 }
 
 proptest! {
