@@ -31,7 +31,7 @@ use airframe::linear::{INPUTS, STATES};
 use airframe::riccati;
 use contract::Scenario;
 use contract::scenario::{Mpc, ScenarioError, Terminal};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn};
 
 use crate::at_speed::FlightModel;
 use crate::disturbance::DRIVEN;
@@ -70,10 +70,19 @@ pub struct Gain {
 }
 
 impl Gain {
-    /// Adds `share` of the plan for the given numbers and the changes of the reference to `plan`.
-    pub fn add_plan(&self, share: f64, given: &DVector<f64>, changes: &DVector<f64>, plan: &mut DVector<f64>) {
-        plan.gemv(share, &self.given, given, 1.0); // (5)
-        plan.gemv(share, &self.changes, changes, 1.0);
+    /// Writes the first moves for the given numbers and the changes of the reference to `plan`, all that it has room
+    /// for.
+    pub fn write_plan(&self, given: &DVector<f64>, changes: &DVector<f64>, mut plan: DVectorViewMut<f64>) {
+        plan.fill(0.0);
+        self.add_plan(1.0, given, changes, plan);
+    }
+
+    /// Adds `share` of the first moves for the given numbers and the changes of the reference to `plan`: as many as it
+    /// has room for.
+    pub fn add_plan(&self, share: f64, given: &DVector<f64>, changes: &DVector<f64>, mut plan: DVectorViewMut<f64>) {
+        let rows = plan.nrows();
+        plan.gemv(share, &self.given.rows(0, rows), given, 1.0); // (5)
+        plan.gemv(share, &self.changes.rows(0, rows), changes, 1.0);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Choice of a plan that is always inside the set:
 //!
-//! 1. The unconstrained plan if it is inside: one matrix-vector product, checked and not solved.
+//! 1. The unconstrained plan if it is inside: one matrix-vector product, checked and not solved. Where the bound of
+//!    [`clearance`](crate::clearance) shows that, only its first move is computed.
 //! 2. Else the solver's plan, drawn slightly inside the border.
 //! 3. If the solver fails: the unconstrained plan, every move projected into the set as the mixer does.
 //! 4. If the solver ran out of iterations or time: plan 3 moved towards the last iterate as far as the set allows, if
@@ -14,7 +15,8 @@ use contract::message::SolveStatus;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::{DMatrix, DVector};
 
-use crate::condensed::Course;
+use crate::clearance::Clearance;
+use crate::condensed::Condensed;
 use crate::constraints::PlanSet;
 use crate::solver::{Solver, Verdict};
 
@@ -25,6 +27,8 @@ const MAX_VIOLATION: f64 = 1e-6;
 /// Set of the plans, and the solver that finds the best one in it.
 pub struct Constrained {
     set: PlanSet,
+    /// Bound on the plans of the hover model.
+    clearance: Clearance,
     /// Solver of the constrained problem.
     pub solver: Solver,
     hessian: DMatrix<f64>,
@@ -50,17 +54,19 @@ pub struct Account {
 }
 
 impl Constrained {
-    /// Sets up a scenario's constraints on a problem with the Hessian `H` (4Nu x 4Nu); `None` if it has none.
-    pub fn new(scenario: &Scenario, hessian: DMatrix<f64>, course: &Course, roll_trim_rad: f64) -> Option<Self> {
+    /// Sets up a scenario's constraints on the problem of the hover model; `None` if it has none.
+    pub fn new(scenario: &Scenario, problem: &Condensed, roll_trim_rad: f64) -> Option<Self> {
+        let Condensed { hessian, gain, course } = problem;
         let set = PlanSet::new(scenario, course, roll_trim_rad)?;
         let room = DVector::zeros(hessian.nrows());
         Some(Self {
-            solver: Solver::new(scenario, &hessian, &set),
+            clearance: Clearance::new(gain, &set.moves),
+            solver: Solver::new(scenario, hessian, &set),
             faults: FaultSchedule::new(scenario, |_, fault| of_the_solver(fault)),
             hurried: false,
             projection: Projection::new(set.moves.clone(), &scenario.mixer.projection_weights),
             set,
-            hessian,
+            hessian: hessian.clone(),
             solved: room.clone(),
             spare: room,
         })
@@ -69,6 +75,12 @@ impl Constrained {
     /// Updates fault `number` as in [`FaultSchedule::apply_fault`]; ignores faults of other targets.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, of_the_solver(fault));
+    }
+
+    /// Returns whether the unconstrained plan of the hover model for `given` = (x; r; d; v) and the `changes` of r is
+    /// the one to follow at `tick`, with no limit near it; `false` if only the whole plan can say.
+    pub fn is_clear(&self, given: &DVector<f64>, changes: &DVector<f64>, tick: u64) -> bool {
+        self.set.states.is_none() && self.faults.on(tick).next().is_none() && self.clearance.is_clear(given, changes)
     }
 
     /// Writes the `plan` to follow for the `unconstrained` one and the start of this tick, `given` = (x; r; d; v).

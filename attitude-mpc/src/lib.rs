@@ -16,6 +16,7 @@
 //! | [`ltv`] | linearisation at every sample | |
 //! | [`constraints`] | set of admissible plans | (3), (49)-(51) |
 //! | [`condensed`] | cost over the horizon as a quadratic in the moves, its minimiser as a gain | (4) |
+//! | [`clearance`] | bound that shows a plan clear of its limits | |
 //! | [`constrained`] | choice between explicit plan, solver and fallback | |
 //! | [`solver`] | the constrained problem, by Clarabel or the active-set method of `qp` | |
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
@@ -28,9 +29,9 @@
 //! | [`memory`] | state kept from tick to tick | |
 //! | `node` | its ports, the same in every mode | |
 //!
-//! In nominal flight no constraint is active: the plan is one matrix-vector product, which is only checked. Only a plan
-//! outside the set goes to the solver. If the solver fails, every move of the unconstrained plan is replaced by the
-//! nearest one inside the set.
+//! In nominal flight no constraint is active: the plan is one matrix-vector product, of which only the first move is
+//! computed where a bound shows the others clear of their limits. Only a plan outside the set goes to the solver. If
+//! that fails, every move of the unconstrained plan is replaced by the nearest one inside the set.
 //!
 //! Without a fresh state no plan is computed: the last demand is repeated, with the status `Stale`. The fallback for
 //! that case is in the mixer, nearer to the actuators.
@@ -38,6 +39,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
 pub mod at_speed;
+pub mod clearance;
 pub mod condensed;
 pub mod constrained;
 pub mod constraints;
@@ -173,7 +175,9 @@ struct Work {
     changes: DVector<f64>,
     /// Unconstrained plan, 4Nu, or the one move of another law.
     unconstrained: DVector<f64>,
-    /// Plan to follow, 4Nu, or the one move.
+    /// Number of its elements that are computed: all, or the first move.
+    computed: usize,
+    /// Plan to follow, 4Nu, or the one move; of it as much as of the unconstrained one.
     plan: DVector<f64>,
 }
 
@@ -194,10 +198,10 @@ impl AttitudeMpc {
         };
         let (unconstrained, constrained) = match weights.law {
             Law::Mpc => {
-                let Condensed { hessian, gain, course } = Condensed::new(&model, scenario)?;
-                let constrained = Constrained::new(scenario, hessian, &course, model.trim.roll_rad);
+                let problem = Condensed::new(&model, scenario)?;
+                let constrained = Constrained::new(scenario, &problem, model.trim.roll_rad);
                 let law = match weights.model {
-                    Model::Hover | Model::Coupled => of_gain(gain),
+                    Model::Hover | Model::Coupled => of_gain(problem.gain),
                     Model::Scheduled => UnconstrainedLaw::Scheduled(Box::new(Schedule::new(scenario)?)),
                     Model::Ltv => UnconstrainedLaw::Ltv(Box::new(Ltv::new(scenario)?)),
                 };
@@ -222,6 +226,7 @@ impl AttitudeMpc {
                 given: DVector::zeros(states + condensed::GIVEN),
                 changes: DVector::zeros(changes),
                 unconstrained: DVector::zeros(INPUTS * moves),
+                computed: INPUTS * moves,
                 plan: DVector::zeros(INPUTS * moves),
             },
             law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, sample_s),
@@ -234,8 +239,11 @@ impl AttitudeMpc {
         })
     }
 
-    /// Unconstrained plan of the newest step, 4Nu, or the one move of another law.
-    pub fn unconstrained_plan(&self) -> &DVector<f64> {
+    /// Returns the unconstrained plan of the newest step, 4Nu, or the one move of another law.
+    pub fn unconstrained_plan(&mut self) -> &DVector<f64> {
+        if let UnconstrainedLaw::Gain(gain) | UnconstrainedLaw::Coupled(gain, _) = &self.unconstrained {
+            gain.write_plan(&self.work.given, &self.work.changes, self.work.unconstrained.as_view_mut());
+        }
         &self.work.unconstrained
     }
 
@@ -287,8 +295,9 @@ impl AttitudeMpc {
         let age_ns = goal.tick.get().map_or(0, |of| tick.saturating_sub(of)) as f64 * self.sample_ns as f64;
         preview::write_changes(&goal, age_ns + self.delay_ns(&delay), self.sample_ns, &mut self.work.changes);
         let unfollowed = input - self.memory.demand();
-        self.optimise(&goal, &disturbance, &unfollowed, &mut integral);
-        if !self.work.unconstrained.iter().all(|u| u.abs() < MAX_PLAN) {
+        self.optimise(tick, &goal, &disturbance, &unfollowed, &mut integral);
+        let Work { unconstrained, computed, .. } = &self.work;
+        if !unconstrained.rows(0, *computed).iter().all(|u| u.abs() < MAX_PLAN) {
             return self.repeat(SolveStatus::BadInput); // finite inputs, but the plan or a solver would overflow
         }
 
@@ -402,16 +411,17 @@ impl AttitudeMpc {
         }
     }
 
-    /// Computes the unconstrained plan from the state at which the demand takes effect. `unfollowed` is the input of
-    /// the command in force less the demand published last.
+    /// Computes the unconstrained plan from the state at which the demand of `tick` takes effect, or its first move if
+    /// no limit is near the others. `unfollowed` is the input of the command in force less the demand published last.
     fn optimise(
         &mut self,
+        tick: u64,
         goal: &Goal,
         disturbance: &Vector4<f64>,
         unfollowed: &Vector4<f64>,
         integral: &mut Vector4<f64>,
     ) {
-        let Work { x, start, given, changes, unconstrained, .. } = &mut self.work;
+        let Work { x, start, given, changes, unconstrained, computed, .. } = &mut self.work;
         let n = self.model.states();
         let attitude_rad = [x[1], x[2]]; // where guidance made the reference
         let mut r = self.model.deviation(goal.w_mps, &goal.attitude_rad, &goal.rates_radps);
@@ -422,8 +432,9 @@ impl AttitudeMpc {
         given.rows_mut(n + STATES + INPUTS, INPUTS).copy_from(&self.memory.demand());
         match &mut self.unconstrained {
             UnconstrainedLaw::Gain(gain) | UnconstrainedLaw::Coupled(gain, _) => {
-                unconstrained.fill(0.0);
-                gain.add_plan(1.0, given, changes, unconstrained);
+                let is_clear = self.constrained.as_ref().is_none_or(|it| it.is_clear(given, changes, tick));
+                *computed = if is_clear { INPUTS } else { unconstrained.len() };
+                gain.write_plan(given, changes, unconstrained.rows_mut(0, *computed));
             }
             UnconstrainedLaw::Scheduled(schedule) => schedule.plan(given, changes, &attitude_rad, unconstrained),
             UnconstrainedLaw::Ltv(ltv) => ltv.plan(given, changes, &attitude_rad, unconstrained),
@@ -439,12 +450,15 @@ impl AttitudeMpc {
 
     /// Chooses the plan and stores its first move as the demand.
     fn decide(&mut self, tick: u64) -> (SolveStatus, Account) {
-        let Work { unconstrained, given, plan, .. } = &mut self.work;
-        let (status, account) = if let Some(constrained) = &mut self.constrained {
-            constrained.choose(unconstrained, given, tick, plan)
-        } else {
-            plan.copy_from(unconstrained);
-            (SolveStatus::Explicit, Account::default())
+        let Work { unconstrained, computed, given, plan, .. } = &mut self.work;
+        let (status, account) = match &mut self.constrained {
+            Some(constrained) if *computed == unconstrained.len() => {
+                constrained.choose(unconstrained, given, tick, plan)
+            }
+            _ => {
+                plan.rows_mut(0, *computed).copy_from(&unconstrained.rows(0, *computed));
+                (SolveStatus::Explicit, Account::default())
+            }
         };
         self.memory.fallbacks += u64::from(status > SolveStatus::Solved);
         self.memory.delay.outputs[0] = plan.fixed_rows::<INPUTS>(0).into_owned().into(); // (6)

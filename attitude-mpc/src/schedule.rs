@@ -103,7 +103,7 @@ impl Schedule {
             model.put_into(&mut self.given, n, attitude_rad);
             self.changes.copy_from(changes);
             model.lean_on_changes(&mut self.changes);
-            gain.add_plan(share, &self.given, &self.changes, plan);
+            gain.add_plan(share, &self.given, &self.changes, plan.as_view_mut());
         }
     }
 }

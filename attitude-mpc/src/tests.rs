@@ -108,8 +108,9 @@ fn val_problems_of_the_independent_simulator() {
         assert_eq!(controls.active_constraints > 0, *active, "{name}");
 
         let hessian = Condensed::new(&mpc.model, &scenario).unwrap().hessian;
-        let (ours, unconstrained) = (&mpc.work.plan, &mpc.work.unconstrained);
-        let value = (&hessian * (ours * 0.5 - unconstrained)).dot(ours);
+        let unconstrained = mpc.unconstrained_plan().clone();
+        let ours = if *active { &mpc.work.plan } else { &unconstrained };
+        let value = (&hessian * (ours * 0.5 - &unconstrained)).dot(ours);
         let miss = ((value - objective) / objective).abs();
         assert!(miss < tolerance.objective, "{name}: objective {miss:e} off");
         for axis in 0..4 {
@@ -163,10 +164,11 @@ fn delay_compensation_plans_from_the_next_sample() {
             mpc.work.x.copy_from(x);
         }
         mpc.predict(0, &Vector4::zeros(), &mpc.memory.delay.clone(), &Vector4::zeros());
-        mpc.optimise(&Goal::default().renewed(&reference), &Vector4::zeros(), &Vector4::zeros(), &mut Vector4::zeros());
+        let goal = Goal::default().renewed(&reference);
+        mpc.optimise(0, &goal, &Vector4::zeros(), &Vector4::zeros(), &mut Vector4::zeros());
         let mut next = mpc.work.x.clone();
         mpc.model.predict(&mpc.work.x, &mpc.memory.demand(), &Vector4::zeros(), &mut next);
-        (mpc.work.unconstrained, next)
+        (mpc.unconstrained_plan().clone(), next)
     };
     let (compensated, next) = plan_from(true, None);
     let (plain, _) = plan_from(false, Some(&next));

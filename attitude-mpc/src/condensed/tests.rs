@@ -77,7 +77,7 @@ fn the_gain_minimises_the_printed_cost() {
         let given = DVector::from_fn(model.states() + GIVEN, |i, _| (1.0 + i as f64).sin() * 0.3);
         let changes = DVector::from_fn(change_count(&scenario), |i, _| (2.0 + 3.0 * i as f64).cos() * 0.3);
         let mut plan = DVector::zeros(INPUTS * nu);
-        condensed.gain.add_plan(1.0, &given, &changes, &mut plan);
+        condensed.gain.add_plan(1.0, &given, &changes, plan.as_view_mut());
         let least = cost(&model, &scenario.mpc, &given, &changes, &plan);
         for i in 0..plan.len() {
             // At a distance e from the minimum, either way, a quadratic with Hessian 2 H has grown by H_ii e^2.

@@ -116,7 +116,7 @@ fn ltv_is_the_condensed_problem_of_the_model() {
             let (mut own, mut changed, mut theirs) = (given.clone(), changes.clone(), DVector::zeros(ours.len()));
             flight.put_into(&mut own, n, &attitude_rad);
             flight.lean_on_changes(&mut changed);
-            Condensed::at_speed(&flight, &scenario).unwrap().gain.add_plan(1.0, &own, &changed, &mut theirs);
+            Condensed::at_speed(&flight, &scenario).unwrap().gain.add_plan(1.0, &own, &changed, theirs.as_view_mut());
             assert!((&ours - &theirs).amax() < 1e-8 * theirs.amax(), "{profile:?}: {ours} {theirs}");
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! The paper makes its claims for one flight: the whole minute of the `survey` trajectory, flown by the paper's
 //! controllers and vehicle in calm. For any other flight of that trajectory with the paper's profile the page has the
-//! measured values, and a claim is `not applicable`; the page of another mission or profile does not mention the claims.
+//! measured values, and a claim is `not applicable`. The page of another mission or profile has no claims.
 
 use crate::draw::{DASH, escape, number, table, verdict};
 use contract::Scenario;
