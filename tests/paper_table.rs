@@ -1,5 +1,5 @@
-//! The figures of docs/paper.md: every row of its tables of flights is flown and compared, to the digits that are
-//! printed.
+//! The figures of docs/paper.md and docs/mpc.md: every row of their tables of flights is flown and compared, to the
+//! digits that are printed.
 //!
 //! A table is one of flights when its first heading is a command, `fly ...`; the first cell of each row has what is
 //! added to it. The other headings say what the figures are. A lost flight (see [`is_lost`]) has no figures.
@@ -23,6 +23,7 @@ const VERTICAL: &str = "vertical";
 const LOST_M: f64 = 10.0;
 
 /// One line of a table of flights.
+#[derive(Clone)]
 struct Row {
     arguments: Vec<String>,
     headings: Vec<String>,
@@ -112,13 +113,13 @@ fn words(cell: &str) -> Vec<String> {
     words
 }
 
-fn page() -> String {
-    std::fs::read_to_string(top().join("docs/paper.md")).expect("docs/paper.md is readable")
+fn page(name: &str) -> String {
+    std::fs::read_to_string(top().join("docs").join(name)).expect("a page that is readable")
 }
 
 #[test]
-fn every_flight_on_the_papers_page_gives_the_figures_printed() {
-    let rows = rows(&page());
+fn every_flight_on_these_pages_gives_the_figures_printed() {
+    let rows = ["paper.md", "mpc.md"].map(|name| rows(&page(name))).concat();
     assert!(rows.len() > 60, "{} rows are flights", rows.len());
     for row in &rows {
         let known = |heading: &&String| {
@@ -134,7 +135,7 @@ fn every_flight_on_the_papers_page_gives_the_figures_printed() {
             .map(|half| scope.spawn(move || half.iter().flat_map(Row::differences).collect::<Vec<_>>()));
         halves.into_iter().flat_map(|half| half.join().expect("flights end")).collect()
     });
-    assert!(differences.is_empty(), "docs/paper.md says otherwise:\n{}", differences.join("\n"));
+    assert!(differences.is_empty(), "the pages say otherwise:\n{}", differences.join("\n"));
 }
 
 /// The rows of the table whose first heading is the command of the campaign: name, passed, of, share, interval.
@@ -151,7 +152,7 @@ fn all_openings_at_once_give_the_shares_printed() {
     let output = launcher().arg("campaign").arg(campaign).arg("--out").arg(folder.path()).output().expect("it runs");
     let said = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{said}{}", String::from_utf8_lossy(&output.stderr));
-    let rows = joint_rows(&page());
+    let rows = joint_rows(&page("paper.md"));
     assert_eq!(rows.len(), 2);
     for row in rows {
         let printed = row.iter().map(|cell| cell.trim_matches('`')).collect::<Vec<_>>().join(" ");
@@ -197,7 +198,7 @@ fn of_the_airframe(row: &str, scenario: &Scenario) -> f64 {
 fn the_airframes_have_the_numbers_of_the_page() {
     let [paper, ten_inch] = ["airframe.preset=\"paper\"", "airframe.preset=\"ten-inch\""]
         .map(|preset| contract::scenario::load(None, &["profile=\"paper\"".into(), preset.into()]).expect("settings"));
-    let page = page();
+    let page = page("paper.md");
     let table = page.lines().skip_while(|line| !line.starts_with("| of the airframe")).skip(2);
     let rows: Vec<&str> = table.take_while(|line| line.starts_with('|')).collect();
     assert_eq!(rows.len(), 13);

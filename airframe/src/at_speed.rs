@@ -17,7 +17,7 @@
 //! At speed w changes when the vehicle pitches, although its velocity over ground does not. `lean` has the coefficients
 //! of that change: `dw = -(v dphi - u cos phi dtheta)`. It is the integral of `q u - p v` in (11).
 
-use nalgebra::{DMatrix, SMatrix, Vector4};
+use nalgebra::{DMatrix, Matrix4, SMatrix, Vector4};
 
 use crate::exponential::exponential;
 use crate::level_flight::{Drag, LevelFlight};
@@ -101,9 +101,9 @@ impl AtSpeed {
         Self { continuous, offset, lean: [v, -u * cos_phi] }
     }
 
-    /// Writes `Ad` and `Bd` of one sample with zero-order hold, and `Ed`, which is `Bd` without the lag `lag_s`. All
-    /// have n rows, n = 7, or 11 with a lag. Allocates nothing.
-    pub fn discretise_into(&self, lag_s: f64, sample_s: f64, [ad, bd, ed]: [&mut DMatrix<f64>; 3]) {
+    /// Writes `Ad` and `Bd` of one sample with zero-order hold, and `Ed`, which is `Bd` without the lag of the rates
+    /// `lag`. All have n rows, n = 7, or 11 with a lag. Allocates nothing.
+    pub fn discretise_into(&self, lag: Option<&Matrix4<f64>>, sample_s: f64, [ad, bd, ed]: [&mut DMatrix<f64>; 3]) {
         const JOINT: usize = STATES + INPUTS;
         const LAGGED: usize = JOINT + INPUTS;
         let mut joint = SMatrix::<f64, JOINT, JOINT>::zeros();
@@ -111,11 +111,12 @@ impl AtSpeed {
         joint.fixed_view_mut::<STATES, INPUTS>(0, STATES).copy_from(&self.continuous.b);
         let held = exponential(&(joint * sample_s));
         ed.rows_mut(0, STATES).copy_from(&held.fixed_view::<STATES, INPUTS>(0, STATES));
-        if lag_s > 0.0 {
+        if let Some(rates) = lag {
             let mut lagged = SMatrix::<f64, LAGGED, LAGGED>::zeros();
             lagged.fixed_view_mut::<JOINT, JOINT>(0, 0).copy_from(&joint);
-            lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, STATES).fill_diagonal(-1.0 / lag_s);
-            lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, JOINT).fill_diagonal(1.0 / lag_s);
+            let mut leaving = lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, STATES);
+            leaving -= rates;
+            lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, JOINT).copy_from(rates);
             let held = exponential(&(lagged * sample_s));
             ad.copy_from(&held.fixed_view::<JOINT, JOINT>(0, 0));
             bd.copy_from(&held.fixed_view::<JOINT, INPUTS>(0, JOINT));
@@ -131,6 +132,8 @@ mod tests {
     use nalgebra::{Rotation3, Vector3};
 
     use super::*;
+    use crate::MixingMatrix;
+    use crate::linear::lag_rates;
 
     const DRAG: Drag = Drag { linear_nspm: [0.2, 0.2, 0.1], quadratic_ns2pm2: 0.02 };
 
@@ -177,11 +180,15 @@ mod tests {
             rates_radps: [0.5, -1.0, 0.7],
         };
         let model = at(&point, &DRAG);
-        for (lag_s, n) in [(0.0, 7), (0.03, 11), (0.001, 11)] {
+        let vehicle = Parameters::default();
+        let (trim, mixing) = (Trim::solve(&vehicle, false), MixingMatrix::new(&vehicle, false));
+        let lags = [[0.03; 2], [0.001; 2], [0.03, 0.3]].map(|lags_s| lag_rates(lags_s, &mixing, &trim.actuation));
+        for (lag, n) in [(None, 7)].into_iter().chain(lags.iter().map(|rates| (Some(rates), 11))) {
             let [mut a, mut b, mut e] = [n, INPUTS, INPUTS].map(|columns| DMatrix::zeros(n, columns));
-            model.discretise_into(lag_s, 0.01, [&mut a, &mut b, &mut e]);
+            model.discretise_into(lag, 0.01, [&mut a, &mut b, &mut e]);
             let direct = model.continuous.discretise(0.01);
-            let theirs = if lag_s > 0.0 { model.continuous.discretise_with_lag(lag_s, 0.01) } else { direct.clone() };
+            let lagged = |rates| model.continuous.discretise_with_lag(rates, 0.01);
+            let theirs = lag.map_or_else(|| direct.clone(), lagged);
             assert!((a - theirs.a).amax() < 1e-11 && (b - theirs.b).amax() < 1e-11);
             assert!((e.rows(0, STATES) - direct.b).amax() < 1e-12);
         }

@@ -6,13 +6,13 @@
 //! dx/dt = A x + B u                                               (48)
 //! ```
 //!
-//! With the actuator lag in the model, four more states `z` follow the inputs, `dz/dt = (u - z) / tau`, and act on the
-//! vehicle in place of the inputs.
+//! With the actuator lag in the model, four more states `z` follow the inputs, `dz/dt = L (u - z)`, and act on the
+//! vehicle in place of the inputs. `L` is `1 / tau` if all actuators have the same lag ([`lag_rates`]).
 
-use nalgebra::{DMatrix, SMatrix};
+use nalgebra::{DMatrix, Matrix2, Matrix4, SMatrix};
 
 use crate::exponential::exponential;
-use crate::{Parameters, Trim};
+use crate::{Actuation, MixingMatrix, Parameters, Trim};
 
 /// States of (48): w, phi, theta, psi, p, q, r.
 pub const STATES: usize = 7;
@@ -63,24 +63,45 @@ impl Continuous {
         zero_order_hold::<STATES, { STATES + INPUTS }>(&self.a, &self.b, sample_s)
     }
 
-    /// Discretises with a first-order lag `lag_s` between the inputs and the vehicle: 11 states.
-    pub fn discretise_with_lag(&self, lag_s: f64, sample_s: f64) -> Discrete {
-        let (a, b) = self.with_lag(lag_s);
+    /// Discretises with a lag of the rates `L` between the inputs and the vehicle: 11 states.
+    pub fn discretise_with_lag(&self, rates: &Matrix4<f64>, sample_s: f64) -> Discrete {
+        let (a, b) = self.with_lag(rates);
         zero_order_hold::<LAGGED, { LAGGED + INPUTS }>(&a, &b, sample_s)
     }
 
-    /// Matrices of continuous time with a first-order lag `lag_s` between the inputs and the vehicle.
-    pub fn with_lag(&self, lag_s: f64) -> (SMatrix<f64, LAGGED, LAGGED>, SMatrix<f64, LAGGED, INPUTS>) {
+    /// Matrices of continuous time with a lag of the rates `L` between the inputs and the vehicle.
+    pub fn with_lag(&self, rates: &Matrix4<f64>) -> (SMatrix<f64, LAGGED, LAGGED>, SMatrix<f64, LAGGED, INPUTS>) {
         let mut a = SMatrix::<f64, LAGGED, LAGGED>::zeros();
         a.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&self.a);
         a.fixed_view_mut::<STATES, INPUTS>(0, STATES).copy_from(&self.b);
         let mut b = SMatrix::<f64, LAGGED, INPUTS>::zeros();
-        for i in 0..INPUTS {
-            a[(STATES + i, STATES + i)] = -1.0 / lag_s;
-            b[(STATES + i, i)] = 1.0 / lag_s;
-        }
+        let mut leaving = a.fixed_view_mut::<INPUTS, INPUTS>(STATES, STATES);
+        leaving -= rates;
+        b.fixed_view_mut::<INPUTS, INPUTS>(STATES, 0).copy_from(rates);
         (a, b)
     }
+}
+
+/// Rates `L` \[1/s\] at which the conventional inputs follow their demand, for lags of the rotors and of the servo
+/// \[s\], to first order about the trim `actuation`:
+///
+/// ```text
+/// L = M diag(T diag(1/tau_rotor, 1/tau_servo) T, 1/tau_rotor, 1/tau_rotor) M^-1
+/// T = (sin mu, cos mu; cos mu, -sin mu)      d(u1, u2) = T (d(Omega1^2), Omega1^2 d mu)
+/// ```
+///
+/// `M` is that of (38), `u1` and `u2` are those of (37): along its thrust rotor 1 has the lag of the rotors, across it
+/// that of the servo. With equal lags `L` is diagonal.
+pub fn lag_rates([rotor_lag_s, servo_lag_s]: [f64; 2], mixing: &MixingMatrix, actuation: &Actuation) -> Matrix4<f64> {
+    let mut rates = Matrix4::from_diagonal_element(1.0 / rotor_lag_s);
+    if rotor_lag_s == servo_lag_s {
+        return rates;
+    }
+    let (sin_mu, cos_mu) = libm::sincos(actuation.tilt_rad);
+    let turn = Matrix2::new(sin_mu, cos_mu, cos_mu, -sin_mu);
+    let own = Matrix2::new(1.0 / rotor_lag_s, 0.0, 0.0, 1.0 / servo_lag_s);
+    rates.fixed_view_mut::<2, 2>(0, 0).copy_from(&(turn * own * turn));
+    mixing.forward * rates * mixing.inverse
 }
 
 /// Discretises a model of `N` states; `J` must be `N + INPUTS`.

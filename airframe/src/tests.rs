@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Matrix4, Vector4};
 use proptest::prelude::*;
 use serde_json::Value;
 
-use crate::linear::Continuous;
+use crate::linear::{Continuous, lag_rates};
 use crate::{Actuation, ActuatorLaw, Limits, MixingMatrix, Parameters, Trim};
 
 pub(crate) fn reference() -> Value {
@@ -127,7 +127,7 @@ fn val_linear_model() {
     let plain = model.discretise(0.01);
     assert_close(plain.a.as_slice(), matrix(&r["Ad"]).as_slice());
     assert_close(plain.b.as_slice(), matrix(&r["Bd"]).as_slice());
-    let lagged = model.discretise_with_lag(0.03, 0.01);
+    let lagged = model.discretise_with_lag(&Matrix4::from_diagonal_element(1.0 / 0.03), 0.01);
     assert_close(lagged.a.as_slice(), matrix(&r["Ad_lag30"]).as_slice());
     assert_close(lagged.b.as_slice(), matrix(&r["Bd_lag30"]).as_slice());
 }
@@ -136,9 +136,13 @@ fn val_linear_model() {
 fn two_short_samples_are_one_long_one() {
     let vehicle = Parameters::default();
     let model = Continuous::hover(&vehicle, &Trim::solve(&vehicle, false));
-    let (short, long) = (model.discretise_with_lag(0.03, 0.01), model.discretise_with_lag(0.03, 0.02));
-    assert!((&short.a * &short.a - &long.a).amax() < 1e-13);
-    assert!((&short.a * &short.b + &short.b - &long.b).amax() < 1e-13);
+    let (mixing, actuation) = (MixingMatrix::new(&vehicle, false), Trim::solve(&vehicle, false).actuation);
+    for lags_s in [[0.03, 0.03], [0.03, 0.3]] {
+        let rates = lag_rates(lags_s, &mixing, &actuation);
+        let [short, long] = [0.01, 0.02].map(|sample_s| model.discretise_with_lag(&rates, sample_s));
+        assert!((&short.a * &short.a - &long.a).amax() < 1e-13);
+        assert!((&short.a * &short.b + &short.b - &long.b).amax() < 1e-13);
+    }
 }
 
 #[test]

@@ -12,7 +12,7 @@
 use airframe::linear::{INPUTS, STATES};
 use airframe::{AtSpeed, Drag, FlightPoint, Parameters, Trim};
 use contract::Scenario;
-use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
+use nalgebra::{DMatrix, DVector, DVectorView, Matrix4, Vector4};
 
 use crate::model::PredictionModel;
 
@@ -31,7 +31,7 @@ pub struct FlightModel {
     vehicle: Parameters,
     drag: Drag,
     trim: Trim,
-    lag_s: f64,
+    lag: Option<Matrix4<f64>>,
     sample_s: f64,
 }
 
@@ -45,7 +45,7 @@ impl FlightModel {
             vehicle: scenario.airframe,
             drag: scenario.plant.drag(),
             trim: model.trim,
-            lag_s: scenario.mpc.actuator_lag_model_s,
+            lag: model.lag,
             sample_s: scenario.sample_s(),
             model,
         };
@@ -57,7 +57,7 @@ impl FlightModel {
     pub fn move_to(&mut self, point: &FlightPoint) {
         let at_speed = AtSpeed::new(&self.vehicle, &self.trim, &self.drag, point);
         let PredictionModel { a, b, e, .. } = &mut self.model;
-        at_speed.discretise_into(self.lag_s, self.sample_s, [a, b, e]);
+        at_speed.discretise_into(self.lag.as_ref(), self.sample_s, [a, b, e]);
         (self.offset, self.lean) = (at_speed.offset, at_speed.lean);
     }
 

@@ -10,16 +10,17 @@
 //!
 //! Departure: with the actuator lag in the model, `x` has four more states `z`: the conventional inputs that the
 //! actuators produce, as deviations from trim. They are not measured: the controller simulates the actuators under the
-//! command in force. Test `a_command_moves_the_lag_states`.
+//! command in force. Rotors and servo may have lags of their own ([`lag_rates`]). Tests
+//! `a_command_moves_the_lag_states`, `each_actuator_has_its_own_lag`.
 //!
 //! Departure: `d` is a constant disturbance on the inputs. It acts behind the lag, as wind does: `Ed` is `Bd` of the
 //! lag-free model, with zeros on the lag states. Test `the_disturbance_acts_behind_the_lag`.
 
-use airframe::linear::{Continuous, INPUTS, STATES};
+use airframe::linear::{Continuous, INPUTS, STATES, lag_rates};
 use airframe::{Actuation, ActuatorLaw, MixingMatrix, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
-use nalgebra::{DMatrix, DVector, Dyn, Storage, Vector, Vector4};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix4, Storage, Vector, Vector4};
 
 /// Terms of the series of [`PredictionModel::advance`]: the first one left out is below `2^-55` of the sum.
 const TERMS: u32 = 14;
@@ -33,6 +34,8 @@ pub struct PredictionModel {
     pub b: DMatrix<f64>,
     /// Matrix `Ed` of a constant disturbance on the inputs, n x 4.
     pub e: DMatrix<f64>,
+    /// Rates of the actuator lag, 4 x 4 \[1/s\]; `None` if it is not modelled.
+    pub lag: Option<Matrix4<f64>>,
     /// Hover at which the model is linearised.
     pub trim: Trim,
     /// Continuous-time `A`, `B` and `E` of the hover model.
@@ -52,16 +55,19 @@ impl PredictionModel {
     pub fn new(scenario: &Scenario) -> Self {
         let vehicle = &scenario.airframe;
         let lag_s = scenario.mpc.actuator_lag_model_s;
+        let servo_lag_s = scenario.mpc.servo_lag_model_s.unwrap_or(lag_s);
         let sample_s = scenario.sample_s();
         let trim = Trim::solve(vehicle, scenario.mixer.tilt_reaction);
+        let mixing = MixingMatrix::new(vehicle, scenario.mixer.tilt_reaction);
+        let lag = (lag_s > 0.0).then(|| lag_rates([lag_s, servo_lag_s], &mixing, &trim.actuation));
         let continuous = Continuous::hover(vehicle, &trim);
         let direct = continuous.discretise(sample_s);
-        let discrete = if lag_s > 0.0 { continuous.discretise_with_lag(lag_s, sample_s) } else { direct.clone() };
+        let discrete = lag.map_or_else(|| direct.clone(), |rates| continuous.discretise_with_lag(&rates, sample_s));
         let n = discrete.a.nrows();
         let behind_lag = |b: &DMatrix<f64>| b.clone().resize_vertically(n, 0.0);
         let hover = |rows, columns, of: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(rows, columns, of);
-        let (a, b) = if lag_s > 0.0 {
-            let (a, b) = continuous.with_lag(lag_s);
+        let (a, b) = if let Some(rates) = &lag {
+            let (a, b) = continuous.with_lag(rates);
             (hover(n, n, &|row, column| a[(row, column)]), hover(n, INPUTS, &|row, column| b[(row, column)]))
         } else {
             let Continuous { a, b } = continuous;
@@ -76,9 +82,10 @@ impl PredictionModel {
             b: discrete.b,
             e,
             continuous,
+            lag,
             trim,
-            mixing: MixingMatrix::new(vehicle, scenario.mixer.tilt_reaction),
-            actuators: ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s: lag_s, ..scenario.actuator_law() },
+            mixing,
+            actuators: ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s, ..scenario.actuator_law() },
             norm,
             sample_s,
         }
@@ -214,6 +221,26 @@ mod tests {
         let share = 1.0 - (-0.01_f64 / 0.03).exp();
         assert!((x[STATES] / goal - share).abs() < 0.01);
         assert_eq!(model.actuate(&once, &command, 0), once);
+    }
+
+    #[test]
+    fn each_actuator_has_its_own_lag() {
+        let mut scenario = Scenario::default();
+        scenario.mpc.servo_lag_model_s = Some(0.3);
+        let model = PredictionModel::new(&scenario);
+        let at = model.trim.actuation;
+        let rotor = |i: usize| {
+            let mut command = at;
+            command.rotor_speed[i] *= 1.0 + 1e-6;
+            command
+        };
+        let tilted = Actuation { tilt_rad: at.tilt_rad + 1e-6, ..at };
+        for command in [rotor(0), rotor(1), rotor(2), tilted] {
+            let (origin, mut next) = (DVector::zeros(11), DVector::zeros(11));
+            model.predict(&origin, &model.inputs_of(&command), &Vector4::zeros(), &mut next);
+            let moved = model.mixing.deviation(&model.actuate(&at, &command, 1));
+            assert!((next.rows(STATES, INPUTS) - moved).amax() < 1e-4 * moved.amax(), "{next} is not {moved}");
+        }
     }
 
     #[test]

@@ -345,6 +345,12 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         format!("`mpc.actuator_lag_model_s` = {:?} is too short to model", mpc.actuator_lag_model_s),
         "0 for no lag, or at least 0.001",
     );
+    found.require(
+        mpc.servo_lag_model_s.is_none() || mpc.actuator_lag_model_s > 0.0,
+        &["mpc.servo_lag_model_s", "mpc.actuator_lag_model_s"],
+        "`mpc.servo_lag_model_s` without a lag of the rotors in the model".into(),
+        "`mpc.actuator_lag_model_s`, the lag of the rotors, at least 0.001",
+    );
     let preview_s = scenario.guidance.preview_s;
     found.require(
         preview_s <= 0.0 || preview_s >= 0.01,

@@ -135,6 +135,10 @@ pub struct Mpc {
     pub rates_limit_dps: [f64; 3],
     /// Time constant of the modelled actuator lag \[s\]; 0 = not modelled, else at least 0.001.
     pub actuator_lag_model_s: f64,
+    /// Time constant of the servo in the model \[s\], at least 0.001; absent = that of the rotors,
+    /// `actuator_lag_model_s`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub servo_lag_model_s: Option<f64>,
     /// Time over which the state is predicted before solving: `false` = none, `true` = one sample with the last demand,
     /// `"measured"` = the delay that STATE reports, with the demands that are still under way.
     pub delay_compensation: DelayCompensation,

@@ -145,6 +145,7 @@ fn paper() -> Scenario {
             attitude_limit_deg: [90.0, 90.0, 360.0],
             rates_limit_dps: [360.0, 360.0, 360.0],
             actuator_lag_model_s: 0.0,
+            servo_lag_model_s: None,
             delay_compensation: DelayCompensation::Sample(false),
             disturbance_gain: 0.0,
             pid: PidGains::default(),

@@ -9,8 +9,9 @@ use toml::{Spanned, Table, Value};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
-    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, MissionLimits, NodeProgram,
-    NodeRealtime, Nodes, Part, PartKind, Plant, Policy, Profile, Realtime, Scenario, Swap, SwapNode, Wrong,
+    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, MissionLimits, Mpc,
+    NodeProgram, NodeRealtime, Nodes, Part, PartKind, Plant, Policy, Profile, Realtime, Scenario, Swap, SwapNode,
+    Wrong,
 };
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
@@ -91,6 +92,7 @@ fn example() -> Table {
             },
             ..robust.plant
         },
+        mpc: Mpc { servo_lag_model_s: Some(0.08), ..robust.mpc },
         bounds: Bounds {
             max_position_error_m: Some(0.7),
             max_altitude_error_m: Some(0.2),

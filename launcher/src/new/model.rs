@@ -26,13 +26,11 @@ impl Model {
             Value::Table((0..rows).map(|i| (0..columns).map(|j| at((i, j))).collect()).collect())
         };
         let (n, m) = (model.a.nrows(), model.b.ncols());
+        let lag_s = scenario.mpc.actuator_lag_model_s;
+        let lags_s = vec![lag_s, lag_s, lag_s, scenario.mpc.servo_lag_model_s.unwrap_or(lag_s)];
         Self(vec![
             ("sample_s", "Time between two samples [s]", Value::Number(scenario.sample_s())),
-            (
-                "actuator_lag_s",
-                "Lag of rotors and servo in the model [s]",
-                Value::Number(scenario.mpc.actuator_lag_model_s),
-            ),
+            ("actuator_lag_s", "Lags of rotors 1 to 3 and of the servo in the model [s]", Value::List(lags_s)),
             ("g_mps2", "Acceleration of gravity [m/s2]", Value::Number(vehicle.g_mps2)),
             ("mass_kg", "Mass [kg]", Value::Number(vehicle.mass_kg)),
             (

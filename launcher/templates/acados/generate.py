@@ -41,7 +41,7 @@ change = ca.vertcat(
     (lat + (iyy - izz) * q * r) / ixx,
     (lon + (izz - ixx) * p * r) / iyy,
     (ped + (ixx - iyy) * p * q) / izz,
-    (command - actuators) / model["actuator_lag_s"],
+    (command - actuators) / ca.DM(model["actuator_lag_s"]),
 )
 
 ocp = AcadosOcp()

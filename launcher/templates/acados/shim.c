@@ -125,8 +125,10 @@ static int32_t step(void *node, const void *input, void *answer) {
   // While the last command acts, the actuators follow it until the next sample.
   state_of(sample, memory, x);
   goal_of(&in->reference, x[3], goal);
-  double share = 1 - exp(-MODEL_SAMPLE_S / MODEL_ACTUATOR_LAG_S);
-  for (int i = 0; i < COMMANDS; i++) memory->actuators[i] += share * (memory->command[i] - memory->actuators[i]);
+  for (int i = 0; i < COMMANDS; i++) {
+    double share = 1 - exp(-MODEL_SAMPLE_S / MODEL_ACTUATOR_LAG_S[i]);
+    memory->actuators[i] += share * (memory->command[i] - memory->actuators[i]);
+  }
   out->status = solve(controller, x, goal, forward);
   demand_of(memory->command, out->demand);
   return 0;

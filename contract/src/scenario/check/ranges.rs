@@ -126,6 +126,7 @@ const RANGES: &[(&str, Range)] = &[
     ("mpc.np", (Included(1.0), Included(200.0))),
     ("mpc.nu", (Included(1.0), Included(200.0))),
     ("mpc.actuator_lag_model_s", (Included(0.0), Included(100.0))),
+    ("mpc.servo_lag_model_s", (Included(0.001), Included(100.0))),
     ("mpc.max_iterations", (Included(1.0), Included(10_000.0))),
     ("mpc.time_limit_ms", NOT_NEGATIVE),
     ("mpc.state_penalty", POSITIVE),
