@@ -214,3 +214,35 @@ fn a_vehicle_may_pitch_through_the_vertical() {
     assert_eq!(outcome.run()["diverged"], false, "{}", outcome.run()["ended"]);
     assert!(outcome.metric("final_position_error_m") < 0.1, "and it comes back");
 }
+
+/// A vehicle of 2.2 kg with larger propellers and a slow servo.
+const OWN: [&str; 11] = [
+    "airframe.mass_kg=2.2",
+    "airframe.l1_m=0.3228",
+    "airframe.l2_m=0.1613",
+    "airframe.l3_m=0.2795",
+    "airframe.ixx_kgm2=0.055",
+    "airframe.iyy_kgm2=0.060",
+    "airframe.izz_kgm2=0.105",
+    "airframe.kf=1.5e-5",
+    "airframe.km=2.4e-7",
+    "plant.servo_lag_s=0.08",
+    "plant.servo_rate_limit_radps=5",
+];
+
+#[test]
+fn an_own_vehicle_flies_as_well_as_that_of_table_i_without_weights_of_its_own() {
+    for setting in ["run.command_delay_ms=0", "run.command_delay_ms=20", "run.rate_hz=200"] {
+        let outcome = flown("survey", &[&OWN[..], &[setting]].concat());
+        assert_eq!(outcome.code(), Some(0), "{setting}: {}", outcome.stderr);
+        assert!(!outcome.stderr.contains("warning"), "{}", outcome.stderr);
+    }
+    let others = ["mpc.r=[0.4, 300.0, 85.0, 300.0]", "run.rate_hz=200"];
+    let outcome = flown("survey", &[&OWN[..], &others].concat());
+    assert!(outcome.metric("max_position_error_m") > 1.0, "the weights of Table I");
+    assert!(
+        outcome.stderr.contains("`mpc.r`") && outcome.stderr.contains("[0.1, 13.5, 16.1, 4.41]"),
+        "{}",
+        outcome.stderr
+    );
+}

@@ -22,7 +22,7 @@ use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
 use crate::{
     campaign, command, compare, doctor, export, fly, help, manage, manual, mavlink, mission, new, replay, runs,
-    scenarios, swap, tune, web,
+    scenarios, swap, tune, vehicle, web,
 };
 
 #[derive(Parser)]
@@ -245,12 +245,13 @@ fn report(of: &PartOfRun) -> anyhow::Result<u8> {
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     scenarios::tell(Kind::Scenario, scenario);
     let merged = settings::load(Some(scenario), set)?;
-    print(&scenario::to_toml(&merged));
+    print(&scenario::to_toml_that_follows(&merged));
     if let Some(parts) = mission::describe(&merged) {
         eprint_line(parts.trim_end());
     }
     mission::warn_of_strays(&merged);
     mission::tell_end(&merged);
+    vehicle::warn_of_weights(&merged);
     eprint_line(&format!("{}: fine", scenario.display()));
     Ok(exit::FLOWN)
 }

@@ -17,6 +17,7 @@ use crate::beside::Beside;
 use crate::mavlink;
 use crate::mission;
 use crate::progress::Progress;
+use crate::vehicle;
 use crate::web::{self, TokenArgs};
 use flight::event::name;
 use flight::folder::Folder;
@@ -128,6 +129,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     );
     mission::warn_of_strays(&scenario);
     mission::tell_end(&scenario);
+    vehicle::warn_of_weights(&scenario);
     let interrupts = catch_interrupts()?;
     let page = page(&scenario, args)?;
     let out = Folder::prepare(args.out.as_deref(), &scenario).map_err(with_file_limit)?;

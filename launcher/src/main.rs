@@ -5,6 +5,7 @@
 //! | `cli` | the commands |
 //! | `fly` | `fly`: one flight from scenario to report |
 //! | `mission` | the parts of a mission, for `check` |
+//! | `vehicle` | weights that do not fit a vehicle, for `check` and `fly` |
 //! | `doctor` | `doctor`: what this machine gives a flight in real time |
 //! | `progress` | the line shown while flying |
 //! | `manage` | `status` and `stop` |
@@ -54,6 +55,7 @@ mod scenarios;
 mod swap;
 mod target;
 mod tune;
+mod vehicle;
 mod web;
 
 use std::process::ExitCode;

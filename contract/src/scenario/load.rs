@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use airframe::Parameters;
 use toml::{Table, Value};
 
 use super::program::{drop_replaced_programs, find_programs};
@@ -33,6 +34,28 @@ pub fn load_text(text: &str, origin: &str, overrides: &[String]) -> Result<Scena
 /// Reads the scenario that [`to_toml`] wrote as `text`, and checks it again; `origin` names the text in errors.
 pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
     load_text(text, origin, &[])
+}
+
+/// Prints all settings as [`to_toml`] does, with those that follow from the vehicle as comments: a file made from this
+/// keeps following its vehicle.
+pub fn to_toml_that_follows(scenario: &Scenario) -> String {
+    let text = to_toml(scenario);
+    let derived = format!("\nr = {}\n", Value::try_from(scenario.mpc.r).expect("numbers have a form in TOML"));
+    match text.split_once(&derived) {
+        Some((before, after)) if scenario.mpc.r == defaults_of(scenario).mpc.r => {
+            format!("{before}\n# of the vehicle: {}\n{after}", derived.trim())
+        }
+        _ => text,
+    }
+}
+
+/// Returns the weights `mpc.r` that the vehicle of `scenario` has by default, if its own are those of another vehicle:
+/// one of them is more than [`OTHER_VEHICLE`] times larger or smaller, and the vehicle is no preset.
+pub fn weights_that_fit(scenario: &Scenario) -> Option<[f64; 4]> {
+    let fitting = defaults_of(scenario).mpc.r;
+    let is_other = |(own, fitting): (&f64, &f64)| own / fitting > OTHER_VEHICLE || fitting / own > OTHER_VEHICLE;
+    let is_preset = scenario.airframe == Parameters::from(scenario.airframe.preset);
+    (!is_preset && scenario.mpc.r.iter().zip(&fitting).any(is_other)).then_some(fitting)
 }
 
 /// Prints all settings as a scenario file, exact to the last bit.
@@ -100,6 +123,10 @@ fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
     if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
 }
 
+/// Ratio of two weights of an input that makes the bandwidth of its channel differ by nearly 2: it goes with the fourth
+/// root.
+const OTHER_VEHICLE: f64 = 10.0;
+
 /// Reason why merged settings always have the types of a scenario.
 const READ: &str = "every source was read as a scenario by itself";
 
@@ -122,17 +149,23 @@ pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
     Ok(given)
 }
 
-/// Merges `given` on top of the defaults of the profile and presets that it chooses.
+/// Merges `given` on top of the defaults of the profile, the presets and the vehicle that it chooses.
 pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
-    let chosen: Scenario = given.clone().try_into()?;
+    let mut chosen: Scenario = given.clone().try_into()?;
+    if let Some(Value::Table(own)) = given.get("airframe") {
+        let preset = Parameters::from(chosen.airframe.preset);
+        let mut vehicle = Table::try_from(preset).expect("parameters have a form in TOML");
+        overlay(&mut vehicle, own.clone());
+        chosen.airframe = vehicle.try_into()?;
+    }
     let mut merged = Table::try_from(defaults_of(&chosen)).expect("profiles have a form in TOML");
     overlay(&mut merged, given);
     Ok(merged)
 }
 
-/// Returns the defaults of the profile and the presets of `chosen`.
+/// Returns the defaults of the profile, the presets and the vehicle of `chosen`.
 pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
-    let mut defaults = profile::with_airframe(chosen.profile.into(), chosen.airframe.preset);
+    let mut defaults = profile::for_vehicle(chosen.profile.into(), &chosen.airframe);
     defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
     defaults
 }

@@ -52,6 +52,7 @@ pub use fault::*;
 pub use given::Given;
 pub use load::{
     candidate, candidate_from, check_fault, check_sizes, check_swaps, from_merged, load, load_from, load_text, to_toml,
+    to_toml_that_follows, weights_that_fit,
 };
 pub use mission::*;
 pub use part::*;

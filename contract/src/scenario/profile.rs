@@ -22,19 +22,24 @@ impl From<Profile> for Scenario {
     }
 }
 
-/// Adapts `scenario` to another vehicle: its parameters, its actuators, and the weights of its inputs. The weights are
-/// scaled with mass and inertia so that the same acceleration costs the same, and the closed loop has the same poles.
-pub(super) fn with_airframe(scenario: Scenario, preset: Preset) -> Scenario {
-    let (before, vehicle) = (scenario.airframe, Parameters::from(preset));
+/// Smallest and largest weight of an input that a scenario may have.
+const LEAST_WEIGHT: f64 = 1e-12;
+const MOST_WEIGHT: f64 = 1e12;
+
+/// Adapts the defaults `scenario` of a profile to the `vehicle` that its controllers know: actuators and parameters of
+/// its preset, and the weights of its inputs. The weights are scaled with mass and inertia so that the same
+/// acceleration costs the same, and the closed loop has the same poles.
+pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters) -> Scenario {
+    let before = scenario.airframe;
     let ratios = [
         before.mass_kg / vehicle.mass_kg,
         before.iyy_kgm2 / vehicle.iyy_kgm2,
         before.ixx_kgm2 / vehicle.ixx_kgm2,
         before.izz_kgm2 / vehicle.izz_kgm2,
     ];
-    let r = std::array::from_fn(|i| scenario.mpc.r[i] * ratios[i] * ratios[i]);
-    let plant = match preset {
-        Preset::Paper => return scenario,
+    let r = std::array::from_fn(|i| (scenario.mpc.r[i] * ratios[i] * ratios[i]).clamp(LEAST_WEIGHT, MOST_WEIGHT));
+    let plant = match vehicle.preset {
+        Preset::Paper => scenario.plant,
         Preset::TenInch => Plant {
             rotor_speed_min: 100.0,
             rotor_speed_max_ratio: 1.5,
@@ -43,7 +48,7 @@ pub(super) fn with_airframe(scenario: Scenario, preset: Preset) -> Scenario {
             ..scenario.plant
         },
     };
-    Scenario { airframe: vehicle, plant, mpc: Mpc { r, ..scenario.mpc }, ..scenario }
+    Scenario { airframe: vehicle.preset.into(), plant, mpc: Mpc { r, ..scenario.mpc }, ..scenario }
 }
 
 impl Default for Scenario {

@@ -238,3 +238,49 @@ fn file(content: &[u8]) -> (tempfile::TempDir, PathBuf) {
     fs::write(&path, content).unwrap();
     (folder, path)
 }
+
+#[test]
+fn the_weights_of_the_inputs_follow_the_vehicle_unless_they_are_given() {
+    let r = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|&set| set.to_owned()).collect();
+        load(None, &settings).unwrap().mpc.r
+    };
+    let default = r(&[]);
+    assert_eq!(r(&["airframe.mass_kg=2.2"]), [default[0] / 4.0, default[1], default[2], default[3]]);
+    assert_eq!(r(&["airframe.ixx_kgm2=0.01195"])[2], default[2] * 4.0, "half the inertia of Table I");
+    assert_eq!(r(&["mpc.r=[1.0, 2.0, 3.0, 4.0]", "airframe.mass_kg=2.2"]), [1.0, 2.0, 3.0, 4.0]);
+    let ten_inch = load(None, &["airframe.preset=ten-inch".into()]).unwrap();
+    let heavier = format!("airframe.mass_kg={}", 2.0 * ten_inch.airframe.mass_kg);
+    assert_eq!(r(&["airframe.preset=ten-inch", &heavier])[0], ten_inch.mpc.r[0] / 4.0);
+    let drawn = Given::load(None, &[]).unwrap().scenario(&[("airframe.mass_kg".into(), 2.2.into())]).unwrap();
+    assert_eq!(drawn.mpc.r[0], default[0] / 4.0, "a campaign's draw too");
+}
+
+#[test]
+fn a_file_made_from_a_check_follows_its_vehicle_and_the_record_of_a_flight_does_not() {
+    let heavy = load(None, &["airframe.mass_kg=2.2".into()]).unwrap();
+    let (checked, recorded) = (to_toml_that_follows(&heavy), to_toml(&heavy));
+    assert!(checked.contains("# of the vehicle: r = [0.1, "), "{checked}");
+    for text in [&checked, &recorded] {
+        assert_eq!(load_text(text, "x", &[]).unwrap(), heavy);
+    }
+    let lighter = |text: &str| load_text(text, "x", &["airframe.mass_kg=1.1".into()]).unwrap().mpc.r[0];
+    assert_eq!([lighter(&checked), lighter(&recorded)], [0.4, 0.1]);
+    let own = load(None, &["mpc.r=[1.0, 2.0, 3.0, 4.0]".into()]).unwrap();
+    assert_eq!(to_toml_that_follows(&own), to_toml(&own));
+}
+
+#[test]
+fn weights_of_another_vehicle_are_noticed() {
+    let fitting = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|&set| set.to_owned()).collect();
+        weights_that_fit(&load(None, &settings).unwrap())
+    };
+    let of_table_i = "mpc.r=[0.4, 300.0, 85.0, 300.0]";
+    assert_eq!(fitting(&["airframe.mass_kg=4.4", of_table_i]).map(|r| r[0]), Some(0.025));
+    for fits in
+        [&[][..], &["airframe.mass_kg=4.4"], &["airframe.mass_kg=1.4", of_table_i], &["mpc.r=[40.0, 3e4, 8e3, 3e4]"]]
+    {
+        assert_eq!(fitting(fits), None, "{fits:?}");
+    }
+}
