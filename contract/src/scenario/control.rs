@@ -105,14 +105,14 @@ pub struct Mpc {
     /// \[s2/rad2\].
     pub q: [f64; 7],
     /// Diagonal of R: cost of the squares of col \[1/N2\] and of lon, lat, ped \[1/(N m)2\], as deviations from trim;
-    /// R1 of Table IV.
+    /// R1 of Table IV. By default scaled with mass and inertia of `airframe`; the defaults are those of Table I.
     pub r: [f64; 4],
     /// Diagonal of the weight on the change of col \[1/N2\] and of lon, lat, ped \[1/(N m)2\] from sample to sample,
     /// for `mpc` only: R2 of Table IV, zero in the paper.
     pub r_rate: [f64; 4],
-    /// Prediction horizon Np \[samples\].
+    /// Prediction horizon Np \[samples\]; by default 0.2 s in profile `robust`, at most 200.
     pub np: usize,
-    /// Control horizon Nu \[samples\], at most `np`.
+    /// Control horizon Nu \[samples\], at most `np`; by default 0.05 s in profile `robust`, at most 20.
     pub nu: usize,
     /// Terminal weight P.
     pub terminal: Terminal,

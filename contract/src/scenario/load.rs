@@ -36,17 +36,20 @@ pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> 
     load_text(text, origin, &[])
 }
 
-/// Prints all settings as [`to_toml`] does, with those that follow from the vehicle as comments: a file made from this
-/// keeps following its vehicle.
+/// Prints all settings as [`to_toml`] does, with those that follow from the vehicle and from the rate as comments: a
+/// file made from this keeps following them.
 pub fn to_toml_that_follows(scenario: &Scenario) -> String {
-    let text = to_toml(scenario);
-    let derived = format!("\nr = {}\n", Value::try_from(scenario.mpc.r).expect("numbers have a form in TOML"));
-    match text.split_once(&derived) {
-        Some((before, after)) if scenario.mpc.r == defaults_of(scenario).mpc.r => {
-            format!("{before}\n# of the vehicle: {}\n{after}", derived.trim())
-        }
-        _ => text,
-    }
+    let (own, derived) = (&scenario.mpc, defaults_of(scenario).mpc);
+    let r = Value::try_from(own.r).expect("numbers have a form in TOML");
+    let following = [
+        ("vehicle", format!("r = {r}"), own.r == derived.r),
+        ("rate", format!("np = {}", own.np), own.np == derived.np),
+        ("rate", format!("nu = {}", own.nu), own.nu == derived.nu),
+    ];
+    let follows = following.into_iter().filter(|(_, _, is_derived)| *is_derived);
+    follows.fold(to_toml(scenario), |text, (of, line, _)| {
+        text.replacen(&format!("\n{line}\n"), &format!("\n# of the {of}: {line}\n"), 1)
+    })
 }
 
 /// Returns the weights `mpc.r` that the vehicle of `scenario` has by default, if its own are those of another vehicle:
@@ -165,7 +168,7 @@ pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
 
 /// Returns the defaults of the profile, the presets and the vehicle of `chosen`.
 pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
-    let mut defaults = profile::for_vehicle(chosen.profile.into(), &chosen.airframe);
+    let mut defaults = profile::for_vehicle(chosen.profile.into(), &chosen.airframe, chosen.run.rate_hz);
     defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
     defaults
 }

@@ -26,10 +26,18 @@ impl From<Profile> for Scenario {
 const LEAST_WEIGHT: f64 = 1e-12;
 const MOST_WEIGHT: f64 = 1e12;
 
+/// Horizon of profile `robust`, and the part of it in which its plan moves \[s\].
+const HORIZON_S: f64 = 0.2;
+const MOVES_S: f64 = 0.05;
+/// Longest horizon and most moves that follow from a rate \[samples\]: a solve takes longer with each move.
+const MOST_SAMPLES: f64 = 200.0;
+const MOST_MOVES: f64 = 20.0;
+
 /// Adapts the defaults `scenario` of a profile to the `vehicle` that its controllers know: actuators and parameters of
 /// its preset, and the weights of its inputs. The weights are scaled with mass and inertia so that the same
-/// acceleration costs the same, and the closed loop has the same poles.
-pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters) -> Scenario {
+/// acceleration costs the same, and the closed loop has the same poles. In profile `robust` the horizon has the same
+/// length in seconds at every rate.
+pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters, rate_hz: u32) -> Scenario {
     let before = scenario.airframe;
     let ratios = [
         before.mass_kg / vehicle.mass_kg,
@@ -48,7 +56,12 @@ pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters) -> Scenario 
             ..scenario.plant
         },
     };
-    Scenario { airframe: vehicle.preset.into(), plant, mpc: Mpc { r, ..scenario.mpc }, ..scenario }
+    let samples = |time_s: f64, most: f64| libm::round(time_s * f64::from(rate_hz)).clamp(1.0, most) as usize;
+    let [np, nu] = match scenario.profile {
+        Profile::Paper => [scenario.mpc.np, scenario.mpc.nu],
+        Profile::Robust => [samples(HORIZON_S, MOST_SAMPLES), samples(MOVES_S, MOST_MOVES)],
+    };
+    Scenario { airframe: vehicle.preset.into(), plant, mpc: Mpc { r, np, nu, ..scenario.mpc }, ..scenario }
 }
 
 impl Default for Scenario {

@@ -257,6 +257,23 @@ fn the_weights_of_the_inputs_follow_the_vehicle_unless_they_are_given() {
 }
 
 #[test]
+fn the_horizon_of_the_robust_profile_has_the_same_length_at_every_rate() {
+    let samples = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|&set| set.to_owned()).collect();
+        let mpc = load(None, &settings).unwrap().mpc;
+        [mpc.np, mpc.nu]
+    };
+    for (rate, expected) in
+        [("50", [10, 3]), ("100", [20, 5]), ("250", [50, 13]), ("500", [100, 20]), ("2000", [200, 20])]
+    {
+        let rate = format!("run.rate_hz={rate}");
+        assert_eq!(samples(&[&rate]), expected, "{rate}");
+        assert_eq!(samples(&["profile=paper", &rate]), [10, 5], "the paper's numbers are samples");
+        assert_eq!(samples(&["mpc.np=30", "mpc.nu=7", &rate]), [30, 7], "given numbers stay");
+    }
+}
+
+#[test]
 fn a_file_made_from_a_check_follows_its_vehicle_and_the_record_of_a_flight_does_not() {
     let heavy = load(None, &["airframe.mass_kg=2.2".into()]).unwrap();
     let (checked, recorded) = (to_toml_that_follows(&heavy), to_toml(&heavy));
@@ -266,8 +283,8 @@ fn a_file_made_from_a_check_follows_its_vehicle_and_the_record_of_a_flight_does_
     }
     let lighter = |text: &str| load_text(text, "x", &["airframe.mass_kg=1.1".into()]).unwrap().mpc.r[0];
     assert_eq!([lighter(&checked), lighter(&recorded)], [0.4, 0.1]);
-    let own = load(None, &["mpc.r=[1.0, 2.0, 3.0, 4.0]".into()]).unwrap();
-    assert_eq!(to_toml_that_follows(&own), to_toml(&own));
+    let own = load(None, &["mpc.r=[1.0, 2.0, 3.0, 4.0]", "mpc.np=30", "mpc.nu=7"].map(String::from)).unwrap();
+    assert!(to_toml_that_follows(&own) == to_toml(&own), "nothing of it follows");
 }
 
 #[test]
