@@ -237,7 +237,7 @@ fn an_own_vehicle_flies_as_well_as_that_of_table_i_without_weights_of_its_own() 
         assert_eq!(outcome.code(), Some(0), "{setting}: {}", outcome.stderr);
         assert!(!outcome.stderr.contains("warning"), "{}", outcome.stderr);
     }
-    let others = ["mpc.r=[0.4, 300.0, 85.0, 300.0]", "run.rate_hz=200"];
+    let others = ["mpc.r=[0.4, 300.0, 85.0, 300.0]", "run.command_delay_ms=20"];
     let outcome = flown("survey", &[&OWN[..], &others].concat());
     assert!(outcome.metric("max_position_error_m") > 1.0, "the weights of Table I");
     assert!(

@@ -109,11 +109,19 @@ fn a_curve_that_leaves_its_points_is_offered_times_that_keep_it() {
     assert_eq!(stray(&[[n + 20.0, e, d]], Some(&[9.0]), Least::Snap), None, "a straight line");
 }
 
+/// The fastest curve through points may leave them itself: here it swings out sideways while it climbs slowly.
+#[test]
+fn where_the_fastest_curve_strays_no_times_are_offered() {
+    let points = [[0.0, -34.177, -2.0], [0.0, 0.0, -2.0], [0.0, 0.0, -28.139], [0.0, 0.0, -2.0]];
+    let found = stray(&points, None, Least::Snap).expect("it strays");
+    assert!(found.beyond_m > 50.0 && found.offer.is_none(), "{found:?}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
 
     #[test]
-    fn offered_times_keep_the_curve_near_its_points(
+    fn times_are_offered_unless_the_fastest_curve_strays_too(
         points in points(),
         shares in prop::collection::vec(0.02..1.0_f64, 8),
         quintic: bool,
@@ -123,9 +131,11 @@ proptest! {
             *at_s += 60.0 * share;
             Some(*at_s)
         }).collect();
-        prop_assert_eq!(stray(&points, None, least), None, "the fastest curve stays");
         if let Some(found) = stray(&points, Some(&times_s), least) {
-            prop_assert!(found.offer.is_some(), "{:?}", found);
+            match found.offer {
+                Some(offer) => prop_assert_eq!(stray(&points, Some(&offer.times_s), least), None),
+                None => prop_assert!(stray(&points, None, least).is_some(), "{:?}", found),
+            }
         }
     }
 

@@ -15,6 +15,9 @@ use crate::limits::KILL_LIMIT;
 /// Variable with the mark.
 const NAME: &str = "TREFOIL_STARTED_BY";
 
+/// Most times that the variables of a process are read.
+const LOOKS: usize = 6;
+
 /// Beginning of the marks that this launcher has given, if any.
 static OWN: OnceLock<String> = OnceLock::new();
 
@@ -59,12 +62,27 @@ fn kill_each(beginning: &[u8]) -> bool {
     for pid in processes.filter_map(|entry| Pid::from_raw(entry.file_name().to_str()?.parse().ok()?)) {
         // Opened first: it stays the process whose variables are read, and the signal reaches no other.
         let Ok(process) = pidfd_open(pid, PidfdFlags::empty()) else { continue };
-        let variables = fs::read(format!("/proc/{}/environ", pid.as_raw_nonzero())).unwrap_or_default();
+        let variables = variables_of(pid);
         let is_marked = variables.starts_with(beginning)
             || variables.windows(beginning.len() + 1).any(|part| part[0] == 0 && &part[1..] == beginning);
         found |= is_marked && pidfd_send_signal(process, Signal::KILL).is_ok();
     }
     found
+}
+
+/// Returns the variables of a process. On its way from one program to another it has none for a moment, and a read that
+/// lasts until then ends early: so they are read until they are there and the same twice.
+fn variables_of(pid: Pid) -> Vec<u8> {
+    let mut before = vec![];
+    for _ in 0..LOOKS {
+        let Ok(variables) = fs::read(format!("/proc/{}/environ", pid.as_raw_nonzero())) else { break };
+        match variables.is_empty() {
+            true => std::thread::sleep(Duration::from_millis(1)),
+            false if variables == before => break,
+            false => before = variables,
+        }
+    }
+    before
 }
 
 #[cfg(test)]
@@ -90,8 +108,14 @@ mod tests {
         BufReader::new(one.stdout.take().unwrap()).read_line(&mut stray).unwrap();
         of_one.kill_all();
         one.wait().unwrap();
-        let state = fs::read_to_string(format!("/proc/{}/stat", stray.trim())).unwrap_or_default();
-        assert!(state.is_empty() || state.contains(") Z"), "{state}");
+        let ends = || {
+            let state = fs::read_to_string(format!("/proc/{}/stat", stray.trim())).unwrap_or_default();
+            state.is_empty() || state.contains(") Z")
+        };
+        let started = Instant::now();
+        while !ends() {
+            assert!(started.elapsed() < Duration::from_secs(10), "it was not killed");
+        }
         assert!(other.try_wait().unwrap().is_none(), "another mark");
         of_other.kill_all();
         assert!(!other.wait().unwrap().success());

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
 use contract::Scenario;
-use contract::scenario::{Mode, Policy, from_merged};
+use contract::scenario::{Mode, Policy, from_merged, load};
 use outcome::judge::Verdict;
 use outcome::percentiles::Percentiles;
 use serde::Serialize;
@@ -102,9 +102,8 @@ impl TimedFlights {
 
 /// Returns the default scenario in real time.
 pub fn realtime(rate_hz: u32, policy: Policy, duration_s: f64) -> Scenario {
-    let mut scenario = Scenario::default();
+    let mut scenario = load(None, &[format!("run.rate_hz={rate_hz}")]).expect("a rate that scenarios have");
     scenario.run.mode = Mode::Realtime;
-    scenario.run.rate_hz = rate_hz;
     scenario.run.duration_s = duration_s;
     scenario.realtime.policy = policy;
     scenario
