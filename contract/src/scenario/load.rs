@@ -53,7 +53,7 @@ pub fn to_toml_that_follows(scenario: &Scenario) -> String {
 }
 
 /// Returns the weights `mpc.r` that the vehicle of `scenario` has by default, if its own are those of another vehicle:
-/// one of them is more than [`OTHER_VEHICLE`] times larger or smaller, and the vehicle is no preset.
+/// one of them is more than ten times larger or smaller, and the vehicle is no preset.
 pub fn weights_that_fit(scenario: &Scenario) -> Option<[f64; 4]> {
     let fitting = defaults_of(scenario).mpc.r;
     let is_other = |(own, fitting): (&f64, &f64)| own / fitting > OTHER_VEHICLE || fitting / own > OTHER_VEHICLE;
