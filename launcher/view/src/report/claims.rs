@@ -77,7 +77,7 @@ pub fn following(metrics: &Metrics) -> [(&'static str, String); 3] {
     ]
 }
 
-/// Extremes of states and actuators in a flight, gathered tick by tick.
+/// Extremes of altitude errors, states and actuators in a flight, gathered tick by tick.
 #[derive(Debug, Clone)]
 pub struct Reach {
     /// Largest angles \[deg\] and rates \[deg/s\]; `None` without a state.
@@ -121,7 +121,7 @@ impl Reach {
     }
 }
 
-/// Judges a run by its record, and by the extremes of its states and actuators. Only the whole flight that the claims
+/// Judges a run by its record, and by the extremes of its ticks. Only the whole flight that the claims
 /// are made for is judged, or such a flight that was lost.
 pub fn judge(run: &RunRecord, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
     let lost = concerns(scenario) && run.diverged;

@@ -20,7 +20,7 @@ use outcome::summary::Summary;
 use outcome::timing::{CycleRecord, TimingRecord, WorstTick};
 use serde_json::{Value, json};
 
-use super::claims::judge;
+use super::claims::{ALTITUDE_HORIZONTAL_M, ALTITUDE_VERTICAL_M, judge};
 use super::sections::{bounds, metrics};
 use super::{Figures, OfAll, TEMPLATE};
 
@@ -424,6 +424,13 @@ fn claims_hold_up_to_their_bound_and_not_beyond() {
     let (verdicts, measured) = claims(&on_survey(6001, [0.101, 0.201]), &beyond, &scenario);
     assert_eq!(verdicts, [Some(false), Some(false), Some(false), Some(true), Some(true)]);
     assert_eq!(measured[1..3], ["0.101 m", "0.201 m"]);
+    // At the bounds themselves, which no sum of floats reaches: the first excludes it, the second does not.
+    let mut reach = figures(&within, &scenario).finish().1;
+    reach.altitude_m = [ALTITUDE_HORIZONTAL_M, ALTITUDE_VERTICAL_M];
+    assert_eq!(
+        judge(&survey(), &reach, &scenario).each_ref().map(|claim| claim.holds)[1..3],
+        [Some(false), Some(true)]
+    );
 }
 
 #[test]
