@@ -280,21 +280,21 @@ impl AttitudeMpc {
         let mut stage = self.memory.stage;
         // A vehicle that stands on the ground follows nothing: estimate and integrals would adapt to that.
         let stands = self.idle_speed.is_some_and(|idle| command.rotor_speed.iter().all(|speed| *speed <= idle));
-        let mut integral = self.memory.integral;
+        let (mut integral, mut gain) = (self.memory.integral, self.memory.gain);
         let disturbance = if stands {
-            (stage, integral) = (Stage::zeroed(), Vector4::zeros());
+            (stage, integral, gain) = (Stage::zeroed(), Vector4::zeros(), disturbance::FIRST_GAIN);
             Vector4::zeros()
         } else if let UnconstrainedLaw::Indi(indi) = &self.unconstrained {
             let actuators = indi.actuators(state.sensed.into(), actuation);
             let states = [self.memory.state(), self.work.x.as_view()];
             indi.observe(tick, (&state.measured, &actuators), states, &self.memory.disturbance, &mut stage)
         } else {
-            self.estimate(&command, samples)
+            self.estimate(&command, samples, &mut gain)
         };
         self.predict(tick, &input, &delay, &disturbance);
         let age_ns = goal.tick.get().map_or(0, |of| tick.saturating_sub(of)) as f64 * self.sample_ns as f64;
-        preview::write_changes(&goal, age_ns + self.delay_ns(&delay), self.sample_ns, &mut self.work.changes);
-        let unfollowed = input - self.memory.demand();
+        preview::write_changes(&goal, age_ns + self.lag_of_goal_ns(), self.sample_ns, &mut self.work.changes);
+        let unfollowed = input - Vector4::from(delay.answered(tick));
         self.optimise(tick, &goal, &disturbance, &unfollowed, &mut integral);
         let Work { unconstrained, computed, .. } = &self.work;
         if !unconstrained.rows(0, *computed).iter().all(|u| u.abs() < MAX_PLAN) {
@@ -307,6 +307,7 @@ impl AttitudeMpc {
         self.memory.actuation = actuation;
         self.memory.delay = delay;
         self.memory.disturbance = disturbance;
+        self.memory.gain = gain;
         self.memory.integral = integral;
         self.memory.stage = stage;
         let (status, account) = self.decide(tick);
@@ -346,8 +347,8 @@ impl AttitudeMpc {
         }
     }
 
-    /// Updates the disturbance estimate by the prediction error of this sample.
-    fn estimate(&mut self, command: &Actuation, samples: u64) -> Vector4<f64> {
+    /// Updates the disturbance estimate by the prediction error of this sample, and its `gain`.
+    fn estimate(&mut self, command: &Actuation, samples: u64, gain: &mut f64) -> Vector4<f64> {
         let before = self.memory.disturbance;
         match &self.law {
             // The prediction is for one sample, so a gap in the measurements leaves the estimate unchanged.
@@ -356,7 +357,7 @@ impl AttitudeMpc {
                 let x = self.memory.state();
                 let expected = before + self.unconstrained.coupling();
                 self.unconstrained.predict(&self.model, &x, &u, &expected, &mut self.work.predicted);
-                law.update(&before, &self.work.x, &self.work.predicted)
+                law.update(&before, gain, &self.work.x, &self.work.predicted)
             }
             _ => before,
         }
@@ -400,19 +401,14 @@ impl AttitudeMpc {
         }
     }
 
-    /// Time over which [`predict`](Self::predict) predicts \[ns\].
-    fn delay_ns(&self, delay: &Delay) -> f64 {
-        match self.delay_compensation {
-            DelayCompensation::Sample(compensated) => f64::from(u8::from(compensated)) * self.sample_ns as f64,
-            DelayCompensation::Named(DelayName::Measured) => {
-                let (whole, rest_ns) = delay.samples(self.sample_ns);
-                (whole as u64 * self.sample_ns) as f64 + rest_ns
-            }
-        }
+    /// Time from the moment of a goal of this sample to the one at which the demand acts \[ns\]: guidance makes the
+    /// goal for that moment if the delay is measured, and else for the sample.
+    fn lag_of_goal_ns(&self) -> f64 {
+        if self.delay_compensation == DelayCompensation::Sample(true) { self.sample_ns as f64 } else { 0.0 }
     }
 
     /// Computes the unconstrained plan from the state at which the demand of `tick` takes effect, or its first move if
-    /// no limit is near the others. `unfollowed` is the input of the command in force less the demand published last.
+    /// no limit is near the others. `unfollowed` is the input of the command in force less the demand that it answers.
     fn optimise(
         &mut self,
         tick: u64,

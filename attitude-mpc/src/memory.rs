@@ -7,6 +7,7 @@ use contract::delay::Delay;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::{DVectorView, SVector, Vector4};
 
+use crate::disturbance::FIRST_GAIN;
 use crate::goal::Goal;
 use crate::indi::Stage;
 
@@ -32,6 +33,8 @@ pub struct Memory {
     pub actuation: Actuation,
     /// Disturbance estimate `d` \[N, N m, N m, N m\].
     pub disturbance: Vector4<f64>,
+    /// Gain of its next update.
+    pub gain: f64,
     /// Demands published, the last one first, and their delay.
     pub delay: Delay,
     /// Integrals of the errors of the laws `pid` and `geometric`: of w \[m\], theta, phi, psi \[rad s\].
@@ -66,13 +69,13 @@ pub struct Whole {
 }
 
 impl Layout for Whole {
-    const NAME: [u8; 8] = *b"attmpc 5";
+    const NAME: [u8; 8] = *b"attmpc 6";
 }
 
 impl Memory {
     /// Starts without any sample: `states` states at hover, actuators at `trim`.
     pub fn new(states: usize, trim: Actuation) -> Self {
-        Self { states: states as u64, actuation: trim, delay: Delay::new(trim), ..Self::zeroed() }
+        Self { states: states as u64, actuation: trim, delay: Delay::new(trim), gain: FIRST_GAIN, ..Self::zeroed() }
     }
 
     /// Demand published last \[N, N m, N m, N m\].

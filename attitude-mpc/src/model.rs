@@ -22,8 +22,8 @@ use contract::Scenario;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Dyn, Matrix4, Storage, Vector, Vector4};
 
-/// Terms of the series of [`PredictionModel::advance`]: the first one left out is below `2^-55` of the sum.
-const TERMS: u32 = 14;
+/// Bound of the first term that the series of [`PredictionModel::advance`] leaves out, over its first: `2^-55`.
+const LEAST_TERM: f64 = 1.0 / (1_u64 << 55) as f64;
 
 /// Linear model with 7 states, or 11 with the actuator lag.
 #[derive(Debug, Clone)]
@@ -136,7 +136,7 @@ impl PredictionModel {
     /// x(t) = x + t v + t^2/2 A v + t^3/6 A^2 v + ...,      v = A x + B u + E d
     /// ```
     ///
-    /// A long time is taken in steps of norm 1/2 at most, in which `TERMS` terms are exact to rounding. `term` and
+    /// A long time is taken in steps of norm 1/2 at most; the series ends where its terms are too small to count. `term` and
     /// `next` are buffers of the size of `x`.
     pub fn advance(
         &self,
@@ -146,19 +146,27 @@ impl PredictionModel {
         time_s: f64,
         [term, next]: [&mut DVector<f64>; 2],
     ) {
+        if time_s == 0.0 {
+            return;
+        }
         let [a, b, e] = &self.continuous;
         let steps = libm::ceil(2.0 * self.norm * time_s).max(1.0);
         let step_s = time_s / steps;
+        let reach = self.norm * step_s;
         for _ in 0..steps as usize {
             term.gemv(step_s, a, x, 0.0);
             term.gemv(step_s, b, u, 1.0);
             term.gemv(step_s, e, d, 1.0);
-            for power in 2..=TERMS {
+            let mut bound = 1.0; // of a term over the first
+            for power in 2_u32.. {
                 *x += &*term;
+                bound *= reach / f64::from(power);
+                if bound < LEAST_TERM {
+                    break;
+                }
                 next.gemv(step_s / f64::from(power), a, term, 0.0);
                 std::mem::swap(term, next);
             }
-            *x += &*term;
         }
     }
 

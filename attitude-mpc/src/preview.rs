@@ -1,14 +1,15 @@
 //! Reference over the horizon, from what REFERENCE tells of later times (`guidance.preview_s`).
 //!
 //! ```text
-//!   sample of the reference     sample of the state     demand acts
-//!      |--------- age --------------|------ delay ---------|--- Ts ---|--- Ts ---| ...
-//!      r                                                   x_0        x_1        x_2
+//!   moment of the reference     demand acts
+//!      |--------- age --------------|--- Ts ---|--- Ts ---| ...
+//!      r                            x_0        x_1        x_2
 //!      |-------------|-------------|-------------|-------------|      elements of the preview, straight lines between
 //! ```
 //!
-//! `x_k` follows the reference of its own moment, `r + dr_k`, also if the reference is an old one: a preview makes up
-//! for references that are late or lost, and for the delay of the demand. The rates follow the slope of the angles.
+//! The moment of a reference is that at which the command which answers it acts, if the delay is measured, and else its
+//! sample. `x_k` follows the reference of its own moment, `r + dr_k`, also if the reference is an old one: a preview
+//! makes up for references that are late or lost. The rates follow the slope of the angles.
 //! After its last element the reference stays. Tests `the_gain_minimises_the_printed_cost`,
 //! `an_old_reference_with_a_preview_is_as_good_as_a_new_one`.
 
@@ -20,7 +21,7 @@ use crate::condensed::RATES;
 use crate::goal::Goal;
 
 /// Writes the changes `dr_1..` of the reference, seven to a sample, for a horizon that begins `start_ns` after the
-/// sample of the goal.
+/// moment of the goal.
 pub fn write_changes(goal: &Goal, start_ns: f64, sample_ns: u64, changes: &mut DVector<f64>) {
     for (change, k) in changes.as_mut_slice().chunks_exact_mut(STATES).zip(1_u32..) {
         let after_ns = start_ns + f64::from(k) * sample_ns as f64;

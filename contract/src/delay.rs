@@ -33,18 +33,44 @@ const SHARE: f64 = 0.1;
 /// Output of a process for one sample: four numbers whose meaning is its own.
 pub type Output = [f64; 4];
 
+/// Mean age at which the commands take effect.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct Age {
+    /// Mean \[ns\]; 0 before the first command.
+    mean_ns: f64,
+    /// Sequence number of the command in force; 0 before the first.
+    sequence: u64,
+}
+
+impl Age {
+    /// Takes in the command in force of `state`. Returns its age \[ns\], at most [`MAX_DELAY`] samples, if it is new.
+    pub fn observe(&mut self, state: &State, sample_ns: u64) -> Option<u64> {
+        let before = std::mem::replace(&mut self.sequence, state.applied_sequence);
+        (state.applied_sequence != before && state.applied_sequence != 0).then(|| {
+            let age_ns = state.applied_age_ns.min(MAX_DELAY as u64 * sample_ns);
+            let gap_ns = age_ns as f64 - self.mean_ns;
+            self.mean_ns += if before == 0 { gap_ns } else { SHARE * gap_ns };
+            age_ns
+        })
+    }
+
+    /// Mean \[s\]; 0 before the first command.
+    pub fn mean_s(&self) -> f64 {
+        self.mean_ns * 1e-9
+    }
+}
+
 /// Outputs of the past, and what STATE told of those that have acted.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Delay {
     /// Outputs for the newest sample used and for those before it, the newest first.
     pub outputs: [Output; MAX_DELAY + 1],
-    /// Mean age at which a command takes effect \[ns\]; 0 before the first.
-    age_ns: f64,
+    /// Mean age at which a command takes effect.
+    age: Age,
     /// Sample that the command in force answers; none before the first.
     answered: OptionalTick,
-    /// Sequence number of the command in force; 0 before the first.
-    sequence: u64,
     /// Command in force at the newest sample used.
     pub command: Actuation,
 }
@@ -79,24 +105,28 @@ impl Delay {
             self.command = command;
         }
         let mut switch = Switch { before: command, after_ns: 0 };
-        if state.applied_sequence != self.sequence && state.applied_sequence != 0 {
-            let age_ns = state.applied_age_ns.min(MAX_DELAY as u64 * sample_ns);
+        if let Some(age_ns) = self.age.observe(state, sample_ns) {
             switch = Switch { before: self.command, after_ns: age_ns % sample_ns };
             self.answered = match state.stamp.tick.checked_sub(1 + age_ns / sample_ns) {
                 Some(tick) => OptionalTick::some(tick),
                 None => self.answered,
             };
-            let gap_ns = age_ns as f64 - self.age_ns;
-            self.age_ns += if self.sequence == 0 { gap_ns } else { SHARE * gap_ns };
         }
-        (self.sequence, self.command) = (state.applied_sequence, command);
+        self.command = command;
         switch
+    }
+
+    /// Output that the command in force at the sample `tick` answers, of those for the samples before; without one the
+    /// last of these.
+    pub fn answered(&self, tick: u64) -> Output {
+        let age = self.answered.get().map_or(1, |answered| tick.saturating_sub(answered).clamp(1, MAX_DELAY as u64));
+        self.outputs[age as usize]
     }
 
     /// Delay: its whole samples, and the rest \[ns\].
     pub fn samples(&self, sample_ns: u64) -> (usize, f64) {
-        let whole = libm::floor(self.age_ns / sample_ns as f64).clamp(0.0, MAX_DELAY as f64);
-        (whole as usize, (self.age_ns - whole * sample_ns as f64).clamp(0.0, sample_ns as f64))
+        let whole = libm::floor(self.age.mean_ns / sample_ns as f64).clamp(0.0, MAX_DELAY as f64);
+        (whole as usize, (self.age.mean_ns - whole * sample_ns as f64).clamp(0.0, sample_ns as f64))
     }
 
     /// Outputs that act from the sample `tick` on until the one for it acts, each with its duration \[ns\]:

@@ -19,7 +19,8 @@
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
 //! off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
-//! With `guidance.lead_s` feed-forward and heading are those of a later time, at which the vehicle has the attitude.
+//! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and the
+//! delay of the commands if attitude-mpc measures it (`mpc.delay_compensation`).
 //!
 //! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction
 //! by PID and observer stays, as if the vehicle kept its place beside the trajectory.
@@ -52,6 +53,7 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 use heading::HeadingCommand;
 use memory::Memory;
 use observer::{Observer, to_heading_frame};
+use pid::Wanted;
 use reentry::Limits;
 use takeoff::{SPOOL_UP_S, TakeOff};
 pub use trajectory::{Setpoint, Trajectory};
@@ -62,10 +64,13 @@ pub struct Guidance {
     settings: Settings,
     /// Sample time \[s\].
     sample_s: f64,
+    sample_ns: u64,
     trajectory: Trajectory,
     heading: HeadingCommand,
     roll_trim_rad: f64,
     g_mps2: f64,
+    /// Whether the reference is for the moment at which the command that answers it acts.
+    leads_by_delay: bool,
     memory: Memory,
 }
 
@@ -79,6 +84,18 @@ struct Correction {
     /// Turn from NED to the heading frame, if errors and feed-forward are turned \[rad\].
     heading_rad: Option<f64>,
     limits: Limits,
+}
+
+/// References of a moment.
+struct Aim {
+    /// Body z velocity \[m/s\].
+    w_mps: f64,
+    /// Phi, theta, psi \[rad\].
+    attitude_rad: Vector3<f64>,
+    /// What the limits took off.
+    clipped: Wanted,
+    /// Limits that were reached.
+    flags: u64,
 }
 
 /// Time since the last sample used.
@@ -99,10 +116,12 @@ impl Guidance {
         let mut guidance = Self {
             settings: scenario.guidance.clone(),
             sample_s: scenario.sample_s(),
+            sample_ns: scenario.sample_ns(),
             trajectory: Trajectory::new(scenario),
             heading: HeadingCommand::new(scenario),
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
+            leads_by_delay: scenario.mpc.delay_compensation.is_measured(),
             memory: Memory::default(),
         };
         let start = guidance.trajectory.at(0.0);
@@ -199,19 +218,20 @@ impl Guidance {
             heading_rad: self.settings.heading_frame.then_some(psi),
             limits: self.limits(state.stamp.tick),
         };
-        let ahead_s = t_s + self.settings.lead_s;
+        self.memory.age.observe(state, self.sample_ns);
+        let delay_s = if self.leads_by_delay { self.memory.age.mean_s() } else { 0.0 };
+        let ahead_s = t_s + self.settings.lead_s + delay_s;
         let heading_rad = self.heading_at(ahead_s);
-        let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
-        let (w_mps, attitude_ref) =
-            self.aim(&correction, &self.trajectory.at(ahead_s), [heading_rad, 0.0], state, &mut flags);
+        let aim = self.aim(&correction, &self.trajectory.at(ahead_s), [heading_rad, 0.0], state);
+        self.unwind(&aim.clipped, correction.heading_rad.unwrap_or(0.0), lapse.counted_s);
         let mut reference = Reference {
             position_m: setpoint.position_m,
             velocity_mps: setpoint.velocity_mps,
-            w_mps,
-            attitude_rad: attitude_ref.into(),
-            rates_radps: self.rates(&attitude_ref, &attitude, elapsed_s).into(),
+            w_mps: aim.w_mps,
+            attitude_rad: aim.attitude_rad.into(),
+            rates_radps: self.rates(&aim.attitude_rad, &attitude, elapsed_s).into(),
             disturbance_mps2: correction.disturbance_mps2.into(),
-            flags,
+            flags: aim.flags | if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 },
             ..Reference::default()
         };
         self.look_ahead(ahead_s, &correction, state, &mut reference);
@@ -231,17 +251,15 @@ impl Guidance {
         }
     }
 
-    /// Returns the references of w \[m/s\] and of phi, theta, psi \[rad\] by the feed-forward of `setpoint`, with the
-    /// heading `heading_rad`, in whose direction the vehicle still turns by `turn_rad`; adds the limits that they reach
-    /// to `flags`.
+    /// Aims by the feed-forward of `setpoint`, with the heading `heading_rad`, in whose direction the vehicle still turns
+    /// by `turn_rad`.
     fn aim(
         &self,
         correction: &Correction,
         setpoint: &Setpoint,
         [heading_rad, turn_rad]: [f64; 2],
         state: &State,
-        flags: &mut u64,
-    ) -> (f64, Vector3<f64>) {
+    ) -> Aim {
         let Correction { errors, disturbance_mps2, limits, .. } = *correction;
         let frame_rad = correction.heading_rad.map_or(0.0, |psi| psi + turn_rad);
         let wanted = pid::wanted(&self.settings, &errors.map(|e| to_heading_frame(&e, frame_rad)));
@@ -258,16 +276,26 @@ impl Guidance {
             climb_mps += setpoint.velocity_mps[2];
         }
 
-        let phi_ref = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, flags);
-        let theta_ref = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, flags);
-        let climb_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, flags);
-        let w_mps = if self.settings.exact_w { pid::exact_w(climb_mps, state) } else { climb_mps };
-        let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, flags);
+        let mut flags = 0;
+        let phi_rad = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, &mut flags);
+        let theta_rad = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, &mut flags);
+        let limited_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, &mut flags);
+        let w_mps = if self.settings.exact_w { pid::exact_w(limited_mps, state) } else { limited_mps };
+        let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, &mut flags);
         let roll_zero = match self.settings.roll_reference {
             RollReference::Trim => self.roll_trim_rad,
             RollReference::Absolute => 0.0,
         };
-        (w_mps, Vector3::new(phi_ref + roll_zero, theta_ref, heading_rad))
+        Aim {
+            w_mps,
+            attitude_rad: Vector3::new(phi_rad + roll_zero, theta_rad, heading_rad),
+            clipped: Wanted {
+                phi_rad: angles.x - phi_rad,
+                theta_rad: angles.y - theta_rad,
+                climb_mps: climb_mps - limited_mps,
+            },
+            flags,
+        }
     }
 
     /// Adds the preview to the `reference` with the feed-forward of `t_s`: what it is later if the correction stays.
@@ -287,9 +315,9 @@ impl Guidance {
             turn_rad += angle::difference(later_rad, heading_rad);
             heading_rad = later_rad;
             let setpoint = self.trajectory.at(at_s);
-            let (later_mps, later) = self.aim(correction, &setpoint, [heading_rad, turn_rad], state, &mut 0);
-            let change = later - now;
-            *ahead = Ahead { w_mps: later_mps - w_mps, attitude_rad: [change.x, change.y, turn_rad] };
+            let later = self.aim(correction, &setpoint, [heading_rad, turn_rad], state);
+            let change = later.attitude_rad - now;
+            *ahead = Ahead { w_mps: later.w_mps - w_mps, attitude_rad: [change.x, change.y, turn_rad] };
         }
     }
 
@@ -309,9 +337,25 @@ impl Guidance {
         };
         let clamp = self.settings.integral_limit;
         let free = self.memory.integral_ms + error * counted_s;
-        self.memory.integral_ms = free.map(|i| i.clamp(-clamp, clamp));
+        self.memory.integral_ms = within(&free, clamp);
         self.memory.error_m = error;
         ([error, self.memory.integral_ms, derivative], free != self.memory.integral_ms)
+    }
+
+    /// Feeds back into the integral what the limits took off the output, by back-calculation (Astrom and Hagglund,
+    /// Advanced PID Control, ISA 2006, section 3.5) with the tracking time constant `Kp / Ki`:
+    ///
+    /// ```text
+    /// d integral / dt = error - clipped / Kp
+    /// ```
+    fn unwind(&mut self, clipped: &Wanted, frame_rad: f64, counted_s: f64) {
+        let Settings { kp_phi, kp_theta, kp_w, integral_limit, .. } = self.settings;
+        let excess = [(clipped.theta_rad, kp_theta), (clipped.phi_rad, kp_phi), (clipped.climb_mps, kp_w)]
+            .map(|(clipped, kp)| if clipped == 0.0 || kp == 0.0 { 0.0 } else { clipped / kp });
+        if excess != [0.0; 3] {
+            let back = to_heading_frame(&Vector3::from(excess), -frame_rad);
+            self.memory.integral_ms = within(&(self.memory.integral_ms - back * counted_s), integral_limit);
+        }
     }
 
     fn disturbance(&mut self, velocity_ned: &Vector3<f64>, attitude: &Vector3<f64>, lapse: Lapse) -> Vector2<f64> {
@@ -356,6 +400,13 @@ fn is_cut(state: &State) -> bool {
 
 fn all_finite(vectors: &[[f64; 3]]) -> bool {
     vectors.as_flattened().iter().all(|value| value.is_finite())
+}
+
+/// Shortens the horizontal part of `integral` to `bound`, whatever its direction, and clamps the vertical one.
+fn within(integral: &Vector3<f64>, bound: f64) -> Vector3<f64> {
+    let horizontal = libm::hypot(integral.x, integral.y);
+    let share = if horizontal > bound { bound / horizontal } else { 1.0 };
+    Vector3::new(integral.x * share, integral.y * share, integral.z.clamp(-bound, bound))
 }
 
 /// Clamps `value` to +-`bound`, and sets `flag` if that changes it.

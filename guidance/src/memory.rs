@@ -1,6 +1,7 @@
 //! State of the controller from tick to tick. All its other fields are fixed at construction.
 
 use bytemuck::{Pod, Zeroable};
+use contract::delay::Age;
 use contract::message::Reference;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::Vector3;
@@ -26,6 +27,8 @@ pub struct Memory {
     pub integral_ms: Vector3<f64>,
     /// Disturbance observer.
     pub observer: Observer,
+    /// Age of the commands.
+    pub age: Age,
     /// Start on the ground.
     pub take_off: TakeOff,
     /// Last answer, without a stamp.
@@ -33,5 +36,5 @@ pub struct Memory {
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"guidanc6";
+    const NAME: [u8; 8] = *b"guidanc7";
 }

@@ -35,5 +35,5 @@ pub struct Memory {
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"mixer  7";
+    const NAME: [u8; 8] = *b"mixer  8";
 }
