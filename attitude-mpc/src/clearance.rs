@@ -44,12 +44,26 @@ impl Clearance {
     /// if the bound does not say.
     pub fn is_clear(&self, given: &DVector<f64>, changes: &DVector<f64>) -> bool {
         let n = given.len() - GIVEN;
-        let errors = (0..STATES).map(|state| given[state] - given[n + state]);
-        let rest = given.iter().skip(STATES).chain(changes).copied();
-        let weights = self.given.iter().chain(&self.changes);
-        let share: f64 = errors.chain(rest).zip(weights).map(|(number, weight)| number.abs() * weight).sum();
+        let errors: [f64; STATES] = std::array::from_fn(|state| given[state] - given[n + state]);
+        let (of_errors, of_rest) = self.given.as_slice().split_at(STATES);
+        let share = weighted(&errors, of_errors)
+            + weighted(&given.as_slice()[STATES..], of_rest)
+            + weighted(changes.as_slice(), self.changes.as_slice());
         share < CLEAR // false for NaN
     }
+}
+
+/// Sum of the sizes of `numbers`, each times its weight. Four partial sums do not wait for each other.
+fn weighted(numbers: &[f64], weights: &[f64]) -> f64 {
+    let ((numbers, last), (weights, of_last)) = (numbers.as_chunks::<4>(), weights.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (numbers, weights) in numbers.iter().zip(weights) {
+        for i in 0..4 {
+            sums[i] += numbers[i].abs() * weights[i];
+        }
+    }
+    let last: f64 = last.iter().zip(of_last).map(|(number, weight)| number.abs() * weight).sum();
+    sums.iter().sum::<f64>() + last
 }
 
 /// Largest share of the way from hover to any limit that one unit of each column of `gain` takes any move.

@@ -31,7 +31,7 @@ use airframe::linear::{INPUTS, STATES};
 use airframe::riccati;
 use contract::Scenario;
 use contract::scenario::{Mpc, ScenarioError, Terminal};
-use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn, Vector4};
 
 use crate::at_speed::FlightModel;
 use crate::disturbance::DRIVEN;
@@ -80,9 +80,15 @@ impl Gain {
     /// Adds `share` of the first moves for the given numbers and the changes of the reference to `plan`: as many as it
     /// has room for.
     pub fn add_plan(&self, share: f64, given: &DVector<f64>, changes: &DVector<f64>, mut plan: DVectorViewMut<f64>) {
-        let rows = plan.nrows();
-        plan.gemv(share, &self.given.rows(0, rows), given, 1.0); // (5)
-        plan.gemv(share, &self.changes.rows(0, rows), changes, 1.0);
+        for row in (0..plan.nrows()).step_by(INPUTS) {
+            let mut u: Vector4<f64> = plan.fixed_rows::<INPUTS>(row).into_owned();
+            for (gain, numbers) in [(&self.given, given), (&self.changes, changes)] {
+                for (column, number) in gain.column_iter().zip(numbers.iter()) {
+                    u += column.fixed_rows::<INPUTS>(row) * share * *number; // (5)
+                }
+            }
+            plan.fixed_rows_mut::<INPUTS>(row).copy_from(&u);
+        }
     }
 }
 

@@ -42,13 +42,7 @@ impl DisturbanceLaw {
     }
 
     /// Estimate after `d`, when the state `x` was measured and `predicted` was expected, by the `gain`, which falls.
-    pub fn update(
-        &self,
-        d: &Vector4<f64>,
-        gain: &mut f64,
-        x: &DVector<f64>,
-        predicted: &DVector<f64>,
-    ) -> Vector4<f64> {
+    pub fn update(&self, d: &Vector4<f64>, gain: &mut f64, x: &DVector<f64>, predicted: &DVector<f64>) -> Vector4<f64> {
         let miss = Vector4::from(DRIVEN.map(|i| x[i] - predicted[i]));
         let share = gain.max(self.last);
         let variance = share + self.walk;

@@ -177,6 +177,9 @@ impl PredictionModel {
 
     /// Positions of the actuators after following `command` for `time_s`.
     pub fn actuate_for(&self, actuation: &Actuation, command: &Actuation, time_s: f64) -> Actuation {
+        if time_s == 0.0 {
+            return *actuation;
+        }
         self.actuators.advance(actuation, command, time_s)
     }
 

@@ -52,8 +52,8 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 use heading::HeadingCommand;
 use memory::Memory;
-use observer::{Observer, to_heading_frame};
-use pid::Wanted;
+use observer::{HeadingFrame, Observer};
+use pid::{ExactW, Wanted};
 use reentry::Limits;
 use takeoff::{SPOOL_UP_S, TakeOff};
 pub use trajectory::{Setpoint, Trajectory};
@@ -83,6 +83,8 @@ struct Correction {
     disturbance_mps2: Vector2<f64>,
     /// Turn from NED to the heading frame, if errors and feed-forward are turned \[rad\].
     heading_rad: Option<f64>,
+    /// Relation of w to the climb, if the climb is exact.
+    exact_w: Option<ExactW>,
     limits: Limits,
 }
 
@@ -216,13 +218,14 @@ impl Guidance {
             errors,
             disturbance_mps2: self.disturbance(&velocity_ned, &attitude, lapse),
             heading_rad: self.settings.heading_frame.then_some(psi),
+            exact_w: self.settings.exact_w.then(|| ExactW::new(state)),
             limits: self.limits(state.stamp.tick),
         };
         self.memory.age.observe(state, self.sample_ns);
         let delay_s = if self.leads_by_delay { self.memory.age.mean_s() } else { 0.0 };
         let ahead_s = t_s + self.settings.lead_s + delay_s;
         let heading_rad = self.heading_at(ahead_s);
-        let aim = self.aim(&correction, &self.trajectory.at(ahead_s), [heading_rad, 0.0], state);
+        let aim = self.aim(&correction, &self.trajectory.at(ahead_s), [heading_rad, 0.0]);
         self.unwind(&aim.clipped, correction.heading_rad.unwrap_or(0.0), lapse.counted_s);
         let mut reference = Reference {
             position_m: setpoint.position_m,
@@ -234,7 +237,7 @@ impl Guidance {
             flags: aim.flags | if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 },
             ..Reference::default()
         };
-        self.look_ahead(ahead_s, &correction, state, &mut reference);
+        self.look_ahead(ahead_s, &correction, &mut reference);
         reference
     }
 
@@ -253,18 +256,12 @@ impl Guidance {
 
     /// Aims by the feed-forward of `setpoint`, with the heading `heading_rad`, in whose direction the vehicle still turns
     /// by `turn_rad`.
-    fn aim(
-        &self,
-        correction: &Correction,
-        setpoint: &Setpoint,
-        [heading_rad, turn_rad]: [f64; 2],
-        state: &State,
-    ) -> Aim {
+    fn aim(&self, correction: &Correction, setpoint: &Setpoint, [heading_rad, turn_rad]: [f64; 2]) -> Aim {
         let Correction { errors, disturbance_mps2, limits, .. } = *correction;
-        let frame_rad = correction.heading_rad.map_or(0.0, |psi| psi + turn_rad);
-        let wanted = pid::wanted(&self.settings, &errors.map(|e| to_heading_frame(&e, frame_rad)));
-        let acceleration = to_heading_frame(&Vector3::from(setpoint.acceleration_mps2), frame_rad);
-        let disturbance = to_heading_frame(&disturbance_mps2.push(0.0), turn_rad);
+        let frame = HeadingFrame::new(correction.heading_rad.map_or(0.0, |psi| psi + turn_rad));
+        let wanted = pid::wanted(&self.settings, &errors.map(|e| frame.turn(&e)));
+        let acceleration = frame.turn(&Vector3::from(setpoint.acceleration_mps2));
+        let disturbance = HeadingFrame::new(turn_rad).turn(&disturbance_mps2.push(0.0));
 
         let mut angles = Vector2::new(wanted.phi_rad, wanted.theta_rad);
         if self.settings.acceleration_feedforward {
@@ -280,7 +277,7 @@ impl Guidance {
         let phi_rad = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, &mut flags);
         let theta_rad = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, &mut flags);
         let limited_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, &mut flags);
-        let w_mps = if self.settings.exact_w { pid::exact_w(limited_mps, state) } else { limited_mps };
+        let w_mps = correction.exact_w.map_or(limited_mps, |w| w.at(limited_mps));
         let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, &mut flags);
         let roll_zero = match self.settings.roll_reference {
             RollReference::Trim => self.roll_trim_rad,
@@ -299,7 +296,7 @@ impl Guidance {
     }
 
     /// Adds the preview to the `reference` with the feed-forward of `t_s`: what it is later if the correction stays.
-    fn look_ahead(&self, t_s: f64, correction: &Correction, state: &State, reference: &mut Reference) {
+    fn look_ahead(&self, t_s: f64, correction: &Correction, reference: &mut Reference) {
         let step_s = self.settings.preview_s / PREVIEW as f64;
         reference.preview_step_ns = libm::round(step_s * 1e9) as u64;
         if reference.preview_step_ns == 0 {
@@ -315,7 +312,7 @@ impl Guidance {
             turn_rad += angle::difference(later_rad, heading_rad);
             heading_rad = later_rad;
             let setpoint = self.trajectory.at(at_s);
-            let later = self.aim(correction, &setpoint, [heading_rad, turn_rad], state);
+            let later = self.aim(correction, &setpoint, [heading_rad, turn_rad]);
             let change = later.attitude_rad - now;
             *ahead = Ahead { w_mps: later.w_mps - w_mps, attitude_rad: [change.x, change.y, turn_rad] };
         }
@@ -353,7 +350,7 @@ impl Guidance {
         let excess = [(clipped.theta_rad, kp_theta), (clipped.phi_rad, kp_phi), (clipped.climb_mps, kp_w)]
             .map(|(clipped, kp)| if clipped == 0.0 || kp == 0.0 { 0.0 } else { clipped / kp });
         if excess != [0.0; 3] {
-            let back = to_heading_frame(&Vector3::from(excess), -frame_rad);
+            let back = HeadingFrame::new(frame_rad).back(&Vector3::from(excess));
             self.memory.integral_ms = within(&(self.memory.integral_ms - back * counted_s), integral_limit);
         }
     }

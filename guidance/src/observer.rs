@@ -50,7 +50,7 @@ impl Observer {
     ) -> Vector2<f64> {
         if step.elapsed_s > 0.0 {
             let acceleration =
-                to_heading_frame(&((velocity_ned_mps - self.velocity_ned_mps) / step.elapsed_s), psi_rad);
+                HeadingFrame::new(psi_rad).turn(&((velocity_ned_mps - self.velocity_ned_mps) / step.elapsed_s));
             let explained = Vector2::new(-g_mps2 * libm::tan(tilt_rad.y), g_mps2 * libm::tan(tilt_rad.x));
             for _ in 0..step.periods {
                 self.estimate_mps2 += (acceleration.xy() - explained - self.estimate_mps2) * step.gain;
@@ -61,8 +61,28 @@ impl Observer {
     }
 }
 
-/// Turns `ned` by `psi_rad` about the vertical: x ahead, y to the right, z down.
-pub fn to_heading_frame(ned: &Vector3<f64>, psi_rad: f64) -> Vector3<f64> {
-    let (sin, cos) = libm::sincos(psi_rad);
-    Vector3::new(cos * ned.x + sin * ned.y, cos * ned.y - sin * ned.x, ned.z)
+/// Frame with x ahead, y to the right, z down.
+#[derive(Debug, Clone, Copy)]
+pub struct HeadingFrame {
+    sin: f64,
+    cos: f64,
+}
+
+impl HeadingFrame {
+    /// Frame of the heading `psi_rad`.
+    pub fn new(psi_rad: f64) -> Self {
+        let (sin, cos) = libm::sincos(psi_rad);
+        Self { sin, cos }
+    }
+
+    /// Turns `ned` into this frame.
+    pub fn turn(&self, ned: &Vector3<f64>) -> Vector3<f64> {
+        let Self { sin, cos } = *self;
+        Vector3::new(cos * ned.x + sin * ned.y, cos * ned.y - sin * ned.x, ned.z)
+    }
+
+    /// Turns a vector of this frame back to NED.
+    pub fn back(&self, vector: &Vector3<f64>) -> Vector3<f64> {
+        Self { sin: -self.sin, ..*self }.turn(vector)
+    }
 }

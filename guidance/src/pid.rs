@@ -33,13 +33,36 @@ pub fn wanted(k: &Settings, [e, i, d]: &[Vector3<f64>; 3]) -> Wanted {
     }
 }
 
-/// Body z velocity at which the vertical speed is `climb_mps`, at the measured attitude and velocity \[m/s\]; at most
-/// the sum of measured speed and climb, which keeps it finite if the body z axis is horizontal.
-pub fn exact_w(climb_mps: f64, state: &State) -> f64 {
-    let [u, v, w] = state.measured.velocity_mps;
-    let (sin_phi, cos_phi) = libm::sincos(state.measured.attitude_rad[0]);
-    let (sin_theta, cos_theta) = libm::sincos(state.measured.attitude_rad[1]);
-    let exact = (climb_mps + u * sin_theta - v * sin_phi * cos_theta) / (cos_phi * cos_theta);
-    let most = (u * u + v * v + w * w).sqrt() + climb_mps.abs();
-    exact.clamp(-most, most)
+/// Relation of the body z velocity to the vertical speed, at a measured attitude and velocity.
+#[derive(Debug, Clone, Copy)]
+pub struct ExactW {
+    /// Parts of the vertical speed that the other two velocities have \[m/s\].
+    of_u_mps: f64,
+    of_v_mps: f64,
+    /// Share of w in the vertical speed.
+    of_w: f64,
+    speed_mps: f64,
+}
+
+impl ExactW {
+    /// Relation at the measurements of `state`.
+    pub fn new(state: &State) -> Self {
+        let [u, v, w] = state.measured.velocity_mps;
+        let (sin_phi, cos_phi) = libm::sincos(state.measured.attitude_rad[0]);
+        let (sin_theta, cos_theta) = libm::sincos(state.measured.attitude_rad[1]);
+        Self {
+            of_u_mps: u * sin_theta,
+            of_v_mps: v * sin_phi * cos_theta,
+            of_w: cos_phi * cos_theta,
+            speed_mps: (u * u + v * v + w * w).sqrt(),
+        }
+    }
+
+    /// Body z velocity at which the vertical speed is `climb_mps` \[m/s\]; at most the sum of measured speed and climb,
+    /// which keeps it finite if the body z axis is horizontal.
+    pub fn at(&self, climb_mps: f64) -> f64 {
+        let exact = (climb_mps + self.of_u_mps - self.of_v_mps) / self.of_w;
+        let most = self.speed_mps + climb_mps.abs();
+        exact.clamp(-most, most)
+    }
 }

@@ -165,7 +165,7 @@ fn exact_w_makes_the_wanted_climb() {
     let mut state = hovering(0);
     state.measured.attitude_rad = [0.4, -0.3, 1.0];
     state.measured.velocity_mps = [3.0, -2.0, 0.0];
-    state.measured.velocity_mps[2] = crate::pid::exact_w(-1.5, &state);
+    state.measured.velocity_mps[2] = crate::pid::ExactW::new(&state).at(-1.5);
     let [phi, theta, psi] = state.measured.attitude_rad;
     let to_ned = nalgebra::Rotation3::from_euler_angles(phi, theta, psi);
     let velocity = to_ned * nalgebra::Vector3::from(state.measured.velocity_mps);
