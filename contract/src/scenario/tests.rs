@@ -21,10 +21,10 @@ fn set_wins_over_file_over_profile() {
 
 #[test]
 fn a_profile_by_set_changes_the_defaults_underneath() {
-    let (_folder, path) = file(b"profile = \"robust\"\n[mpc]\nmax_iterations = 12\n");
+    let (_folder, path) = file(b"profile = \"robust\"\n[mpc]\ndisturbance_gain = 0.2\n");
     let scenario = load(Some(&path), &["profile=paper".into()]).unwrap();
     let paper = Scenario::from(Profile::Paper);
-    assert_eq!(scenario, Scenario { mpc: Mpc { max_iterations: 12, ..paper.mpc.clone() }, ..paper });
+    assert_eq!(scenario, Scenario { mpc: Mpc { disturbance_gain: 0.2, ..paper.mpc.clone() }, ..paper });
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn the_message_points_into_the_file_and_lists_all_problems() {
   |                ^^
   |
   = help: allowed: above 0, at most 90";
-    assert!(message.contains(first) && message.contains("gusty.toml:5:6"), "{message}");
+    assert!(message.contains(first) && message.contains("gusty.toml:5:18"), "{message}");
 }
 
 #[test]
