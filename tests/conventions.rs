@@ -63,7 +63,7 @@ fn every_shipped_file_and_every_record_fits_its_schema_and_an_unknown_key_does_n
         ("scenario", "mpc.r = [1.0, 1.0]"),
         ("campaign", "[settings]\nrun.duration = 3.0"),
         ("campaign", "[case.step]\nscenari = 'step.toml'"),
-        ("campaign", "[vary]\nmpc.np = { uniform = [1.0] }"),
+        ("campaign", "[vary]\nmpc.max_iterations = { uniform = [1.0] }"),
         ("campaign", "[[promise]]\nmetric = 'max_position_error_m'"),
     ] {
         let path = folder.path().join("wrong.toml");

@@ -130,7 +130,7 @@ fn check_accepted(scenario: &Scenario) {
     let again = from_merged(&to_toml(scenario), "merged").unwrap_or_else(|error| panic!("{error}\n{scenario:?}"));
     assert_eq!(&again, scenario);
     // Larger controllers take seconds to build.
-    if scenario.mpc.np * scenario.mpc.nu <= 500 && settings::check(scenario).is_ok() {
+    if scenario.np() * scenario.nu() <= 500 && settings::check(scenario).is_ok() {
         let _ = (Plant::new(scenario), Guidance::new(scenario), AttitudeMpc::new(scenario), Mixer::new(scenario));
     }
 }
@@ -147,7 +147,7 @@ proptest! {
     fn words_of_a_scenario_in_any_order(
         words in vec(prop_oneof![
             select(WORDS.to_vec()),
-            select(vec!["[run]\n", "[mpc]\n", "np", "nu", "q", "seed", "fault", "at_s", "target", "kind", "\"mixer\"", "1"]),
+            select(vec!["[run]\n", "[mpc]\n", "prediction_horizon_s", "control_horizon_s", "np", "q", "seed", "fault", "at_s", "target", "kind", "\"mixer\"", "1"]),
         ], 0..30),
     ) {
         check_scenario(words.concat().as_bytes(), &[]);

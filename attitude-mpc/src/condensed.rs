@@ -127,6 +127,7 @@ impl Condensed {
         follows: bool,
     ) -> Result<Self, ScenarioError> {
         let (n, weights) = (model.states(), &scenario.mpc);
+        let (np, nu) = (scenario.np(), scenario.nu());
         let r = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r));
         let r2 = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r_rate));
         let inputs = input_targets(model, follows);
@@ -135,33 +136,31 @@ impl Condensed {
         // States without a move, by (x; r; d; v), and the effect of each move on them.
         let mut free = DMatrix::zeros(n, n + GIVEN);
         free.columns_mut(0, n).fill_with_identity();
-        let mut forced = DMatrix::zeros(n, INPUTS * weights.nu);
-        let mut hessian = DMatrix::zeros(INPUTS * weights.nu, INPUTS * weights.nu);
-        let mut gradient = DMatrix::zeros(INPUTS * weights.nu, n + GIVEN);
-        let mut pull_of_changes = DMatrix::zeros(INPUTS * weights.nu, change_count(scenario));
-        let mut course = Course {
-            free: DMatrix::zeros(n * weights.nu, n + GIVEN),
-            forced: DMatrix::zeros(n * weights.nu, INPUTS * weights.nu),
-        };
+        let mut forced = DMatrix::zeros(n, INPUTS * nu);
+        let mut hessian = DMatrix::zeros(INPUTS * nu, INPUTS * nu);
+        let mut gradient = DMatrix::zeros(INPUTS * nu, n + GIVEN);
+        let mut pull_of_changes = DMatrix::zeros(INPUTS * nu, change_count(scenario));
+        let mut course =
+            Course { free: DMatrix::zeros(n * nu, n + GIVEN), forced: DMatrix::zeros(n * nu, INPUTS * nu) };
 
-        for k in 1..=weights.np {
-            let newest = (k - 1).min(weights.nu - 1); // after Nu the last move is held
+        for k in 1..=np {
+            let newest = (k - 1).min(nu - 1); // after Nu the last move is held
             free = &model.a * free;
             add(&mut free, 0, n + STATES, &model.e);
             forced = &model.a * forced;
             add(&mut forced, 0, INPUTS * newest, &model.b);
-            if k <= weights.nu {
+            if k <= nu {
                 course.free.rows_mut(n * (k - 1), n).copy_from(&free);
                 course.forced.rows_mut(n * (k - 1), n).copy_from(&forced);
             }
-            let pull = forced.transpose() * if k < weights.np { q } else { p };
+            let pull = forced.transpose() * if k < np { q } else { p };
             hessian += &pull * &forced; // (4)
             gradient += &pull * (&free - &targets);
             if pull_of_changes.ncols() > 0 {
                 add(&mut pull_of_changes, 0, STATES * (k - 1), &(pull * targets.columns(n, STATES)));
             }
         }
-        for k in 0..weights.nu {
+        for k in 0..nu {
             add(&mut hessian, INPUTS * k, INPUTS * k, &r);
             add(&mut gradient, INPUTS * k, 0, &-(&r * &inputs));
             add(&mut hessian, INPUTS * k, INPUTS * k, &r2);
@@ -188,7 +187,7 @@ impl Condensed {
 
 /// Number of the changes of the reference over the horizon, 7Np: 0 without a preview.
 pub fn change_count(scenario: &Scenario) -> usize {
-    if scenario.guidance.preview_s > 0.0 { STATES * scenario.mpc.np } else { 0 }
+    if scenario.guidance.preview_s > 0.0 { STATES * scenario.np() } else { 0 }
 }
 
 /// Weights `Q` and `P` of a model, n x n.
@@ -243,7 +242,7 @@ fn factor(hessian: &DMatrix<f64>) -> Result<Cholesky<f64, Dyn>, ScenarioError> {
 fn singular_hessian() -> ScenarioError {
     ScenarioError::of(
         "`mpc.r` is so small beside `mpc.q` that the moves of a plan cannot be told apart".into(),
-        "a larger `mpc.r`, a smaller `mpc.q`, or a shorter `mpc.nu`".into(),
+        "a larger `mpc.r`, a smaller `mpc.q`, or a shorter `mpc.control_horizon_s`".into(),
     )
 }
 

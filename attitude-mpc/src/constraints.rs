@@ -64,7 +64,7 @@ impl PlanSet {
         };
         let states = match scenario.mpc.state_constraints {
             StateConstraints::None => None,
-            StateConstraints::Soft => Some(StateLimits::new(&scenario.mpc, course, roll_trim_rad)),
+            StateConstraints::Soft => Some(StateLimits::new(scenario, course, roll_trim_rad)),
         };
         Some(Self { moves, states })
     }
@@ -125,18 +125,18 @@ impl PlanSet {
 }
 
 impl StateLimits {
-    fn new(settings: &Mpc, course: &Course, roll_trim_rad: f64) -> Self {
-        let Mpc { attitude_limit_deg, rates_limit_dps, .. } = settings;
+    fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Self {
+        let Mpc { attitude_limit_deg, rates_limit_dps, state_penalty, .. } = &scenario.mpc;
+        let rows = LIMITED * scenario.nu();
         let limits: Vec<f64> =
             attitude_limit_deg.iter().chain(rates_limit_dps).map(|limit| limit.to_radians()).collect();
-        let states = course.free.nrows() / settings.nu;
+        let states = course.free.nrows() / scenario.nu();
         // Limited states are x[1..7] of each sample; w and the lag states have no limit.
         let over_limit = |of: &DMatrix<f64>| {
-            DMatrix::from_fn(LIMITED * settings.nu, of.ncols(), |row, column| {
+            DMatrix::from_fn(rows, of.ncols(), |row, column| {
                 of[(states * (row / LIMITED) + 1 + row % LIMITED, column)] / limits[row % LIMITED]
             })
         };
-        let rows = LIMITED * settings.nu;
         let roll = roll_trim_rad / limits[0];
         Self {
             free: over_limit(&course.free),
@@ -144,7 +144,7 @@ impl StateLimits {
             origin: DVector::from_fn(rows, |row, _| if row % LIMITED == 0 { roll } else { 0.0 }),
             drift: DVector::zeros(rows),
             reached: DVector::zeros(rows),
-            penalty: settings.state_penalty,
+            penalty: *state_penalty,
         }
     }
 }

@@ -105,8 +105,8 @@ fn scenario(cfg: &Value) -> Scenario {
     let mpc = &mut scenario.mpc;
     mpc.q = std::array::from_fn(|i| number(&cfg["Q"][i]));
     mpc.r = std::array::from_fn(|i| number(&cfg["R"][i]));
-    mpc.np = cfg["Np"].as_u64().unwrap() as usize;
-    mpc.nu = cfg["Nu"].as_u64().unwrap() as usize;
+    mpc.prediction_horizon_s = number(&cfg["Np"]) * 0.01;
+    mpc.control_horizon_s = number(&cfg["Nu"]) * 0.01;
     mpc.terminal = match cfg["P"].as_str().unwrap() {
         "dare" => Terminal::Dare,
         "0" => Terminal::Zero,

@@ -215,7 +215,7 @@ impl AttitudeMpc {
             Law::Indi => (UnconstrainedLaw::Indi(Indi::new(level(), &weights.indi, sample_s)), None),
         };
         let (moves, changes) =
-            if weights.law == Law::Mpc { (weights.nu, condensed::change_count(scenario)) } else { (1, 0) };
+            if weights.law == Law::Mpc { (scenario.nu(), condensed::change_count(scenario)) } else { (1, 0) };
         Ok(Self {
             memory: Memory::new(states, model.trim.actuation),
             work: Work {

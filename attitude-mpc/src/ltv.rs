@@ -23,6 +23,9 @@ pub struct Ltv {
     /// Model at the measured state.
     pub flight: FlightModel,
     weights: Mpc,
+    /// Horizons Np and Nu \[samples\].
+    np: usize,
+    nu: usize,
     /// Weights `Q` and `P` at hover, n x n.
     stage: DMatrix<f64>,
     terminal: DMatrix<f64>,
@@ -53,9 +56,11 @@ impl Ltv {
             FlightPoint { velocity_mps: [0.0; 3], roll_rad: trim.roll_rad, pitch_rad: 0.0, rates_radps: [0.0; 3] };
         let flight = FlightModel::new(scenario, &hover);
         let (stage, terminal) = condensed::state_weights(&flight.model, &scenario.mpc)?;
-        let (n, moves) = (stage.nrows(), INPUTS * scenario.mpc.nu);
+        let (n, moves) = (stage.nrows(), INPUTS * scenario.nu());
         Ok(Self {
             weights: scenario.mpc.clone(),
+            np: scenario.np(),
+            nu: scenario.nu(),
             q: stage.clone(),
             p: terminal.clone(),
             stage,
@@ -105,8 +110,8 @@ impl Ltv {
         self.forced_next.fill(0.0);
         self.free.copy_from(&self.given.rows(0, n));
         let model = &self.flight.model;
-        for k in 1..=self.weights.np {
-            let newest = INPUTS * (k - 1).min(self.weights.nu - 1); // after Nu the last move is held
+        for k in 1..=self.np {
+            let newest = INPUTS * (k - 1).min(self.nu - 1); // after Nu the last move is held
             let moved = newest + INPUTS; // later moves have no effect yet
             self.free_next.gemv(1.0, &model.a, &self.free, 0.0);
             self.free_next.gemv(1.0, &model.e, &d, 1.0);
@@ -115,7 +120,7 @@ impl Ltv {
             std::mem::swap(&mut self.forced, &mut self.forced_next);
             let mut block = self.forced.columns_mut(newest, INPUTS);
             block += &model.b;
-            multiply(&mut self.pull, if k < self.weights.np { &self.q } else { &self.p }, &self.forced, moved);
+            multiply(&mut self.pull, if k < self.np { &self.q } else { &self.p }, &self.forced, moved);
             for column in 0..moved {
                 let forced = self.forced.column(column);
                 for row in 0..=column {

@@ -46,7 +46,7 @@ pub struct FlyArgs {
     /// Mode of the flight
     #[arg(long)]
     pub mode: Option<ModeArg>,
-    /// Override a setting, value in TOML: --set mpc.np=30 --set profile=paper
+    /// Override a setting, value in TOML: --set run.seed=3 --set profile=paper
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Folder for the results [default: runs/NAME-TIME]

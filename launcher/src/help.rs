@@ -61,7 +61,7 @@ pub const HELP: &[Help] = &[
         exits: FLIES,
     },
     help("new", &["new my-controller --lang c", "new my-guidance --lang c --node guidance"]),
-    help("check", &["check survey", "check mine.toml --set mpc.np=30"]),
+    help("check", &["check survey", "check mine.toml --set mpc.prediction_horizon_s=0.3"]),
     Help {
         command: "doctor",
         examples: &["doctor", "doctor scenarios/survey.toml --json"],

@@ -172,7 +172,7 @@ fn check(overrides: &[String]) {
 /// Returns whether the plan is one of a size that can be built again and again.
 fn is_small(overrides: &[String]) -> bool {
     let scenario = contract::scenario::load(None, overrides);
-    scenario.is_err() || scenario.is_ok_and(|scenario| scenario.mpc.np * scenario.mpc.nu <= LARGEST_PLAN)
+    scenario.is_err() || scenario.is_ok_and(|scenario| scenario.np() * scenario.nu() <= LARGEST_PLAN)
 }
 
 proptest! {

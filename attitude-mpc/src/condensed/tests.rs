@@ -16,12 +16,12 @@ fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
 /// Cost (4) as printed, by running the model; `changes` are those of the reference, or none.
 fn cost(
     model: &PredictionModel,
-    weights: &Mpc,
+    scenario: &Scenario,
     given: &DVector<f64>,
     changes: &DVector<f64>,
     plan: &DVector<f64>,
 ) -> f64 {
-    let n = model.states();
+    let (n, weights) = (model.states(), &scenario.mpc);
     let (q, r) = stage_weights(n, weights);
     let p = terminal_weight(model, weights, &q, &r).unwrap();
     let d = Vector4::from_column_slice(given.rows(n + STATES, INPUTS).as_slice());
@@ -30,7 +30,7 @@ fn cost(
     let mut x = given.rows(0, n).into_owned();
     let mut next = x.clone();
     let mut sum = 0.0;
-    for k in 0..weights.np {
+    for k in 0..scenario.np() {
         let mut target = DVector::zeros(n);
         target.rows_mut(0, STATES).copy_from(&given.rows(n, STATES));
         if !changes.is_empty() {
@@ -44,13 +44,13 @@ fn cost(
         if model.has_lag() {
             target.rows_mut(STATES, INPUTS).copy_from(&held);
         }
-        let newest = INPUTS * k.min(weights.nu - 1);
+        let newest = INPUTS * k.min(scenario.nu() - 1);
         let u = Vector4::from_column_slice(plan.rows(newest, INPUTS).as_slice());
         model.predict(&x, &u, &d, &mut next);
         x.copy_from(&next);
         let miss = &x - &target;
-        sum += (miss.transpose() * if k + 1 < weights.np { &q } else { &p } * miss)[0];
-        if k < weights.nu {
+        sum += (miss.transpose() * if k + 1 < scenario.np() { &q } else { &p } * miss)[0];
+        if k < scenario.nu() {
             sum += ((u - held).transpose() * &r * (u - held))[0] + ((u - last).transpose() * &r2 * (u - last))[0];
             last = u;
         }
@@ -62,30 +62,31 @@ fn cost(
 fn the_gain_minimises_the_printed_cost() {
     let r_rate = [0.2, 100.0, 30.0, 50.0];
     let settings = [
-        (Profile::Paper, 10, 5, Terminal::Zero, 0.0, [0.0; 4]),
-        (Profile::Robust, 20, 5, Terminal::Dare, 0.0, r_rate),
-        (Profile::Robust, 20, 5, Terminal::Dare, 0.1, [0.0; 4]),
-        (Profile::Robust, 3, 3, Terminal::Q, 0.0, r_rate),
-        (Profile::Paper, 1, 1, Terminal::Q, 0.1, r_rate),
+        (Profile::Paper, 0.1, 0.05, Terminal::Zero, 0.0, [0.0; 4]),
+        (Profile::Robust, 0.2, 0.05, Terminal::Dare, 0.0, r_rate),
+        (Profile::Robust, 0.2, 0.05, Terminal::Dare, 0.1, [0.0; 4]),
+        (Profile::Robust, 0.03, 0.03, Terminal::Q, 0.0, r_rate),
+        (Profile::Paper, 0.01, 0.01, Terminal::Q, 0.1, r_rate),
     ];
     for (setting, preview_s) in settings.into_iter().flat_map(|setting| [(setting, 0.0), (setting, 0.4)]) {
-        let (profile, np, nu, terminal, disturbance_gain, r_rate) = setting;
+        let (profile, prediction_horizon_s, control_horizon_s, terminal, disturbance_gain, r_rate) = setting;
         let mut scenario = Scenario::from(profile);
-        scenario.mpc = Mpc { np, nu, terminal, disturbance_gain, r_rate, ..scenario.mpc };
+        scenario.mpc =
+            Mpc { prediction_horizon_s, control_horizon_s, terminal, disturbance_gain, r_rate, ..scenario.mpc };
         scenario.guidance.preview_s = preview_s;
         let (model, condensed) = condensed(&scenario);
         let given = DVector::from_fn(model.states() + GIVEN, |i, _| (1.0 + i as f64).sin() * 0.3);
         let changes = DVector::from_fn(change_count(&scenario), |i, _| (2.0 + 3.0 * i as f64).cos() * 0.3);
-        let mut plan = DVector::zeros(INPUTS * nu);
+        let mut plan = DVector::zeros(INPUTS * scenario.nu());
         condensed.gain.add_plan(1.0, &given, &changes, plan.as_view_mut());
-        let least = cost(&model, &scenario.mpc, &given, &changes, &plan);
+        let least = cost(&model, &scenario, &given, &changes, &plan);
         for i in 0..plan.len() {
             // At a distance e from the minimum, either way, a quadratic with Hessian 2 H has grown by H_ii e^2.
             let step = (1e-2 * least / condensed.hessian[(i, i)]).sqrt();
             for e in [step, -step] {
                 let mut other = plan.clone();
                 other[i] += e;
-                let growth = cost(&model, &scenario.mpc, &given, &changes, &other) - least;
+                let growth = cost(&model, &scenario, &given, &changes, &other) - least;
                 let expected = condensed.hessian[(i, i)] * e * e;
                 assert!((growth / expected - 1.0).abs() < 1e-6, "{profile:?} {i}: {growth} is not {expected}");
             }
@@ -125,7 +126,7 @@ fn the_disturbance_is_cancelled_at_rest() {
 #[test]
 fn the_longest_horizon_is_still_finite() {
     let mut scenario = Scenario::default();
-    (scenario.mpc.np, scenario.mpc.nu) = (200, 20);
+    (scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s) = (2.0, 0.2);
     let (_, condensed) = condensed(&scenario);
     assert!(condensed.gain.given.iter().all(|k| k.is_finite()));
 }
@@ -141,7 +142,8 @@ fn weights_that_rounding_makes_singular_are_refused() {
     };
     for profile in [Profile::Paper, Profile::Robust] {
         assert!(share(profile, |_| {}) > Some(0.05), "as shipped");
-        assert!(share(profile, |mpc| (mpc.np, mpc.nu) = (200, 200)) > Some(1e-3), "with as many moves as there may be");
+        let most = share(profile, |mpc| (mpc.prediction_horizon_s, mpc.control_horizon_s) = (2.0, 2.0));
+        assert!(most > Some(1e-3), "with as many moves as there may be");
         assert!(share(profile, |mpc| mpc.r = [1e-12; 4]) > Some(1e-5));
         // Two moves with almost the same effect on the heading.
         let alike = share(profile, |mpc| (mpc.q, mpc.r) = ([0.0, 0.0, 0.0, 1e12, 0.0, 0.0, 0.0], [1e-12; 4]));

@@ -108,7 +108,7 @@ fn ltv_is_the_condensed_problem_of_the_model() {
         let given = DVector::from_fn(n + condensed::GIVEN, |i, _| 0.1 * (1.0 + i as f64).sin());
         let changes = DVector::from_fn(condensed::change_count(&scenario), |i, _| 0.1 * (3.0 * i as f64).cos());
         let attitude_rad = [0.15, -0.3];
-        let mut ours = DVector::zeros(4 * scenario.mpc.nu);
+        let mut ours = DVector::zeros(4 * scenario.nu());
         let mut ltv = Ltv::new(&scenario).unwrap();
         ltv.observe(&measured);
         for _ in 0..2 {

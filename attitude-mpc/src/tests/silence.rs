@@ -158,8 +158,9 @@ fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec
 fn a_plan_of_many_moves_at_its_limits_is_continued_bit_by_bit() {
     for (moves, fits) in [(20, true), (60, false)] {
         let mut scenario = Scenario::default();
-        (scenario.mpc.solver, scenario.mpc.np, scenario.mpc.nu) = (Solver::ActiveSet, moves, moves);
-        scenario.mpc.max_iterations = 1000;
+        let horizon_s = f64::from(moves) * scenario.sample_s();
+        (scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s) = (horizon_s, horizon_s);
+        (scenario.mpc.solver, scenario.mpc.max_iterations) = (Solver::ActiveSet, 1000);
         let tumbling = |tick: u32| ([20.0 - f64::from(tick), 1.2, -1.2, 10.0, 10.0, 10.0, 3.0], 0);
         let path: Vec<_> = (0..8).map(tumbling).collect();
         for [one, other] in continued(&scenario, &path, 4) {
@@ -195,7 +196,8 @@ proptest! {
         }
         scenario.mpc.time_limit_ms = 0.0;
         scenario.mpc.law = law;
-        (scenario.mpc.np, scenario.mpc.nu) = (moves.max(scenario.mpc.np), moves);
+        scenario.mpc.control_horizon_s = f64::from(moves) * scenario.sample_s();
+        scenario.mpc.prediction_horizon_s = scenario.mpc.prediction_horizon_s.max(scenario.mpc.control_horizon_s);
         for [one, other] in continued(&scenario, &path, until) {
             prop_assert_eq!(one, other);
         }

@@ -11,6 +11,8 @@ mod swaps;
 #[cfg(test)]
 mod tests;
 
+use std::ops::RangeBounds;
+
 use airframe::Trim;
 use toml::{Table, Value};
 
@@ -20,6 +22,7 @@ pub use self::ranges::range_of;
 pub use self::swaps::LoadCandidate;
 
 use self::found::Found;
+use self::ranges::MAX_HORIZON;
 use super::{
     Fault, Heading, Late, Law, Mission, Model, Plant, Ramp, RampName, Scenario, StateConstraints, TrajectoryKind,
     Turbulence,
@@ -305,12 +308,9 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         format!("`guidance.disturbance_observer_radps` = {bandwidth_radps:?} is out of range"),
         &format!("at least 0, below {rate_hz}: beyond the sample rate it is no filter"),
     );
-    found.require(
-        mpc.nu <= mpc.np,
-        &["mpc.nu", "mpc.np"],
-        format!("`mpc.nu` = {} is longer than `mpc.np` = {}", mpc.nu, mpc.np),
-        "1 <= nu <= np <= 200",
-    );
+    if range_of("run.rate_hz").contains(&f64::from(rate_hz)) {
+        check_horizons(scenario, found);
+    }
     found.require(
         match mpc.law {
             Law::Mpc => true,
@@ -359,6 +359,45 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         "0 for no preview, or at least 0.01",
     );
     found.require(!scenario.name.trim().is_empty(), &["name"], "`name` is empty".into(), "what the run is called");
+}
+
+/// Requires 1 <= Nu <= Np <= 200, in samples at the rate of `scenario`.
+fn check_horizons(scenario: &Scenario, found: &mut Found) {
+    let (mpc, rate_hz) = (&scenario.mpc, scenario.run.rate_hz);
+    let seconds = |samples: usize| samples as f64 / f64::from(rate_hz);
+    let horizons = [
+        ("mpc.prediction_horizon_s", mpc.prediction_horizon_s, scenario.np()),
+        ("mpc.control_horizon_s", mpc.control_horizon_s, scenario.nu()),
+    ];
+    let are_possible = horizons.map(|(key, time_s, samples)| {
+        let is_possible = (1..=MAX_HORIZON).contains(&samples);
+        if !is_possible {
+            found.0.retain(|other| other.keys != [key]); // the range of any rate says less
+        }
+        found.require(
+            is_possible,
+            &[key],
+            format!("`{key}` = {time_s:?} is {samples} samples at {rate_hz} Hz"),
+            &format!("{} to {} at this rate, 1 to {MAX_HORIZON} samples", seconds(1), seconds(MAX_HORIZON)),
+        );
+        is_possible
+    });
+    let [(prediction, prediction_s, np), (control, control_s, nu)] = horizons;
+    found.require(
+        nu <= np || are_possible != [true; 2],
+        &[control, prediction],
+        format!(
+            "`{control}` = {control_s:?} is longer than `{prediction}` = {prediction_s:?}: {nu} and {np} samples at \
+             {rate_hz} Hz"
+        ),
+        &format!(
+            "`{control}` of {} to {}, or `{prediction}` of {} to {}",
+            seconds(1),
+            seconds(np),
+            seconds(nu),
+            seconds(MAX_HORIZON)
+        ),
+    );
 }
 
 fn check_deadlines(scenario: &Scenario, found: &mut Found) {

@@ -110,10 +110,12 @@ pub struct Mpc {
     /// Diagonal of the weight on the change of col \[1/N2\] and of lon, lat, ped \[1/(N m)2\] from sample to sample,
     /// for `mpc` only: R2 of Table IV, zero in the paper.
     pub r_rate: [f64; 4],
-    /// Prediction horizon Np \[samples\]; by default 0.2 s in profile `robust`, at most 200.
-    pub np: usize,
-    /// Control horizon Nu \[samples\], at most `np`; by default 0.05 s in profile `robust`, at most 20.
-    pub nu: usize,
+    /// Prediction horizon \[s\]: Np, the nearest whole number of samples, is 1 to 200. By default no more than 200
+    /// samples in profile `robust`.
+    pub prediction_horizon_s: f64,
+    /// Control horizon \[s\], in which the plan moves: Nu, the nearest whole number of samples, is 1 to Np. By default no
+    /// more than 20 samples in profile `robust`.
+    pub control_horizon_s: f64,
     /// Terminal weight P.
     pub terminal: Terminal,
     /// Actuator constraints on the moves.

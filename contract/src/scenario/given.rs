@@ -171,17 +171,18 @@ mod tests {
         let base = Given::default();
         for (key, value, expected) in [
             ("mpc.npp", "3", "unknown key `mpc.npp`"),
-            ("mpc.np", "\"many\"", "`mpc.np`"),
-            ("mpc.np", "2.5", "`mpc.np`"),
+            ("mpc.max_iterations", "\"many\"", "`mpc.max_iterations`"),
+            ("mpc.max_iterations", "2.5", "`mpc.max_iterations`"),
+            ("mpc.nu", "2", "`mpc.nu` is now `mpc.control_horizon_s`"),
             ("plant.airframe.mass_kg", "-1.0", "plant.airframe.mass_kg"),
         ] {
             let refused = base.scenario(&settings(&[(key, value)])).unwrap_err().to_string();
             assert!(refused.contains(expected), "{refused}");
         }
-        let wrong: Table = "mpc.npp = 3".parse().unwrap();
+        let wrong: Table = "mpc.qq = 3".parse().unwrap();
         let refused = base.with(&wrong, "[settings] of x.toml").unwrap_err().to_string();
         assert!(
-            refused.contains("[settings] of x.toml: unknown key `mpc.npp`") && refused.contains("`mpc.np`"),
+            refused.contains("[settings] of x.toml: unknown key `mpc.qq`") && refused.contains("`mpc.q`"),
             "{refused}"
         );
     }

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 
 use super::program::{drop_replaced_programs, find_programs};
 use super::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
-use super::{Fault, Scenario, Sensors, Swap, check, profile, shape};
+use super::{Fault, Profile, Scenario, Sensors, Swap, check, profile, shape};
 
 /// Loads the scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the
 /// defaults of the profile they choose. Without a file the overrides are laid on the defaults alone.
@@ -40,14 +40,14 @@ pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> 
 /// file made from this keeps following them.
 pub fn to_toml_that_follows(scenario: &Scenario) -> String {
     let (own, derived) = (&scenario.mpc, defaults_of(scenario).mpc);
-    let r = Value::try_from(own.r).expect("numbers have a form in TOML");
-    let following = [
-        ("vehicle", format!("r = {r}"), own.r == derived.r),
-        ("rate", format!("np = {}", own.np), own.np == derived.np),
-        ("rate", format!("nu = {}", own.nu), own.nu == derived.nu),
-    ];
-    let follows = following.into_iter().filter(|(_, _, is_derived)| *is_derived);
-    follows.fold(to_toml(scenario), |text, (of, line, _)| {
+    let [own, derived] = [own, &derived].map(|mpc| Table::try_from(mpc).expect("settings have a form in TOML"));
+    let mut following = vec![("vehicle", "r")];
+    if scenario.profile == Profile::Robust {
+        following.extend([("rate", "prediction_horizon_s"), ("rate", "control_horizon_s")]);
+    }
+    let follows = following.into_iter().filter(|(_, key)| own[*key] == derived[*key]);
+    follows.fold(to_toml(scenario), |text, (of, key)| {
+        let line = format!("{key} = {}", own[key]);
         text.replacen(&format!("\n{line}\n"), &format!("\n# of the {of}: {line}\n"), 1)
     })
 }

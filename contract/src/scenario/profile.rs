@@ -35,8 +35,8 @@ const MOST_MOVES: f64 = 20.0;
 
 /// Adapts the defaults `scenario` of a profile to the `vehicle` that its controllers know: actuators and parameters of
 /// its preset, and the weights of its inputs. The weights are scaled with mass and inertia so that the same
-/// acceleration costs the same, and the closed loop has the same poles. In profile `robust` the horizon has the same
-/// length in seconds at every rate.
+/// acceleration costs the same, and the closed loop has the same poles. The horizons of profile `robust` end where a
+/// solve would take too long.
 pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters, rate_hz: u32) -> Scenario {
     let before = scenario.airframe;
     let ratios = [
@@ -56,12 +56,13 @@ pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters, rate_hz: u32
             ..scenario.plant
         },
     };
-    let samples = |time_s: f64, most: f64| libm::round(time_s * f64::from(rate_hz)).clamp(1.0, most) as usize;
-    let [np, nu] = match scenario.profile {
-        Profile::Paper => [scenario.mpc.np, scenario.mpc.nu],
-        Profile::Robust => [samples(HORIZON_S, MOST_SAMPLES), samples(MOVES_S, MOST_MOVES)],
+    let capped_s = |time_s: f64, most: f64| time_s.min(most / f64::from(rate_hz));
+    let [prediction_horizon_s, control_horizon_s] = match scenario.profile {
+        Profile::Paper => [scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s],
+        Profile::Robust => [capped_s(HORIZON_S, MOST_SAMPLES), capped_s(MOVES_S, MOST_MOVES)],
     };
-    Scenario { airframe: vehicle.preset.into(), plant, mpc: Mpc { r, np, nu, ..scenario.mpc }, ..scenario }
+    let mpc = Mpc { r, prediction_horizon_s, control_horizon_s, ..scenario.mpc };
+    Scenario { airframe: vehicle.preset.into(), plant, mpc, ..scenario }
 }
 
 impl Default for Scenario {
@@ -151,8 +152,8 @@ fn paper() -> Scenario {
             q: [1e2, 1e3, 1e3, 1e3, 1e4, 1e4, 1e4],
             r: [0.1, 0.1, 0.001, 0.001],
             r_rate: [0.0; 4],
-            np: 10,
-            nu: 5,
+            prediction_horizon_s: 0.1,
+            control_horizon_s: 0.05,
             terminal: Terminal::Zero,
             constraints: Constraints::None,
             solver: Solver::Clarabel,
@@ -238,7 +239,7 @@ fn robust() -> Scenario {
         mpc: Mpc {
             q: [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0],
             r: [0.4, 300.0, 85.0, 300.0],
-            np: 20,
+            prediction_horizon_s: HORIZON_S,
             terminal: Terminal::Dare,
             constraints: Constraints::Cone,
             actuator_lag_model_s: 0.03,

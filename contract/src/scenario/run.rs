@@ -129,6 +129,21 @@ impl Scenario {
         1.0 / f64::from(self.run.rate_hz)
     }
 
+    /// Prediction horizon Np \[samples\].
+    pub fn np(&self) -> usize {
+        self.nearest_samples(self.mpc.prediction_horizon_s)
+    }
+
+    /// Control horizon Nu \[samples\].
+    pub fn nu(&self) -> usize {
+        self.nearest_samples(self.mpc.control_horizon_s)
+    }
+
+    /// Rounds a time to samples; a half is rounded up, also where its product with the rate is a little below it.
+    fn nearest_samples(&self, time_s: f64) -> usize {
+        libm::round(time_s * f64::from(self.run.rate_hz) + 1e-6) as usize
+    }
+
     /// Number of periods in the run.
     pub fn ticks(&self) -> u64 {
         (self.run.duration_s * f64::from(self.run.rate_hz)).round().max(1.0) as u64

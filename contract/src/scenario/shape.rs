@@ -14,6 +14,9 @@ use super::{
     Wrong,
 };
 
+/// Keys that were given in samples, with those in seconds that replace them.
+const IN_SECONDS: [(&str, &str); 2] = [("mpc.np", "mpc.prediction_horizon_s"), ("mpc.nu", "mpc.control_horizon_s")];
+
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
 
 /// Reads the settings of `source`, or returns the problems with their shape.
@@ -166,10 +169,15 @@ impl Keys<'_, '_> {
         for (name, value) in given {
             let key = join(path, name.get_ref());
             let (title, span, help) = match (known.get(name.get_ref().as_ref()), value.get_ref()) {
-                (None, _) => {
-                    let help = self.nearest(path, name.get_ref(), known);
-                    (format!("unknown key `{}`", shortened(&key)), name.span(), help)
-                }
+                (None, _) => match IN_SECONDS.iter().find(|(old, _)| *old == key) {
+                    Some((old, new)) => {
+                        (format!("`{old}` is now `{new}`, in seconds"), name.span(), self.in_seconds(old, new))
+                    }
+                    None => {
+                        let help = self.nearest(path, name.get_ref(), known);
+                        (format!("unknown key `{}`", shortened(&key)), name.span(), help)
+                    }
+                },
                 (Some(Value::Table(known)), DeValue::Table(given)) => {
                     if !has_any_keys(&key) {
                         self.check(&key, given, known);
@@ -188,6 +196,24 @@ impl Keys<'_, '_> {
             if self.problems.len() > MAX_PROBLEMS {
                 return; // a file may have a million wrong keys
             }
+        }
+    }
+
+    /// Returns help on the key `old`, a number of samples: its value as that of the key `new`, at the rate that this source
+    /// sets, or else at that of the profiles.
+    fn in_seconds(&self, old: &str, new: &str) -> String {
+        let number = |of: &Table, key: &str| {
+            let (table, name) = key.split_once('.')?;
+            u32::try_from(of.get(table)?.get(name)?.as_integer()?).ok().filter(|number| *number > 0)
+        };
+        let given: Table = self.source.text.parse().unwrap_or_default();
+        let rate_hz = number(&given, "run.rate_hz").or_else(|| number(self.example, "run.rate_hz"));
+        match (number(&given, old), rate_hz) {
+            (Some(samples), Some(rate_hz)) => {
+                let time_s = f64::from(samples) / f64::from(rate_hz);
+                format!("{samples} samples at {rate_hz} Hz are `{new} = {time_s:?}`")
+            }
+            _ => format!("`{new}` is the number of samples by `run.rate_hz`"),
         }
     }
 

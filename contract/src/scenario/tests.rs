@@ -21,10 +21,10 @@ fn set_wins_over_file_over_profile() {
 
 #[test]
 fn a_profile_by_set_changes_the_defaults_underneath() {
-    let (_folder, path) = file(b"profile = \"robust\"\n[mpc]\nnp = 12\n");
+    let (_folder, path) = file(b"profile = \"robust\"\n[mpc]\ndisturbance_gain = 0.2\n");
     let scenario = load(Some(&path), &["profile=paper".into()]).unwrap();
     let paper = Scenario::from(Profile::Paper);
-    assert_eq!(scenario, Scenario { mpc: Mpc { np: 12, ..paper.mpc.clone() }, ..paper });
+    assert_eq!(scenario, Scenario { mpc: Mpc { disturbance_gain: 0.2, ..paper.mpc.clone() }, ..paper });
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn errors_in_the_shape_name_the_key_and_the_fix() {
         ("bounds.x=3", &["unknown key `bounds.x`", "known in `bounds`: final_position_error_m, max_alt"]),
         ("plant.rotor_lag_s=slow", &["`plant.rotor_lag_s`", "string \"slow\", expected a number", "= 0.03"]),
         ("run.seed=-1", &["`run.seed`", "integer `-1`, expected a whole number"]),
-        ("mpc.np=2.5", &["`mpc.np`", "expected a whole number"]),
+        ("mpc.max_iterations=2.5", &["`mpc.max_iterations`", "expected a whole number"]),
         ("run.mode=lockstpe", &["`run.mode`", "expected one of `realtime`, `lockstep`, `inprocess`"]),
         ("run.mode.x=1", &["`run.mode` is not a table", "run.mode = \"realtime\""]),
         ("run=3", &["`run` is a table", "duration_s, mode, rate_hz, seed"]),
@@ -91,7 +91,7 @@ fn errors_in_the_shape_name_the_key_and_the_fix() {
 
 #[test]
 fn the_message_points_into_the_file_and_lists_all_problems() {
-    let text = "# gusty\n[plant]\ntilt_max_deg = 95\n[mpc]\nnp = 0\n";
+    let text = "# gusty\n[plant]\ntilt_max_deg = 95\n[mpc]\nmax_iterations = 0\n";
     let message = from_merged(text, "gusty.toml").unwrap_err().to_string();
     let first = "error: `plant.tilt_max_deg` = 95.0 is out of range
  --> gusty.toml:3:16
@@ -100,7 +100,7 @@ fn the_message_points_into_the_file_and_lists_all_problems() {
   |                ^^
   |
   = help: allowed: above 0, at most 90";
-    assert!(message.contains(first) && message.contains("gusty.toml:5:6"), "{message}");
+    assert!(message.contains(first) && message.contains("gusty.toml:5:18"), "{message}");
 }
 
 #[test]
@@ -256,20 +256,73 @@ fn the_weights_of_the_inputs_follow_the_vehicle_unless_they_are_given() {
     assert_eq!(drawn.mpc.r[0], default[0] / 4.0, "a campaign's draw too");
 }
 
+/// Settings as `--set` gives them, with the horizons \[samples\] that they make.
+fn horizons(settings: &[&str]) -> [usize; 2] {
+    let scenario = from_set(settings).unwrap_or_else(|error| panic!("{settings:?}: {error}"));
+    [scenario.np(), scenario.nu()]
+}
+
 #[test]
-fn the_horizon_of_the_robust_profile_has_the_same_length_at_every_rate() {
-    let samples = |settings: &[&str]| {
-        let settings: Vec<String> = settings.iter().map(|&set| set.to_owned()).collect();
-        let mpc = load(None, &settings).unwrap().mpc;
-        [mpc.np, mpc.nu]
-    };
-    for (rate, expected) in
-        [("50", [10, 3]), ("100", [20, 5]), ("250", [50, 13]), ("500", [100, 20]), ("2000", [200, 20])]
-    {
+fn a_horizon_has_the_same_length_at_every_rate() {
+    for (rate, robust, paper, given) in [
+        ("50", [10, 3], [5, 3], [15, 4]),
+        ("100", [20, 5], [10, 5], [30, 7]),
+        ("250", [50, 13], [25, 13], [75, 18]),
+        ("500", [100, 20], [50, 25], [150, 35]),
+        ("2000", [200, 20], [200, 100], [200, 140]),
+    ] {
         let rate = format!("run.rate_hz={rate}");
-        assert_eq!(samples(&[&rate]), expected, "{rate}");
-        assert_eq!(samples(&["profile=paper", &rate]), [10, 5], "the paper's numbers are samples");
-        assert_eq!(samples(&["mpc.np=30", "mpc.nu=7", &rate]), [30, 7], "given numbers stay");
+        assert_eq!(horizons(&[&rate]), robust, "{rate}: at most 200 samples and 20 moves by default");
+        assert_eq!(horizons(&["profile=paper", &rate]), paper, "{rate}");
+        let horizon = if given[0] == 200 { "mpc.prediction_horizon_s=0.1" } else { "mpc.prediction_horizon_s=0.3" };
+        assert_eq!(horizons(&[horizon, "mpc.control_horizon_s=0.07", &rate]), given, "{rate}");
+    }
+    let fast = from_set(&["run.rate_hz=2000"]).unwrap().mpc;
+    assert_eq!([fast.prediction_horizon_s, fast.control_horizon_s], [0.1, 0.01], "what is flown is what is written");
+}
+
+#[test]
+fn a_horizon_has_the_nearest_whole_number_of_samples() {
+    for samples in 1..=200_usize {
+        let time_s = samples as f64 / 100.0;
+        let set = [time_s, time_s].map(|time_s| format!("{time_s}"));
+        let set = [format!("mpc.prediction_horizon_s={}", set[0]), format!("mpc.control_horizon_s={}", set[1])];
+        assert_eq!(horizons(&[&set[0], &set[1]]), [samples; 2]);
+    }
+    // 0.145 * 100 is less than 14.5 in floating point.
+    for (time_s, samples) in [("0.124", 12), ("0.125", 13), ("0.145", 15), ("0.155", 16), ("0.1449", 14)] {
+        assert_eq!(horizons(&[&format!("mpc.prediction_horizon_s={time_s}")])[0], samples, "{time_s}");
+    }
+    for (set, expected) in [
+        ("mpc.prediction_horizon_s=30", "`mpc.prediction_horizon_s` = 30.0 is 3000 samples at 100 Hz"),
+        ("mpc.control_horizon_s=0.0049", "`mpc.control_horizon_s` = 0.0049 is 0 samples at 100 Hz"),
+        ("mpc.control_horizon_s=-0.05", "is 0 samples at 100 Hz"),
+    ] {
+        let refused = from_set(&[set]).expect_err(set).to_string();
+        assert!(refused.contains(expected) && refused.contains("allowed: 0.01 to 2 at this rate"), "{refused}");
+        assert_eq!(refused.matches("error: ").count(), 1, "one mistake: {refused}");
+    }
+}
+
+#[test]
+fn horizons_in_samples_are_refused_with_their_seconds() {
+    for (text, expected) in [
+        (
+            "mpc.np = 30",
+            [
+                "`mpc.np` is now `mpc.prediction_horizon_s`, in seconds",
+                "at 100 Hz are `mpc.prediction_horizon_s = 0.3`",
+            ],
+        ),
+        (
+            "run.rate_hz = 250\n[mpc]\nnu = 7",
+            ["`mpc.nu` is now `mpc.control_horizon_s`", "7 samples at 250 Hz are `mpc.control_horizon_s = 0.028`"],
+        ),
+        ("mpc.nu = 'many'", ["`mpc.nu` is now", "the number of samples by `run.rate_hz`"]),
+        ("run = 3\nmpc.np = -1", ["`mpc.np` is now", "the number of samples by `run.rate_hz`"]),
+    ] {
+        let refused = from_merged(text, "old.toml").unwrap_err().to_string();
+        assert!(expected.iter().all(|part| refused.contains(part)), "{refused}");
     }
 }
 
@@ -283,7 +336,15 @@ fn a_file_made_from_a_check_follows_its_vehicle_and_the_record_of_a_flight_does_
     }
     let lighter = |text: &str| load_text(text, "x", &["airframe.mass_kg=1.1".into()]).unwrap().mpc.r[0];
     assert_eq!([lighter(&checked), lighter(&recorded)], [0.4, 0.1]);
-    let own = load(None, &["mpc.r=[1.0, 2.0, 3.0, 4.0]", "mpc.np=30", "mpc.nu=7"].map(String::from)).unwrap();
+    let slow = load_text(&to_toml_that_follows(&load(None, &[]).unwrap()), "x", &["run.rate_hz=2000".into()]).unwrap();
+    assert_eq!([slow.np(), slow.nu()], [200, 20], "the horizons follow the rate");
+    let paper = to_toml_that_follows(&load(None, &["profile=paper".into()]).unwrap());
+    assert!(!paper.contains("# of the rate"), "its horizons do not: {paper}");
+    let own = load(
+        None,
+        &["mpc.r=[1.0, 2.0, 3.0, 4.0]", "mpc.prediction_horizon_s=0.3", "mpc.control_horizon_s=0.07"].map(String::from),
+    )
+    .unwrap();
     assert!(to_toml_that_follows(&own) == to_toml(&own), "nothing of it follows");
 }
 

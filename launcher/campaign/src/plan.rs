@@ -282,7 +282,8 @@ mod tests {
 
     #[test]
     fn more_samples_leave_the_first_ones_unchanged() {
-        let [few, many] = [3, 30].map(|n| plan(&format!("samples = {n}\n[vary]\nmpc.np = {{ integer = [20, 30] }}")));
+        let [few, many] =
+            [3, 30].map(|n| plan(&format!("samples = {n}\n[vary]\nmpc.max_iterations = {{ integer = [20, 30] }}")));
         for number in 0..3 {
             assert_eq!(few.flight(number).scenario.unwrap(), many.flight(number).scenario.unwrap());
         }
@@ -309,8 +310,8 @@ mod tests {
     fn a_column_of_draws_does_not_depend_on_the_rest_of_the_file() {
         let two =
             ["plant.airframe.mass_kg = { uniform = [1.0, 1.2] }\n", "run.command_delay_ms = { uniform = [0, 9] }\n"];
-        let more = "initial.attitude_deg.0 = { uniform = [-9, 9] }\nmpc.np = { integer = [20, 30] }\n";
-        let listed = "mpc.nu = [4, 5]\n";
+        let more = "initial.attitude_deg.0 = { uniform = [-9, 9] }\nmpc.max_iterations = { integer = [20, 30] }\n";
+        let listed = "mpc.control_horizon_s = [0.04, 0.05]\n";
         let faults = "[random_faults]\ncount = [1, 3]\nat_s = [1, 2]\nfor_s = [1, 2]\nkinds = ['drop', 'delay']\n";
         let cases = "[case.calm]\n[case.long]\nrun.duration_s = 30.0\n";
         for sampling in ["random", "latin-hypercube"] {
@@ -340,14 +341,21 @@ mod tests {
     #[test]
     fn sobol_dimensions_are_in_the_order_of_the_file() {
         let of = |vary: &str| drawn(&format!("samples = 16\nsampling = 'sobol'\n[vary]\n{vary}"));
-        let [one, other] = ["run.command_delay_ms = { uniform = [0, 9] }\n", "mpc.np = { integer = [20, 30] }\n"];
+        let [one, other] =
+            ["run.command_delay_ms = { uniform = [0, 9] }\n", "mpc.max_iterations = { integer = [20, 30] }\n"];
         let first = "initial.attitude_deg.0 = { uniform = [-9, 9] }\n";
         let alone = of(&[one, other].concat());
         let with = of(&[one, other, first].concat());
         assert!(alone.iter().all(|(name, cells)| cells == &with[name]), "a key at the end changes nothing");
-        assert_ne!(alone["mpc.np"], of(&[first, one, other].concat())["mpc.np"], "one before does");
+        assert_ne!(
+            alone["mpc.max_iterations"],
+            of(&[first, one, other].concat())["mpc.max_iterations"],
+            "one before does"
+        );
 
-        let text = format!("samples = 16\nsampling = 'sobol'\n[vary]\nmpc.nu = [4, 5]\n{one}{other}{first}");
+        let text = format!(
+            "samples = 16\nsampling = 'sobol'\n[vary]\nmpc.control_horizon_s = [0.04, 0.05]\n{one}{other}{first}"
+        );
         let merged = plan(&text).campaign.merged();
         assert_eq!(drawn(&text), drawn(&merged), "the folder's own file draws the same: {merged}");
         assert_eq!(plan(&text).campaign.hash(), plan(&merged).campaign.hash());
@@ -355,14 +363,16 @@ mod tests {
 
     #[test]
     fn contradicting_settings_are_an_invalid_flight_and_a_value_that_never_flies_is_an_error() {
-        let both = plan("[vary]\nmpc.np = [4, 20]\nmpc.nu = [3, 5]");
+        let both = plan("[vary]\nmpc.prediction_horizon_s = [0.04, 0.2]\nmpc.control_horizon_s = [0.03, 0.05]");
         both.check().unwrap();
         let flies: Vec<bool> = (0..4).map(|number| both.flight(number).scenario.is_ok()).collect();
-        assert_eq!(flies, [true, false, true, true], "np 4 with nu 5");
+        assert_eq!(flies, [true, false, true, true], "4 samples with 5 moves");
         let said = plan("[vary]\nplant.airframe.mass_kg = [1.1, -1.0]").check().unwrap_err().to_string();
         assert!(said.contains("[vary] `plant.airframe.mass_kg` = -1.0"), "{said}");
         let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]\n";
-        for (settings, expected) in [(no_controller, "`mpc.r` is so small"), ("mpc.nu = 30\n", "`mpc.nu` = 30")] {
+        for (settings, expected) in
+            [(no_controller, "`mpc.r` is so small"), ("mpc.control_horizon_s = 0.3\n", "`mpc.control_horizon_s` = 0.3")]
+        {
             let said = plan(&format!("[vary]\nplant.airframe.mass_kg = [1.0, 1.1]\n{TWO}[controller.c]\n{settings}"))
                 .check()
                 .unwrap_err()

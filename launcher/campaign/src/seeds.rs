@@ -57,7 +57,10 @@ mod tests {
     fn seeds_of_a_flight_without_randomness_are_refused() {
         let said = checked("seeds = 60").unwrap_err().to_string();
         assert!(said.contains("seeds change no flight"), "{said}");
-        assert!(checked("seeds = 3\n[vary]\nmpc.np = [20, 30]\nplant.airframe.mass_kg = [1.0, 1.1]").is_err());
+        assert!(
+            checked("seeds = 3\n[vary]\nmpc.prediction_horizon_s = [0.2, 0.3]\nplant.airframe.mass_kg = [1.0, 1.1]")
+                .is_err()
+        );
     }
 
     #[test]
@@ -65,6 +68,6 @@ mod tests {
         checked("seeds = 3\n[vary]\nplant.noise.position_m = [0.0, 0.0001, 0.001]").unwrap();
         checked("seeds = 3\n[vary]\nrun.command_jitter_ms = [0.0, 8.0]").unwrap();
         checked("seeds = [7]").unwrap();
-        checked("[vary]\nmpc.np = [20, 30]").unwrap();
+        checked("[vary]\nmpc.prediction_horizon_s = [0.2, 0.3]").unwrap();
     }
 }

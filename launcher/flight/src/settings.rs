@@ -85,7 +85,7 @@ mod tests {
         let candidate = format!("swap=[{{at_s=1, node='attitude-mpc', set=['{q}', '{r}']}}]");
         let message = refused(&[&candidate]);
         assert!(message.contains("`[[swap]]` of attitude-mpc: `mpc."), "{message}");
-        load(None, &["mpc={np=200, nu=50}".into()]).unwrap();
+        load(None, &["mpc={prediction_horizon_s=2, control_horizon_s=0.5}".into()]).unwrap();
     }
 
     #[test]

@@ -116,7 +116,8 @@ impl Order {
 fn check_setting(setting: &str) -> Result<(), String> {
     let key = setting.split_once('=').map(|(key, _)| key.trim());
     let is_plain = |key: &&str| key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b"._".contains(&b));
-    let key = key.filter(is_plain).ok_or_else(|| format!("'{setting}' is not KEY=VALUE, as in mpc.np=30"))?;
+    let key =
+        key.filter(is_plain).ok_or_else(|| format!("'{setting}' is not KEY=VALUE, as in mpc.disturbance_gain=0.1"))?;
     // A key that is the table itself could set anything in it.
     let is_of_law = key.split_once('.').is_some_and(|(table, _)| LAWS.contains(&table));
     if !is_of_law || LIMITS.contains(&key) {
@@ -163,8 +164,8 @@ mod tests {
             r#"{"command":"swap","node":"mixer","exec":"/bin/sh"}"#,
             r#"{"command":"swap","node":"mixer","set":["node.mixer.exec='/tmp/x.so'"]}"#,
             r#"{"command":"swap","node":"mixer","set":["\"node\".mixer.exec='/tmp/x.so'"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["mpc.np=30\nnode.mixer.exec='/tmp/x.so'"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["mpc.np"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["mpc.disturbance_gain=0.1\nnode.mixer.exec='/tmp/x.so'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["mpc.disturbance_gain"]}"#,
             r#"{"command":"swap","node":"mixer","set":["realtime.priority=95"]}"#,
             r#"{"command":"swap","node":"mixer","set":["realtime={priority=95}"]}"#,
             r#"{"command":"swap","node":"mixer","set":["realtime.mixer.affinity=[0]"]}"#,

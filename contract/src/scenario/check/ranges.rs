@@ -16,6 +16,8 @@ const ANY: Range = (Included(-MAX), Included(MAX));
 const LIFTED: Range = (Excluded(0.0), Unbounded);
 const POSITIVE: Range = (Included(1e-9), Included(MAX));
 const NOT_NEGATIVE: Range = (Included(0.0), Included(MAX));
+/// Longest horizon of a plan \[samples\].
+pub const MAX_HORIZON: usize = 200;
 /// Shortest integration step \[s\]: the longest sample then has 2000 steps.
 const MIN_STEP_S: f64 = 1e-5;
 const MASS: Range = (Included(1e-4), Included(1e6));
@@ -25,6 +27,8 @@ const ARM: Range = (Included(1e-3), Included(1e3));
 const ROTOR_CONSTANT: Range = (Included(1e-12), Included(1e3));
 /// `SCHED_FIFO` has 1 to 99; the nodes downstream of the plant add up to 3, and the highest belong to the kernel.
 const PRIORITY: Range = (Included(1.0), Included(95.0));
+/// One sample at the highest rate, to the longest horizon at the lowest.
+const HORIZON_S: Range = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key; arrays are checked number by number, tables key by key.
@@ -123,8 +127,8 @@ const RANGES: &[(&str, Range)] = &[
     ("mpc.q", (Included(0.0), Included(1e12))),
     ("mpc.r", (Included(1e-12), Included(1e12))),
     ("mpc.r_rate", (Included(0.0), Included(1e12))),
-    ("mpc.np", (Included(1.0), Included(200.0))),
-    ("mpc.nu", (Included(1.0), Included(200.0))),
+    ("mpc.prediction_horizon_s", HORIZON_S),
+    ("mpc.control_horizon_s", HORIZON_S),
     ("mpc.actuator_lag_model_s", (Included(0.0), Included(100.0))),
     ("mpc.servo_lag_model_s", (Included(0.001), Included(100.0))),
     ("mpc.max_iterations", (Included(1.0), Included(10_000.0))),

@@ -41,8 +41,6 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ("guidance.integral_limit=-1", "at least 0, at most 1e9"),
         ("mpc.q=[-1, 0, 0, 0, 0, 0, 0]", "at least 0, at most 1e12"),
         ("mpc.r=[1, 1, 1, 0]", "at least 1e-12, at most 1e12"),
-        ("mpc.np=201", "at least 1, at most 200"),
-        ("mpc.nu=0", "at least 1, at most 200"),
         ("mpc.actuator_lag_model_s=-1", "at least 0, at most 100"),
         ("mpc.servo_lag_model_s=0", "at least 0.001, at most 100"),
         ("mpc.disturbance_gain=1.1", "at least 0, at most 1"),
@@ -108,8 +106,16 @@ fn settings_that_contradict_are_refused() {
         ("mission.height_m=40", "`mission.height_m` has no effect here"),
         ("mission.period_s=30", "`mission.period_s` has no effect here"),
         ("mission.laps=2", "`mission.laps` has no effect here"),
-        ("mpc.nu=21", "`mpc.nu` = 21 is longer than `mpc.np` = 20"),
-        ("mpc.np=4", "`mpc.nu` = 5 is longer than `mpc.np` = 4"),
+        (
+            "mpc.control_horizon_s=0.21",
+            "`mpc.control_horizon_s` = 0.21 is longer than `mpc.prediction_horizon_s` = 0.2: 21 and 20 samples",
+        ),
+        (
+            "mpc.prediction_horizon_s=0.04",
+            "`mpc.control_horizon_s` of 0.01 to 0.04, or `mpc.prediction_horizon_s` of 0.05 to 2",
+        ),
+        ("mpc.prediction_horizon_s=2.01", "0.01 to 2 at this rate, 1 to 200 samples"),
+        ("mpc.control_horizon_s=0", "0.01 to 2 at this rate, 1 to 200 samples"),
         ("mpc.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
         ("mpc={actuator_lag_model_s=0, servo_lag_model_s=0.1}", "without a lag of the rotors"),
         ("guidance.preview_s=0.009", "0 for no preview, or at least 0.01"),
@@ -179,7 +185,7 @@ fn the_edges_of_the_ranges_are_allowed() {
         "plant.rotor_lag_s=0.0005",
         "plant.tilt_max_deg=90",
         "plant.rotor_effectiveness=[0, 1, 2]",
-        "mpc={np=200, nu=200}",
+        "mpc={prediction_horizon_s=2, control_horizon_s=2}",
         "mpc.actuator_lag_model_s=0.001",
         "mission.ramp_s=5",
         "fault=[{at_s=1, target=\"rates\", kind=\"wrong\", how=\"scale\", value=2}]",
@@ -199,10 +205,13 @@ fn swaps_that_cannot_be_flown_are_refused() {
         ("swap=[{at_s=1, node=\"mixer\"}, {at_s=2, node=\"mixer\"}]", "one after the other"),
         ("swap=[{at_s=1, node=\"recorder\"}, {at_s=1, node=\"recorder\"}]", "two swaps of recorder at once"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
-        ("swap=[{at_s=1, node=\"mixer\", set=[\"mpc.np=0\"]}]", "`swap.set`: `mpc.np` = 0"),
+        (
+            "swap=[{at_s=1, node=\"mixer\", set=[\"mpc.prediction_horizon_s=0\"]}]",
+            "`swap.set`: `mpc.prediction_horizon_s` = 0.0 is 0 samples",
+        ),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"nonsense\"]}]", "`swap.set`: not TOML"),
         ("swap=[{at_s=1, node=\"mixer\"}, {at_s=5, node=\"mixer\"}]", "one after the other"),
-        ("swap=[{at_s=1, node=\"recorder\", set=[\"mpc.np=20\"]}]", "without `set`"),
+        ("swap=[{at_s=1, node=\"recorder\", set=[\"mpc.terminal=q\"]}]", "without `set`"),
         ("swap=[{at_s=1, node=\"recorder\", watch_s=1}]", "nor a trial"),
         ("swap=[{at_s=1, node=\"recorder\"}, {at_s=1, node=\"recorder\"}]", "two swaps of recorder at once"),
         (
@@ -249,7 +258,7 @@ fn a_candidate_has_its_own_settings_on_top_of_the_run_s() {
     let scenario = from_set(&["swap=[{at_s=1, node=\"attitude-mpc\", set=[\"mpc.law=lqr\"]}]"]).unwrap();
     let own = crate::scenario::candidate(&scenario, &scenario.swap[0]).unwrap();
     assert_eq!(own.mpc.law, crate::scenario::Law::Lqr);
-    assert_eq!(own.mpc.np, scenario.mpc.np);
+    assert_eq!(own.mpc.q, scenario.mpc.q);
     assert!(own.swap.is_empty());
 }
 

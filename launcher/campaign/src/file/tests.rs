@@ -6,7 +6,7 @@ fn read(text: &str) -> anyhow::Result<Campaign> {
 
 #[test]
 fn the_merged_file_is_the_same_campaign() {
-    let text = "seeds = 3\nsamples = 4\n[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.np = [20, 30]\n\
+    let text = "seeds = 3\nsamples = 4\n[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.prediction_horizon_s = [0.2, 0.3]\n\
                 plant.airframe.mass_kg = { uniform = [1.0, 1.2] }\n[controller.a]\nmpc.law = 'lqr'\n[controller.b]\nmpc.law = 'pid'\n";
     let campaign = read(text).unwrap();
     assert_eq!((campaign.flights(), campaign.name()), (3 * 4 * 2 * 2, "x"));
@@ -26,25 +26,22 @@ fn each_case_has_its_scenario_and_its_settings_above_those_of_all() {
     );
     write("laws.toml", "[controller.pid]\nmpc.law = 'pid'\n[controller.lqr]\nmpc.law = 'lqr'\n");
     let text = "controllers = 'laws.toml'\n[settings]\nbounds.max_position_error_m = 2.0\n[case.near]\n[case.far]\n\
-                scenario = 'far.toml'\nmpc.np = 25\n[controller.mpc]\nmpc.law = 'mpc'\n";
+                scenario = 'far.toml'\nmpc.prediction_horizon_s = 0.25\n[controller.mpc]\nmpc.law = 'mpc'\n";
     let read = |text: &str| Campaign::read(text, "x.toml", "x", folder.path());
     let campaign = read(text).unwrap();
     let names: Vec<&str> = campaign.controllers.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!((campaign.cases().collect::<Vec<_>>(), names), (vec!["near", "far"], vec!["pid", "lqr", "mpc"]));
     let of = |controller: usize, case: &str| campaign.given(controller, Some(case)).scenario(&[]).unwrap();
     let far = of(1, "far");
-    assert_eq!((far.run.duration_s, far.bounds.max_position_error_m, far.mpc.np), (7.0, Some(2.0), 25));
-    assert_eq!(
-        (far.mpc.law, of(1, "near").mpc.np),
-        (contract::scenario::Law::Lqr, contract::Scenario::default().mpc.np)
-    );
+    assert_eq!((far.run.duration_s, far.bounds.max_position_error_m, far.np()), (7.0, Some(2.0), 25));
+    assert_eq!((far.mpc.law, of(1, "near").np()), (contract::scenario::Law::Lqr, contract::Scenario::default().np()));
     let again = Campaign::read(&campaign.merged(), "y.toml", "y", Path::new("")).unwrap();
     assert_eq!((again.merged(), again.flights()), (campaign.merged(), 6), "it needs no other file");
     for (other, expected) in [
         (text.replace("controller.mpc", "controller.pid"), "[controller.pid] stands in"),
         (text.replace("laws.toml", "far.toml"), "far.toml is a scenario"),
         (text.replace("far.toml", "no.toml"), "no.toml"),
-        (text.replace("mpc.np = 25", "mpc.npp = 25"), "[case.far]"),
+        (text.replace("mpc.prediction_horizon_s = 0.25", "mpc.npp = 25"), "[case.far]"),
         (text.replace("'far.toml'", "3"), "give the path of a scenario"),
     ] {
         let said = format!("{:#}", read(&other).unwrap_err());
@@ -67,11 +64,14 @@ fn a_mistake_in_the_file_is_named_before_anything_is_flown() {
         ("sample = 3", "samples"),
         ("profile = 'paper'\n[run]\nduration_s = 3.0", "x.toml is a scenario, which `launcher fly x.toml` flies once"),
         ("samples = 3", "anything that is drawn"),
-        ("samples = 0\n[vary]\nmpc.np = { integer = [20, 30] }", "1 or more"),
-        ("[vary]\nmpc.np = { integer = [20, 30] }", "give `samples`"),
+        ("samples = 0\n[vary]\nmpc.max_iterations = { integer = [20, 30] }", "1 or more"),
+        ("[vary]\nmpc.max_iterations = { integer = [20, 30] }", "give `samples`"),
         ("sampling = 'sobol'", "without a distribution"),
         ("sampling = 'sobl'", "sobol"),
-        ("samples = 100000\nsampling = 'sobol'\n[vary]\nmpc.np = { integer = [20, 30] }", "latin-hypercube"),
+        (
+            "samples = 100000\nsampling = 'sobol'\n[vary]\nmpc.max_iterations = { integer = [20, 30] }",
+            "latin-hypercube",
+        ),
         ("seeds = 0", "`seeds`"),
         ("seeds = 3\n[vary]\nrun.seed = [1]", "varies twice"),
         ("seeds = [1, 2, 1]", "`run.seed` lists 1 twice"),
@@ -80,12 +80,15 @@ fn a_mistake_in_the_file_is_named_before_anything_is_flown() {
             "is a part of `initial.attitude_deg`",
         ),
         ("[vary]\n'initial.attitude_deg'.0 = [0, 5]\ninitial.attitude_deg.0 = [0, 6]", "varies twice"),
-        ("seeds = 100\n[vary]\nmpc.np = { range = { from = 1, to = 9, steps = 1000000 } }", "are too many: at most"),
+        (
+            "seeds = 100\n[vary]\nmpc.max_iterations = { range = { from = 1, to = 9, steps = 1000000 } }",
+            "are too many: at most",
+        ),
         ("[vary]\nmpc.w = { range = { from = 0, to = 1, steps = 4000000000 } }", "`mpc.w` alone has 4000000000 values"),
         ("seeds = 4000000000", "`run.seed` alone has 4000000000 values"),
         ("[settings]\nmpc.npp = 3", "unknown key `mpc.npp`"),
         ("[controller.a]\nmpc.law = 'lqg'", "lqr"),
-        ("[controller.a]\nmpc.np = 20\n[vary]\nmpc.np = [20, 30]", "[controller.a]"),
+        ("[controller.a]\nmpc.max_iterations = 20\n[vary]\nmpc.max_iterations = [20, 30]", "[controller.a]"),
         ("[vary]\nrun.mode = ['lockstep']", "in process"),
         ("name = 'a/b'", "`name`"),
         ("scenario = 'none.toml'", "none.toml"),
