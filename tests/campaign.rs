@@ -262,7 +262,7 @@ fn the_plan_is_the_same_again_and_says_what_cannot_be_flown() {
     let said = String::from_utf8_lossy(&one.stdout).into_owned();
     assert_eq!(said, String::from_utf8_lossy(&two.stdout));
     assert_eq!(said.lines().count(), 5);
-    assert!(said.contains("1\tscenario\t0.04\t0.05\t-\tinvalid: `mpc.control_horizon_s` = 0.05 is longer than `mpc.prediction_horizon_s` = 0.04"), "{said}");
+    assert!(said.contains("2\tscenario\t0.05\t0.04\t-\tinvalid: `mpc.control_horizon_s` = 0.05 is longer than `mpc.prediction_horizon_s` = 0.04"), "{said}");
     assert!(!place.at("out").exists(), "a plan writes nothing");
 }
 

@@ -129,14 +129,12 @@ fn check_parameters(came: &[Value]) {
     let of_name = |name: &str| -> Vec<f64> {
         values.iter().filter(|of| of["param_id"] == name).map(|of| number(&of["param_value"])).collect()
     };
-    assert_eq!(of_name("MPC_PREDICT_S"), [0.2; 3], "in the list, read, and not set");
+    assert_eq!(of_name("MPC_NP_S"), [f64::from(0.2_f32); 3], "in the list, read, and not set");
     assert_eq!(of_name("DL_END_MS"), [9.0]);
     let texts = of(came, "STATUSTEXT");
-    assert!(
-        texts.iter().any(|of| of["text"].as_str().is_some_and(|text| text.starts_with("MPC_PREDICT_S is read-only")))
-    );
+    assert!(texts.iter().any(|of| of["text"].as_str().is_some_and(|text| text.starts_with("MPC_NP_S is read-only"))));
     let errors = of(came, "PARAM_ERROR").into_iter().map(|of| (of["param_id"].as_str(), of["error"].as_u64()));
-    let expected = [("MPC_PREDICT_S", READ_ONLY), ("SYSID_THISMAV", DOES_NOT_EXIST), ("SYSID_THISMAV", DOES_NOT_EXIST)];
+    let expected = [("MPC_NP_S", READ_ONLY), ("SYSID_THISMAV", DOES_NOT_EXIST), ("SYSID_THISMAV", DOES_NOT_EXIST)];
     assert!(errors.eq(expected.map(|(name, error)| (Some(name), Some(error)))), "{:?}", of(came, "PARAM_ERROR"));
 }
 

@@ -274,8 +274,13 @@ impl Guidance {
         }
 
         let mut flags = 0;
-        let phi_rad = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, &mut flags);
-        let theta_rad = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, &mut flags);
+        let [phi_rad, theta_rad]: [f64; 2] = within(&angles, limits.angle_rad).into();
+        for (wanted, limited, flag) in [
+            (angles.x, phi_rad, guidance_flags::ROLL_LIMITED),
+            (angles.y, theta_rad, guidance_flags::PITCH_LIMITED),
+        ] {
+            flags |= if limited != wanted { flag } else { 0 };
+        }
         let limited_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, &mut flags);
         let w_mps = correction.exact_w.map_or(limited_mps, |w| w.at(limited_mps));
         let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, &mut flags);
@@ -334,7 +339,7 @@ impl Guidance {
         };
         let clamp = self.settings.integral_limit;
         let free = self.memory.integral_ms + error * counted_s;
-        self.memory.integral_ms = within(&free, clamp);
+        self.memory.integral_ms = bounded(&free, clamp);
         self.memory.error_m = error;
         ([error, self.memory.integral_ms, derivative], free != self.memory.integral_ms)
     }
@@ -351,7 +356,7 @@ impl Guidance {
             .map(|(clipped, kp)| if clipped == 0.0 || kp == 0.0 { 0.0 } else { clipped / kp });
         if excess != [0.0; 3] {
             let back = HeadingFrame::new(frame_rad).back(&Vector3::from(excess));
-            self.memory.integral_ms = within(&(self.memory.integral_ms - back * counted_s), integral_limit);
+            self.memory.integral_ms = bounded(&(self.memory.integral_ms - back * counted_s), integral_limit);
         }
     }
 
@@ -399,11 +404,15 @@ fn all_finite(vectors: &[[f64; 3]]) -> bool {
     vectors.as_flattened().iter().all(|value| value.is_finite())
 }
 
-/// Shortens the horizontal part of `integral` to `bound`, whatever its direction, and clamps the vertical one.
-fn within(integral: &Vector3<f64>, bound: f64) -> Vector3<f64> {
-    let horizontal = libm::hypot(integral.x, integral.y);
-    let share = if horizontal > bound { bound / horizontal } else { 1.0 };
-    Vector3::new(integral.x * share, integral.y * share, integral.z.clamp(-bound, bound))
+/// Shortens a horizontal vector to `bound`, whatever its direction.
+fn within(horizontal: &Vector2<f64>, bound: f64) -> Vector2<f64> {
+    let length = libm::hypot(horizontal.x, horizontal.y);
+    if length > bound { horizontal * (bound / length) } else { *horizontal }
+}
+
+/// Shortens the horizontal part of an integral, and clamps the vertical one.
+fn bounded(integral: &Vector3<f64>, bound: f64) -> Vector3<f64> {
+    within(&integral.xy(), bound).push(integral.z.clamp(-bound, bound))
 }
 
 /// Clamps `value` to +-`bound`, and sets `flag` if that changes it.

@@ -58,11 +58,11 @@ impl ExactW {
         }
     }
 
-    /// Body z velocity at which the vertical speed is `climb_mps` \[m/s\]; at most the sum of measured speed and climb,
-    /// which keeps it finite if the body z axis is horizontal.
+    /// Body z velocity at which the vertical speed is `climb_mps` \[m/s\]; at most twice the sum of measured speed and
+    /// climb, which keeps it finite if the body z axis is horizontal.
     pub fn at(&self, climb_mps: f64) -> f64 {
         let exact = (climb_mps + self.of_u_mps - self.of_v_mps) / self.of_w;
-        let most = self.speed_mps + climb_mps.abs();
+        let most = 2.0 * (self.speed_mps + climb_mps.abs());
         exact.clamp(-most, most)
     }
 }

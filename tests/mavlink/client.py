@@ -35,8 +35,8 @@ while time.monotonic() < deadline:
             mav.command_long_send(system, 1, number, 0, first, second, 0, 0, 0, 0, 0)
 
         mav.param_request_list_send(1, 1)
-        mav.param_request_read_send(1, 1, b"MPC_PREDICT_S", -1)
-        mav.param_set_send(1, 1, b"MPC_PREDICT_S", 99.0, mavutil.mavlink.MAV_PARAM_TYPE_REAL32)
+        mav.param_request_read_send(1, 1, b"MPC_NP_S", -1)
+        mav.param_set_send(1, 1, b"MPC_NP_S", 99.0, mavutil.mavlink.MAV_PARAM_TYPE_REAL32)
         command(REQUEST, AUTOPILOT_VERSION)
         command(REQUEST, CAMERA_INFORMATION)
         command(ARM, 0)

@@ -43,7 +43,7 @@ pub struct Guidance {
     pub exact_w: bool,
     /// Bandwidth of the outer acceleration observer \[rad/s\], below `run.rate_hz`; 0 = off.
     pub disturbance_observer_radps: f64,
-    /// Largest references of roll (without trim) and pitch, in either direction \[deg\].
+    /// Largest tilt that the references of roll (without trim) and pitch have together, in any direction \[deg\].
     pub angle_limit_deg: f64,
     /// Limit of the wanted vertical speed in the world, up or down, before `exact_w` \[m/s\].
     pub climb_limit_mps: f64,
@@ -52,7 +52,7 @@ pub struct Guidance {
     pub w_limit_mps: f64,
     /// Rate at which the heading reference turns \[deg/s\]; 0 = it steps.
     pub heading_rate_limit_dps: f64,
-    /// Limit of each error integral, in either direction \[m s\].
+    /// Limit of the horizontal error integral, in any direction, and of the vertical one \[m s\].
     pub integral_limit: f64,
     /// Time by which the feed-forward and the heading reference are ahead of the position reference \[s\]: about the
     /// time in which the vehicle follows a reference of its attitude.
@@ -113,8 +113,8 @@ pub struct Mpc {
     /// Prediction horizon \[s\]: Np, the nearest whole number of samples, is 1 to 200. By default no more than 200
     /// samples in profile `robust`.
     pub prediction_horizon_s: f64,
-    /// Control horizon \[s\], in which the plan moves: Nu, the nearest whole number of samples, is 1 to Np. By default no
-    /// more than 20 samples in profile `robust`.
+    /// Control horizon \[s\], in which the plan moves: Nu, the nearest whole number of samples, is 1 to Np. By default
+    /// no more than 20 samples in profile `robust`.
     pub control_horizon_s: f64,
     /// Terminal weight P.
     pub terminal: Terminal,
@@ -144,8 +144,8 @@ pub struct Mpc {
     /// Time over which the state is predicted before solving: `false` = none, `true` = one sample with the last demand,
     /// `"measured"` = the delay that STATE reports, with the demands that are still under way.
     pub delay_compensation: DelayCompensation,
-    /// Gain of the input-disturbance estimate: share of the prediction error that one sample takes in; 0 = off. The law
-    /// `indi` has an estimate of its own.
+    /// Last gain of the input-disturbance estimate, to which it falls from 0.2: share of the prediction error that one
+    /// sample takes in; 0 = off. By default 2 per second in profile `robust`. The law `indi` has an estimate of its own.
     pub disturbance_gain: f64,
     /// Gains of the law `pid`.
     pub pid: PidGains,

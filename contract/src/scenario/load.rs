@@ -43,7 +43,8 @@ pub fn to_toml_that_follows(scenario: &Scenario) -> String {
     let [own, derived] = [own, &derived].map(|mpc| Table::try_from(mpc).expect("settings have a form in TOML"));
     let mut following = vec![("vehicle", "r")];
     if scenario.profile == Profile::Robust {
-        following.extend([("rate", "prediction_horizon_s"), ("rate", "control_horizon_s")]);
+        let keys = ["prediction_horizon_s", "control_horizon_s", "disturbance_gain"];
+        following.extend(keys.map(|key| ("rate", key)));
     }
     let follows = following.into_iter().filter(|(_, key)| own[*key] == derived[*key]);
     follows.fold(to_toml(scenario), |text, (of, key)| {

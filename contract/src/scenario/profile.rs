@@ -1,15 +1,16 @@
 //! The two profiles: the default of every setting.
 //!
-//! `paper` is the paper's Tables III and IV, with verified values for what they leave open; `robust` is the stack's
-//! own: lag and delay in the model, weights that tolerate them, velocity feedback and feed-forward in guidance.
+//! `paper` is the paper's Tables III and IV, with verified values for what they leave open; `robust` is the best
+//! that the stack's own campaigns know (docs/tried.md): lag, delay and disturbance in the model, weights that tolerate
+//! them, a preview, velocity feedback and feed-forward in guidance.
 
 use airframe::{Parameters, Preset, projection};
 
 use super::{
-    Battery, Bounds, BrokenVehicle, Constraints, Deadline, DelayCompensation, Derivative, FlownAirframe, Ground,
-    Guidance, Heading, IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode, Model, Mpc, NodeRealtime,
-    Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario,
-    Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
+    Battery, Bounds, BrokenVehicle, Constraints, Deadline, DelayCompensation, DelayName, Derivative, FlownAirframe,
+    Ground, Guidance, Heading, IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode, Model, Mpc,
+    NodeRealtime, Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor,
+    Run, Scenario, Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
 };
 
 /// Returns all defaults of a profile.
@@ -26,17 +27,16 @@ impl From<Profile> for Scenario {
 const LEAST_WEIGHT: f64 = 1e-12;
 const MOST_WEIGHT: f64 = 1e12;
 
-/// Horizon of profile `robust`, and the part of it in which its plan moves \[s\].
-const HORIZON_S: f64 = 0.2;
-const MOVES_S: f64 = 0.05;
-/// Longest horizon and most moves that follow from a rate \[samples\]: a solve takes longer with each move.
+/// Longest horizon and most moves of a plan of profile `robust` \[samples\]: a solve takes longer with each move.
 const MOST_SAMPLES: f64 = 200.0;
 const MOST_MOVES: f64 = 20.0;
+/// Share of an error of the model that its disturbance estimate takes in, at last \[1/s\].
+const DISTURBANCE_RATE: f64 = 2.0;
 
 /// Adapts the defaults `scenario` of a profile to the `vehicle` that its controllers know: actuators and parameters of
 /// its preset, and the weights of its inputs. The weights are scaled with mass and inertia so that the same
-/// acceleration costs the same, and the closed loop has the same poles. The horizons of profile `robust` end where a
-/// solve would take too long.
+/// acceleration costs the same, and the closed loop has the same poles. In profile `robust` the horizons end where
+/// a solve would take too long, and the disturbance estimate is as fast at every rate.
 pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters, rate_hz: u32) -> Scenario {
     let before = scenario.airframe;
     let ratios = [
@@ -56,12 +56,17 @@ pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters, rate_hz: u32
             ..scenario.plant
         },
     };
-    let capped_s = |time_s: f64, most: f64| time_s.min(most / f64::from(rate_hz));
-    let [prediction_horizon_s, control_horizon_s] = match scenario.profile {
-        Profile::Paper => [scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s],
-        Profile::Robust => [capped_s(HORIZON_S, MOST_SAMPLES), capped_s(MOVES_S, MOST_MOVES)],
+    let rate_hz = f64::from(rate_hz);
+    let mpc = match scenario.profile {
+        Profile::Paper => Mpc { r, ..scenario.mpc },
+        Profile::Robust => Mpc {
+            r,
+            prediction_horizon_s: scenario.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
+            control_horizon_s: scenario.mpc.control_horizon_s.min(MOST_MOVES / rate_hz),
+            disturbance_gain: DISTURBANCE_RATE / rate_hz,
+            ..scenario.mpc
+        },
     };
-    let mpc = Mpc { r, prediction_horizon_s, control_horizon_s, ..scenario.mpc };
     Scenario { airframe: vehicle.preset.into(), plant, mpc, ..scenario }
 }
 
@@ -215,14 +220,14 @@ fn robust() -> Scenario {
         profile: Profile::Robust,
         plant: Plant { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
         guidance: Guidance {
-            kp_phi: 0.2,
-            ki_phi: 0.02,
-            kd_phi: 0.2,
-            kp_theta: -0.2,
-            ki_theta: -0.02,
-            kd_theta: -0.2,
-            kp_w: 2.0,
-            ki_w: 0.1,
+            kp_phi: 0.55,
+            ki_phi: 0.1,
+            kd_phi: 0.45,
+            kp_theta: -0.55,
+            ki_theta: -0.1,
+            kd_theta: -0.45,
+            kp_w: 3.0,
+            ki_w: 0.15,
             kd_w: 0.0,
             derivative: Derivative::Velocity,
             rate_reference: RateReference::Zero,
@@ -234,16 +239,21 @@ fn robust() -> Scenario {
             climb_limit_mps: 4.0,
             heading_rate_limit_dps: 180.0,
             integral_limit: 2.0,
+            preview_s: 0.4,
             ..paper.guidance
         },
         mpc: Mpc {
-            q: [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0],
-            r: [0.4, 300.0, 85.0, 300.0],
-            prediction_horizon_s: HORIZON_S,
+            model: Model::Coupled,
+            q: [1e2, 1e3, 1e3, 1e3, 5.0, 5.0, 0.0],
+            r: [0.3, 70.0, 20.0, 1200.0],
+            prediction_horizon_s: 0.2,
+            control_horizon_s: 0.1,
             terminal: Terminal::Dare,
             constraints: Constraints::Cone,
-            actuator_lag_model_s: 0.03,
-            delay_compensation: DelayCompensation::Sample(true),
+            solver: Solver::ActiveSet,
+            actuator_lag_model_s: 0.035,
+            delay_compensation: DelayCompensation::Named(DelayName::Measured),
+            disturbance_gain: 0.02,
             ..paper.mpc
         },
         mixer: Mixer { projection: true, ..paper.mixer },

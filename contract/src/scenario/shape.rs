@@ -169,15 +169,10 @@ impl Keys<'_, '_> {
         for (name, value) in given {
             let key = join(path, name.get_ref());
             let (title, span, help) = match (known.get(name.get_ref().as_ref()), value.get_ref()) {
-                (None, _) => match IN_SECONDS.iter().find(|(old, _)| *old == key) {
-                    Some((old, new)) => {
-                        (format!("`{old}` is now `{new}`, in seconds"), name.span(), self.in_seconds(old, new))
-                    }
-                    None => {
-                        let help = self.nearest(path, name.get_ref(), known);
-                        (format!("unknown key `{}`", shortened(&key)), name.span(), help)
-                    }
-                },
+                (None, _) => {
+                    let (title, help) = self.unknown(path, name.get_ref(), known);
+                    (title, name.span(), help)
+                }
                 (Some(Value::Table(known)), DeValue::Table(given)) => {
                     if !has_any_keys(&key) {
                         self.check(&key, given, known);
@@ -199,8 +194,17 @@ impl Keys<'_, '_> {
         }
     }
 
-    /// Returns help on the key `old`, a number of samples: its value as that of the key `new`, at the rate that this source
-    /// sets, or else at that of the profiles.
+    /// Returns title and help for the key `name` that is not `known` at `path`.
+    fn unknown(&self, path: &str, name: &str, known: &Table) -> (String, String) {
+        let key = join(path, name);
+        if let Some((old, new)) = IN_SECONDS.iter().find(|(old, _)| *old == key) {
+            return (format!("`{old}` is now `{new}`, in seconds"), self.in_seconds(old, new));
+        }
+        (format!("unknown key `{}`", shortened(&key)), self.nearest(path, name, known))
+    }
+
+    /// Returns help on the key `old`, a number of samples: its value as that of the key `new`, at the rate that this
+    /// source sets, or else at that of the profiles.
     fn in_seconds(&self, old: &str, new: &str) -> String {
         let number = |of: &Table, key: &str| {
             let (table, name) = key.split_once('.')?;

@@ -25,7 +25,7 @@ pub const NAMES: [(&str, &str); 65] = [
     ("GD_KP_W", "guidance.kp_w"), ("GD_KI_W", "guidance.ki_w"), ("GD_KD_W", "guidance.kd_w"),
     ("GD_ANGLE_DEG", "guidance.angle_limit_deg"), ("GD_CLIMB_MPS", "guidance.climb_limit_mps"),
     ("GD_HEADING_DPS", "guidance.heading_rate_limit_dps"), ("GD_INT_LIMIT", "guidance.integral_limit"),
-    ("MPC_PREDICT_S", "mpc.prediction_horizon_s"), ("MPC_CONTROL_S", "mpc.control_horizon_s"),
+    ("MPC_NP_S", "mpc.prediction_horizon_s"), ("MPC_NU_S", "mpc.control_horizon_s"),
     ("MPC_Q1", "mpc.q.0"), ("MPC_Q2", "mpc.q.1"), ("MPC_Q3", "mpc.q.2"), ("MPC_Q4", "mpc.q.3"), ("MPC_Q5", "mpc.q.4"),
     ("MPC_Q6", "mpc.q.5"), ("MPC_Q7", "mpc.q.6"),
     ("MPC_R1", "mpc.r.0"), ("MPC_R2", "mpc.r.1"), ("MPC_R3", "mpc.r.2"), ("MPC_R4", "mpc.r.3"),

@@ -110,7 +110,7 @@ mod tests {
             "<th scope=\"col\">position error</th>",
             "<td data-label=\"position error\">3</td>",
             "`mpc.control_horizon_s` = 0.05 is longer than `mpc.prediction_horizon_s` = 0.04",
-            "<td data-label=\"flights\">2</td><td data-label=\"the first\">1</td>",
+            "<td data-label=\"flights\">2</td><td data-label=\"the first\">2</td>",
             "m in 3 flights, 1 m in 3 flights; mixer",
             "Nothing is drawn: shares count what was listed, without interval or test.",
         ] {

@@ -37,7 +37,7 @@ fn a_parameter_that_is_not_there_is_an_error_with_the_name_or_place_that_was_ask
     assert_eq!(error(&read(-1, "SYSID_THISMAV")), (-1, "SYSID_THISMAV", missing, (255, 190)));
     assert_eq!(error(&read(-1, "SIXTEEN_LETTERS_")), (-1, "SIXTEEN_LETTERS_", missing, (255, 190)), "without a NUL");
     assert_eq!(error(&read(999, "")), (999, "", missing, (255, 190)));
-    assert!(matches!(read(-1, "MPC_PREDICT_S")[..], [MavMessage::PARAM_VALUE(_)]), "one that is there is its value");
+    assert!(matches!(read(-1, "MPC_NP_S")[..], [MavMessage::PARAM_VALUE(_)]), "one that is there is its value");
     let not_text = PARAM_REQUEST_READ_DATA { param_index: -1, param_id: [0xff; 16].into(), ..Default::default() };
     let Some(MavMessage::PARAM_ERROR(of)) = answers(MavMessage::PARAM_REQUEST_READ(not_text)).pop() else { panic!() };
     assert_eq!((of.error, of.param_id), (missing, [0xff; 16].into()));
@@ -52,9 +52,9 @@ fn no_parameter_can_be_set_and_the_error_says_why() {
             ..Default::default()
         }))
     };
-    let known = set("MPC_PREDICT_S");
-    assert_eq!(error(&known), (-1, "MPC_PREDICT_S", MavParamError::MAV_PARAM_ERROR_READ_ONLY, (255, 190)));
-    assert!(matches!(&known[1], MavMessage::PARAM_VALUE(of) if of.param_value == 20.0), "{known:?}");
+    let known = set("MPC_NP_S");
+    assert_eq!(error(&known), (-1, "MPC_NP_S", MavParamError::MAV_PARAM_ERROR_READ_ONLY, (255, 190)));
+    assert!(matches!(&known[1], MavMessage::PARAM_VALUE(of) if of.param_value == 0.2), "{known:?}");
     assert!(matches!(known[2], MavMessage::STATUSTEXT(_)));
     let unknown = set("NO");
     assert_eq!(error(&unknown), (-1, "NO", MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST, (255, 190)));
