@@ -246,6 +246,7 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     scenarios::tell(Kind::Scenario, scenario);
     let merged = settings::load(Some(scenario), set)?;
     print(&scenario::to_toml_that_follows(&merged));
+    print(&vehicle::describe_hover(&merged));
     if let Some(parts) = mission::describe(&merged) {
         eprint_line(parts.trim_end());
     }

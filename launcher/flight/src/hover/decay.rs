@@ -1,0 +1,110 @@
+//! Decay of a perturbation of the hover, and the margins of what is unlike the model of the controller.
+//!
+//! The flight begins beside the hover. Its energy is the sum of the squares by which the motion changes from sample to
+//! sample, which also tends to zero if the vehicle comes to rest elsewhere, as with a mass that the controller does not
+//! know. The perturbation decays if the last third of the flight has less energy than the middle third, and if no angle
+//! ever leaves the hover by [`MAX_ANGLE_RAD`].
+
+use contract::message::{Kinematics, State};
+use contract::scenario::{Initial, Scenario};
+use runtime::node::Open;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::held::HELD;
+use super::small::{FLIGHT_S, SMALL, fly};
+
+/// Largest angle from the hover in small motions, two hundred times the perturbation \[rad\].
+const MAX_ANGLE_RAD: f64 = 0.2;
+/// Share of the energy of the first third below which the rest is rounding.
+const ROUNDING: f64 = 1e-16;
+/// Step of the search for a margin, before it is refined to 1 ms \[ms\].
+const GRID_MS: f64 = 10.0;
+
+/// Margin of a loop that is stable as set.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Margin {
+    /// Largest value at which the loop is stable, with that of the scenario in it \[ms\].
+    pub ms: f64,
+    /// `true` if larger values were not tried: the margin is this or more.
+    pub or_more: bool,
+}
+
+impl Margin {
+    /// Searches the first value above `own_ms`, at which the loop is stable, that makes it unstable: on the multiples of
+    /// [`GRID_MS`] up to `max_ms`, and then on the milliseconds before the one found.
+    pub fn search(own_ms: f64, max_ms: f64, is_stable: impl Fn(f64) -> bool) -> Self {
+        let mut ms = own_ms;
+        let unstable_ms = loop {
+            let next_ms = ((ms / GRID_MS).floor() + 1.0) * GRID_MS;
+            if next_ms > max_ms {
+                return Self { ms, or_more: true };
+            }
+            if !is_stable(next_ms) {
+                break next_ms;
+            }
+            ms = next_ms;
+        };
+        let mut too_large_ms = unstable_ms;
+        loop {
+            let between_ms = f64::midpoint(ms, too_large_ms).floor();
+            if between_ms <= ms {
+                return Self { ms, or_more: false };
+            }
+            let end_ms = if is_stable(between_ms) { &mut ms } else { &mut too_large_ms };
+            *end_ms = between_ms;
+        }
+    }
+
+    /// Describes the margin for people.
+    pub fn words(&self) -> String {
+        format!("{:.0} ms{}", self.ms, if self.or_more { " or more" } else { "" })
+    }
+}
+
+/// Returns whether a perturbation of position and attitude decays with the controllers of `scenario` and the vehicle of
+/// the scenario `vehicle`.
+pub fn decays(scenario: &Scenario, vehicle: &Scenario) -> bool {
+    let initial = Initial { position_m: [SMALL; 3], attitude_deg: [SMALL.to_degrees(); 3], ..Initial::default() };
+    let all = |m: &Kinematics| m.position_m.into_iter().chain(m.velocity_mps).chain(attitude(m)).collect();
+    decays_from(&initial, scenario, vehicle, ring::nodes::open, all)
+}
+
+/// Returns whether a perturbation of w and the attitude decays where the references of the attitude loop are held.
+pub fn attitude_decays(scenario: &Scenario) -> bool {
+    let initial =
+        Initial { velocity_mps: [0.0, 0.0, SMALL], attitude_deg: [SMALL.to_degrees(); 3], ..Initial::default() };
+    let own = |m: &Kinematics| m.velocity_mps.into_iter().skip(2).chain(attitude(m)).collect();
+    decays_from(&initial, scenario, scenario, HELD, own)
+}
+
+/// Attitude and body rates.
+fn attitude(motion: &Kinematics) -> impl Iterator<Item = f64> {
+    motion.attitude_rad.into_iter().chain(motion.rates_radps)
+}
+
+/// Returns whether the perturbation `initial` of the numbers that `of` takes from the motion decays.
+fn decays_from(
+    initial: &Initial,
+    scenario: &Scenario,
+    vehicle: &Scenario,
+    guidance: Open,
+    of: impl Fn(&Kinematics) -> Vec<f64>,
+) -> bool {
+    let perturbed = |scenario: &Scenario| Scenario { initial: initial.clone(), ..scenario.clone() };
+    let (mut energy, mut before) = ([0.0; 3], None);
+    let third = |tick: u64| ((3.0 * tick as f64 * scenario.sample_s() / FLIGHT_S) as usize).min(2);
+    let mut hover_rad = None;
+    let watch = |state: &State| {
+        let numbers = of(&state.actual);
+        let changes = before.iter().flatten().zip(&numbers).map(|(before, now)| now - before);
+        energy[third(state.stamp.tick)] += changes.map(|change: f64| change * change).sum::<f64>();
+        before = Some(numbers);
+        let attitude = state.actual.attitude_rad;
+        let angles = attitude.iter().zip(hover_rad.get_or_insert(attitude));
+        angles.into_iter().all(|(now, hover)| (now - *hover).abs() < MAX_ANGLE_RAD)
+    };
+    let flew = fly(&perturbed(scenario), &perturbed(vehicle), guidance, watch);
+    let [first, middle, last] = energy;
+    flew && (last < middle || last <= ROUNDING * first)
+}
