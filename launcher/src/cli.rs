@@ -39,7 +39,7 @@ enum Command {
     Fly(fly::FlyArgs),
     /// Write a controller of your own: code, build file, scenario, test
     New(new::NewArgs),
-    /// Check a scenario file and print the merged settings
+    /// Check a scenario file; print the merged settings, the hover and the margins of its control loops
     Check {
         /// Scenario file (TOML), or the name of a shipped scenario
         scenario: PathBuf,

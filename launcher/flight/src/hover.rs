@@ -42,7 +42,7 @@ pub struct Hover {
     pub roll_deg: f64,
     /// Largest thrust over weight at which the moments vanish: a rotor has reached its largest speed.
     pub thrust_over_weight: f64,
-    /// Control loops; null if a node is a program of its own, for which they are not computed.
+    /// Control loops; null if a node is not the launcher's own (`node.*.exec`): then they are not computed.
     pub loops: Option<Loops>,
 }
 
@@ -121,7 +121,7 @@ impl Hover {
 }
 
 /// Words in place of loops that were not computed.
-const NOT_COMPUTED: [&str; 4] = ["not computed: a node is a program of its own (`node.*.exec`)"; 4];
+const NOT_COMPUTED: [&str; 4] = ["not computed: a node is not the launcher's own (`node.*.exec`)"; 4];
 /// Words in place of the numbers of an unstable loop.
 const UNSTABLE: &str = "unstable";
 

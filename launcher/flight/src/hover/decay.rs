@@ -3,7 +3,8 @@
 //! The flight begins beside the hover. Its energy is the sum of the squares by which the motion changes from sample to
 //! sample, which also tends to zero if the vehicle comes to rest elsewhere, as with a mass that the controller does not
 //! know. The perturbation decays if the last third of the flight has less energy than the middle third, and if no angle
-//! ever leaves the hover by [`MAX_ANGLE_RAD`].
+//! ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies are about
+//! equal then.
 
 use contract::message::{Kinematics, State};
 use contract::scenario::{Initial, Scenario};
@@ -12,14 +13,19 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::held::HELD;
-use super::small::{FLIGHT_S, SMALL, fly};
+use super::small::{SMALL, fly};
 
 /// Largest angle from the hover in small motions, two hundred times the perturbation \[rad\].
 const MAX_ANGLE_RAD: f64 = 0.2;
+/// Duration of a flight \[s\]: longer than a swing of the position, and three times that near a margin.
+const SHORT_S: f64 = 8.0;
+const LONG_S: f64 = 24.0;
+/// Ratio of two energies that are not about equal.
+const CLEAR: f64 = 10.0;
 /// Share of the energy of the first third below which the rest is rounding.
 const ROUNDING: f64 = 1e-16;
 /// Step of the search for a margin, before it is refined to 1 ms \[ms\].
-const GRID_MS: f64 = 10.0;
+const GRID_MS: f64 = 50.0;
 
 /// Margin of a loop that is stable as set.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,7 +38,7 @@ pub struct Margin {
 
 impl Margin {
     /// Searches the first value above `own_ms`, at which the loop is stable, that makes it unstable: on the multiples of
-    /// [`GRID_MS`] up to `max_ms`, and then on the milliseconds before the one found.
+    /// [`GRID_MS`] up to `max_ms`, and then by halving on the whole milliseconds before the one found.
     pub fn search(own_ms: f64, max_ms: f64, is_stable: impl Fn(f64) -> bool) -> Self {
         let mut ms = own_ms;
         let unstable_ms = loop {
@@ -92,19 +98,45 @@ fn decays_from(
     of: impl Fn(&Kinematics) -> Vec<f64>,
 ) -> bool {
     let perturbed = |scenario: &Scenario| Scenario { initial: initial.clone(), ..scenario.clone() };
-    let (mut energy, mut before) = ([0.0; 3], None);
-    let third = |tick: u64| ((3.0 * tick as f64 * scenario.sample_s() / FLIGHT_S) as usize).min(2);
-    let mut hover_rad = None;
+    let (mut energies, mut before, mut hover_rad) = (vec![], None, None);
+    let short = (SHORT_S / scenario.sample_s()) as usize;
+    let is_clear = |[_, middle, last]: [f64; 3]| last > CLEAR * middle || middle > CLEAR * last;
+    let mut is_inside = true;
     let watch = |state: &State| {
         let numbers = of(&state.actual);
         let changes = before.iter().flatten().zip(&numbers).map(|(before, now)| now - before);
-        energy[third(state.stamp.tick)] += changes.map(|change: f64| change * change).sum::<f64>();
+        energies.push(changes.map(|change: f64| change * change).sum());
         before = Some(numbers);
         let attitude = state.actual.attitude_rad;
         let angles = attitude.iter().zip(hover_rad.get_or_insert(attitude));
-        angles.into_iter().all(|(now, hover)| (now - *hover).abs() < MAX_ANGLE_RAD)
+        is_inside = angles.into_iter().all(|(now, hover)| (now - *hover).abs() < MAX_ANGLE_RAD);
+        is_inside && !(energies.len() == short && is_clear(thirds(&energies)))
     };
-    let flew = fly(&perturbed(scenario), &perturbed(vehicle), guidance, watch);
-    let [first, middle, last] = energy;
-    flew && (last < middle || last <= ROUNDING * first)
+    let flew = fly(&perturbed(scenario), &perturbed(vehicle), guidance, LONG_S, watch);
+    let [first, middle, last] = thirds(&energies);
+    is_inside && (flew || energies.len() == short) && (last < middle || last <= ROUNDING * first)
+}
+
+/// Sums of the thirds of a series.
+fn thirds(series: &[f64]) -> [f64; 3] {
+    std::array::from_fn(|i| series[series.len() * i / 3..series.len() * (i + 1) / 3].iter().sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_margin_is_the_last_millisecond_before_the_loss() {
+        let found = |own_ms, max_ms, loss_ms: f64| Margin::search(own_ms, max_ms, |ms| ms < loss_ms);
+        let margin = |ms, or_more| Margin { ms, or_more };
+        assert_eq!(found(0.0, 200.0, 58.3), margin(58.0, false));
+        assert_eq!(found(0.0, 200.0, 5.5), margin(5.0, false));
+        assert_eq!(found(0.0, 200.0, 0.5), margin(0.0, false));
+        assert_eq!(found(2.5, 200.0, 2.9), margin(2.5, false));
+        assert_eq!(found(2.5, 200.0, 3.1), margin(3.0, false));
+        assert_eq!(found(30.0, 250.0, 249.5), margin(249.0, false));
+        assert_eq!(found(30.0, 250.0, 1e3), margin(250.0, true));
+        assert_eq!(found(300.0, 250.0, 1e3), margin(300.0, true), "nothing is tried");
+    }
 }
