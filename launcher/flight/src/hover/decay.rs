@@ -1,8 +1,7 @@
 //! Decay of a perturbation of the hover, and the margins of what is unlike the model of the controller.
 //!
 //! The flight begins beside the hover. Its energy is the sum of the squares by which the motion changes from sample to
-//! sample, which also tends to zero if the vehicle comes to rest elsewhere, as with a mass that the controller does not
-//! know. The perturbation decays if the last third of the flight has less energy than the middle third, and if no angle
+//! sample. The perturbation decays if the last third of the flight has less energy than the middle third, and if no angle
 //! ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies are about
 //! equal then.
 
@@ -71,17 +70,21 @@ impl Margin {
 /// Returns whether a perturbation of position and attitude decays with the controllers of `scenario` and the vehicle of
 /// the scenario `vehicle`.
 pub fn decays(scenario: &Scenario, vehicle: &Scenario) -> bool {
-    let initial = Initial { position_m: [SMALL; 3], attitude_deg: [SMALL.to_degrees(); 3], ..Initial::default() };
+    let initial = Initial { position_m: [SMALL; 3], ..turned(&scenario.initial) };
     let all = |m: &Kinematics| m.position_m.into_iter().chain(m.velocity_mps).chain(attitude(m)).collect();
     decays_from(&initial, scenario, vehicle, ring::nodes::open, all)
 }
 
 /// Returns whether a perturbation of w and the attitude decays where the references of the attitude loop are held.
 pub fn attitude_decays(scenario: &Scenario) -> bool {
-    let initial =
-        Initial { velocity_mps: [0.0, 0.0, SMALL], attitude_deg: [SMALL.to_degrees(); 3], ..Initial::default() };
+    let initial = Initial { velocity_mps: [0.0, 0.0, SMALL], ..turned(&scenario.initial) };
     let own = |m: &Kinematics| m.velocity_mps.into_iter().skip(2).chain(attitude(m)).collect();
     decays_from(&initial, scenario, scenario, HELD, own)
+}
+
+/// Returns `initial` turned about each axis.
+fn turned(initial: &Initial) -> Initial {
+    Initial { attitude_deg: initial.attitude_deg.map(|deg| deg + SMALL.to_degrees()), ..initial.clone() }
 }
 
 /// Attitude and body rates.
