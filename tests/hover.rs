@@ -27,9 +27,9 @@ fn loops(settings: &[&str]) -> Loops {
 }
 
 /// Flies a hover from 2 cm and 1 degree beside it; returns whether the vehicle is back at the end.
-fn is_held(settings: &[&str], changed: String) -> bool {
+fn is_held(settings: &[&str], changed: &str) -> bool {
     let duration = format!("run.duration_s={FLIGHT_S}");
-    let own = ["mission.trajectory=hover", &duration, &changed];
+    let own = ["mission.trajectory=hover", &duration, changed];
     let mut scenario = scenario(&[settings, &own].concat());
     scenario.initial = Initial { position_m: [0.02; 3], attitude_deg: [1.0; 3], ..Initial::default() };
     let mut end = State::default();
@@ -47,8 +47,8 @@ fn margins_lie_between_a_flight_that_is_held_and_one_that_is_lost() {
         let loops = loops(settings);
         let [delay, lag] = [loops.delay_margin, loops.lag_margin].map(|margin| margin.expect("stable as set"));
         assert!(!delay.or_more && !lag.or_more, "{loops:?}");
-        let with_delay = |ms: f64| is_held(settings, format!("run.command_delay_ms={ms:.1}"));
-        let with_lag = |ms: f64| is_held(settings, format!("plant.rotor_lag_s={:.4}", ms * 1e-3));
+        let with_delay = |ms: f64| is_held(settings, &format!("run.command_delay_ms={ms:.1}"));
+        let with_lag = |ms: f64| is_held(settings, &format!("plant.rotor_lag_s={:.4}", ms * 1e-3));
         let below = |ms: f64| (ms - GRID_MS).max(ms * 0.8);
         assert!(with_delay(below(delay.ms)) && !with_delay(delay.ms + GRID_MS), "{settings:?}: {delay:?}");
         assert!(with_lag(below(lag.ms)) && !with_lag(lag.ms + GRID_MS), "{settings:?}: {lag:?}");
@@ -59,7 +59,7 @@ fn margins_lie_between_a_flight_that_is_held_and_one_that_is_lost() {
 fn the_papers_loop_loses_its_stability_between_5_and_6_ms_of_delay() {
     let delay = loops(&["profile=paper"]).delay_margin.expect("stable as set");
     assert_eq!((delay.ms, delay.or_more), (5.0, false));
-    let held = |ms: f64| is_held(&["profile=paper"], format!("run.command_delay_ms={ms:.1}"));
+    let held = |ms: f64| is_held(&["profile=paper"], &format!("run.command_delay_ms={ms:.1}"));
     assert!(held(5.0) && !held(6.0));
     let with_3_ms = loops(&["profile=paper", "run.command_delay_ms=3.0"]).delay_margin.expect("stable as set");
     assert_eq!(with_3_ms.ms, 5.0, "the delay of the scenario is part of the margin");
@@ -134,8 +134,8 @@ fn checked(arguments: &[&str]) -> String {
 #[test]
 fn check_run_and_report_tell_the_same_and_the_output_of_check_is_a_scenario() {
     let settings = [&PID[..], &["run.duration_s=1.0", "run.mode=inprocess"]].concat();
-    let mut arguments = vec!["survey"];
-    settings.iter().for_each(|set| arguments.extend(["--set", set]));
+    let arguments: Vec<&str> =
+        std::iter::once("survey").chain(settings.iter().flat_map(|set| ["--set", set])).collect();
     let survey = top().join("scenarios/survey.toml");
     let owned: Vec<String> = settings.iter().map(|&set| set.to_owned()).collect();
     let hover = Hover::of(&load(Some(&survey), &owned).expect("a scenario"));

@@ -3,6 +3,7 @@
 //! The loops have no model of their own: the ring flies in process, as in every flight, with the control law, gains,
 //! vehicle and rate of the scenario, and the numbers are read from how the vehicle moves. So one mechanism serves every
 //! law. These flights hover far from every limit: without mission, wind, ground, battery, sensor errors and faults.
+//! Together they take some 300 s of flight, 0.2 s on the wall at 100 Hz, and are not flown for a flight of a campaign.
 //!
 //! | module | holds |
 //! |---|---|
@@ -89,7 +90,7 @@ pub struct PositionBandwidths {
 }
 
 impl Hover {
-    /// Computes the hover of a scenario that was checked. The loops take some hundred seconds of flight in process.
+    /// Computes the hover of a scenario that was checked.
     pub fn of(scenario: &Scenario) -> Self {
         let Trim { roll_rad, actuation } = Trim::solve(&scenario.flown_airframe(), scenario.plant.tilt_reaction);
         let [_, thrust_over_weight] = scenario.limits().thrust_range(&actuation);

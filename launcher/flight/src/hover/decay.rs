@@ -1,9 +1,9 @@
 //! Decay of a perturbation of the hover, and the margins of what is unlike the model of the controller.
 //!
 //! The flight begins beside the hover. Its energy is the sum of the squares by which the motion changes from sample to
-//! sample. The perturbation decays if the last third of the flight has less energy than the middle third, and if no angle
-//! ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies are about
-//! equal then.
+//! sample. The perturbation decays if the last third of the flight has less energy than the middle third, and if no
+//! angle ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies are
+//! about equal then.
 
 use contract::message::{Kinematics, State};
 use contract::scenario::{Initial, Scenario};
@@ -36,8 +36,8 @@ pub struct Margin {
 }
 
 impl Margin {
-    /// Searches the first value above `own_ms`, at which the loop is stable, that makes it unstable: on the multiples of
-    /// [`GRID_MS`] up to `max_ms`, and then by halving on the whole milliseconds before the one found.
+    /// Searches the first value above `own_ms`, at which the loop is stable, that makes it unstable: on the multiples
+    /// of [`GRID_MS`] up to `max_ms`, and then by halving on the whole milliseconds before the one found.
     pub fn search(own_ms: f64, max_ms: f64, is_stable: impl Fn(f64) -> bool) -> Self {
         let mut ms = own_ms;
         let unstable_ms = loop {
@@ -63,7 +63,8 @@ impl Margin {
 
     /// Describes the margin for people.
     pub fn words(&self) -> String {
-        format!("{:.0} ms{}", self.ms, if self.or_more { " or more" } else { "" })
+        let tenths = (self.ms * 10.0).round() / 10.0;
+        format!("{tenths} ms{}", if self.or_more { " or more" } else { "" })
     }
 }
 
@@ -141,5 +142,7 @@ mod tests {
         assert_eq!(found(30.0, 250.0, 249.5), margin(249.0, false));
         assert_eq!(found(30.0, 250.0, 1e3), margin(250.0, true));
         assert_eq!(found(300.0, 250.0, 1e3), margin(300.0, true), "nothing is tried");
+        assert_eq!(found(2.5, 200.0, 2.9).words(), "2.5 ms");
+        assert_eq!(found(30.0, 250.0, 1e3).words(), "250 ms or more");
     }
 }

@@ -67,8 +67,8 @@ fn course<const N: usize>(
     course
 }
 
-/// First frequency at which the response of number `i` to a step, `stepped` less `held`, is below -3 dB \[rad/s\]; `None` if there is
-/// none between [`LOWEST_RADPS`] and half the sampling rate.
+/// First frequency at which the response of number `i` to a step, `stepped` less `held`, is below -3 dB \[rad/s\];
+/// `None` if there is none between [`LOWEST_RADPS`] and half the sampling rate.
 fn bandwidth<const N: usize>(i: usize, stepped: &[[f64; N]], held: &[[f64; N]], sample_s: f64) -> Option<f64> {
     let response: Vec<f64> = stepped.iter().zip(held).map(|(with, without)| (with[i] - without[i]) / SMALL).collect();
     let impulse: Vec<f64> = response.windows(2).map(|pair| pair[1] - pair[0]).collect();

@@ -3,7 +3,8 @@
 use airframe::Trim;
 use contract::message::{Kinematics, State};
 use contract::scenario::{
-    Guidance, Heading, Initial, Mission, Plant, RollReference, Run, Scenario, Sensors, TrajectoryKind,
+    Battery, Ground, Guidance, Heading, Initial, Mission, Noise, Plant, RollReference, Run, Scenario, Sensors,
+    TrajectoryKind, Turbulence,
 };
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use plant::dynamics::{Dynamics, Surroundings, assemble};
@@ -16,7 +17,7 @@ use runtime::node::Open;
 /// Size of perturbations and steps \[m\], \[m/s\], \[rad\].
 pub const SMALL: f64 = 1e-3;
 
-/// Returns `scenario` for small motions: a hover at the origin to the north, alone with the vehicle and its controllers,
+/// Returns `scenario` for small motions: a hover at the origin to the north, with the vehicle and its controllers alone,
 /// which are both at rest there: the vehicle by [`balance`], the controllers with the roll of their trim.
 pub fn scenario(scenario: &Scenario) -> Scenario {
     let [known, flown] = [scenario.mixer.tilt_reaction, scenario.plant.tilt_reaction]
@@ -35,12 +36,12 @@ pub fn scenario(scenario: &Scenario) -> Scenario {
         plant: Plant {
             wind_ned_mps: vec![],
             disturbance: vec![],
-            noise: Default::default(),
+            noise: Noise::default(),
             sensors: Sensors::default(),
-            battery: Default::default(),
-            ground: Default::default(),
+            battery: Battery::default(),
+            ground: Ground::default(),
             wind_roughness_m: 0.0,
-            turbulence: Default::default(),
+            turbulence: Turbulence::default(),
             ..scenario.plant.clone()
         },
         guidance: Guidance { roll_reference: RollReference::Trim, ..scenario.guidance.clone() },
