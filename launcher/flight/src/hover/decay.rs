@@ -2,8 +2,8 @@
 //!
 //! The flight begins beside the hover. Its energy is the sum of the squares by which the motion changes from sample to
 //! sample. The perturbation decays if the last third of the flight has less energy than the middle third, and if no
-//! angle ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies are
-//! about equal then.
+//! angle ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies
+//! are about equal then.
 
 use contract::message::{Kinematics, State};
 use contract::scenario::{Initial, Scenario};

@@ -17,8 +17,8 @@ use runtime::node::Open;
 /// Size of perturbations and steps \[m\], \[m/s\], \[rad\].
 pub const SMALL: f64 = 1e-3;
 
-/// Returns `scenario` for small motions: a hover at the origin to the north, with the vehicle and its controllers alone,
-/// which are both at rest there: the vehicle by [`balance`], the controllers with the roll of their trim.
+/// Returns `scenario` for small motions: a hover at the origin to the north, with the vehicle and its controllers
+/// alone, which are both at rest there: the vehicle by [`balance`], the controllers with the roll of their trim.
 pub fn scenario(scenario: &Scenario) -> Scenario {
     let [known, flown] = [scenario.mixer.tilt_reaction, scenario.plant.tilt_reaction]
         .map(|tilt_reaction| Trim::solve(&scenario.airframe, tilt_reaction));
