@@ -19,6 +19,7 @@ mod foreign;
 mod foreign_campaigns;
 mod fuzz;
 mod harness;
+mod hover;
 mod inherited;
 mod isolation;
 mod laws;

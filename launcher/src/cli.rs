@@ -39,7 +39,7 @@ enum Command {
     Fly(fly::FlyArgs),
     /// Write a controller of your own: code, build file, scenario, test
     New(new::NewArgs),
-    /// Check a scenario file and print the merged settings
+    /// Check a scenario file; print the merged settings, the hover and the margins of its control loops
     Check {
         /// Scenario file (TOML), or the name of a shipped scenario
         scenario: PathBuf,
@@ -246,6 +246,7 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     scenarios::tell(Kind::Scenario, scenario);
     let merged = settings::load(Some(scenario), set)?;
     print(&scenario::to_toml_that_follows(&merged));
+    print(&vehicle::describe_hover(&merged));
     if let Some(parts) = mission::describe(&merged) {
         eprint_line(parts.trim_end());
     }

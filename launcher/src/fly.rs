@@ -22,6 +22,7 @@ use crate::web::{self, TokenArgs};
 use flight::event::name;
 use flight::folder::Folder;
 use flight::guarded;
+use flight::hover::Hover;
 use flight::interrupts::{catch_interrupts, end_at_once};
 use flight::log::Record;
 use flight::provenance::{Scheduling, granted, provenance};
@@ -164,14 +165,15 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let written = if scenario == ordered { Ok(()) } else { settings() };
 
     let verdict = Verdict::of(&summary, &scenario, &how);
-    let record = RunRecord::of(Account {
+    let account = Account {
         summary: &summary,
         scenario: &scenario,
         how: &how,
         verdict: &verdict,
         wall_s: wall.as_secs_f64(),
         provenance: Some(provenance(&scenario, &scheduling)),
-    });
+    };
+    let record = RunRecord { hover: Some(Hover::of(&scenario)), ..RunRecord::of(account) };
     let run = serde_json::to_string_pretty(&record)? + "\n";
     let written = written.and_then(|()| out.write("run.json", &run));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));

@@ -5,7 +5,7 @@
 //! | `cli` | the commands |
 //! | `fly` | `fly`: one flight from scenario to report |
 //! | `mission` | the parts of a mission, for `check` |
-//! | `vehicle` | weights that do not fit a vehicle, for `check` and `fly` |
+//! | `vehicle` | the hover and its control loops, for `check`; weights that do not fit a vehicle, for `check` and `fly` |
 //! | `doctor` | `doctor`: what this machine gives a flight in real time |
 //! | `progress` | the line shown while flying |
 //! | `manage` | `status` and `stop` |

@@ -1,8 +1,15 @@
-//! Weights of the inputs against the vehicle that they are for, before its flight.
+//! Vehicle and controllers before their flight: hover and control loops, and weights of the inputs that do not fit.
 
 use contract::Scenario;
 use contract::scenario::weights_that_fit;
+use flight::hover::Hover;
 use runtime::console::eprint_line;
+
+/// Describes the hover and the control loops as comments of TOML.
+pub fn describe_hover(scenario: &Scenario) -> String {
+    let rows = Hover::of(scenario).rows();
+    rows.iter().fold("\n".into(), |text, (name, value)| text + &format!("# {name}: {value}\n"))
+}
 
 /// Warns on stderr if `mpc.r` is that of another vehicle.
 pub fn warn_of_weights(scenario: &Scenario) {

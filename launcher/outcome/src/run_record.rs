@@ -12,6 +12,7 @@ use contract::scenario::file::MAX_RESULTS_BYTES;
 use contract::scenario::{self, Mode, Profile, Scenario, Solver, candidate, schema_of};
 use flight::event::TimedEvent;
 use flight::files;
+use flight::hover::Hover;
 use flight::provenance::{Git, Provenance, SCHEMA_VERSION};
 use flight::recorder::LogOutcome;
 use runtime::port::PortFailure;
@@ -67,6 +68,8 @@ pub struct RunRecord {
     pub replays: bool,
     /// Bounds, each compared with the flight.
     pub bounds: Vec<BoundCheck>,
+    /// Hover of the vehicle, and its control loops in small motions; null for a record that `fly` has not made.
+    pub hover: Option<Hover>,
     /// Speed of the flight against the clock.
     pub speed: Speed,
     /// Timing of the nodes; null for a flight in process, which has no times.
@@ -120,7 +123,7 @@ pub struct Account<'a> {
 }
 
 impl RunRecord {
-    /// Makes the record of a flight.
+    /// Makes the record of a flight, without its hover.
     pub fn of(account: Account) -> Self {
         let Account { summary, scenario, how, verdict, wall_s, provenance } = account;
         let flown_s = summary.time_s();
@@ -145,6 +148,7 @@ impl RunRecord {
             state_hash: summary.state_hash(),
             replays: replays(summary, how, scenario),
             bounds: verdict.bounds.clone(),
+            hover: None,
             speed: Speed { wall_s, times_realtime: flown_s / wall_s },
             timing: summary.timing.as_ref().map(|timing| timing.record(&happened)),
             log: how.log.clone(),

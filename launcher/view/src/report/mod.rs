@@ -159,6 +159,7 @@ fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option
         ("claims", claims),
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
+        ("hover", sections::hover(run)),
         ("steps", steps.table()),
         ("repeat", sections::repeat(run).into()),
         ("sampling", sampling),

@@ -123,6 +123,12 @@ pub fn metrics(run: &RunRecord) -> String {
     list(measured.chain(more.map(|(name, value)| (name.to_owned(), value))))
 }
 
+/// Hover of the vehicle and its control loops; a sentence if the record does not have them.
+pub fn hover(run: &RunRecord) -> String {
+    let Some(hover) = &run.hover else { return "<p>Not computed: there is no run.json.</p>".into() };
+    list(hover.rows().into_iter().map(|(name, value)| (name.to_owned(), escape(&value))))
+}
+
 /// Returns whether anything gives the state hash of the flight again: in real time only a replay can.
 fn repeats(run: &RunRecord) -> bool {
     run.mode != Mode::Realtime || run.replays

@@ -1,0 +1,125 @@
+//! Responses to small steps of a reference, and their bandwidths.
+//!
+//! ```text
+//! h_k = (y_k - y_k-1) / step        response to an impulse, from that to a step
+//! T(w) = sum h_k exp(-j w k Ts)     response over the frequency w
+//! ```
+//!
+//! `y` is a true motion less that of a flight without the step, so that a hover away from the reference does not count.
+
+use contract::message::State;
+use contract::scenario::{Mission, Scenario, TrajectoryKind};
+use runtime::node::Open;
+
+use super::held::{HELD, STEP_TICK, STEPS};
+use super::small::{SMALL, fly};
+
+/// Durations of the flights of attitude and of position, at whose ends their responses are settled \[s\].
+const ATTITUDE_S: f64 = 5.0;
+const POSITION_S: f64 = 16.0;
+/// Lowest frequency at which a response is looked at \[rad/s\].
+const LOWEST_RADPS: f64 = 0.1;
+/// Ratio of one frequency to the one before.
+const RATIO: f64 = 1.02;
+/// Halvings of the interval between two frequencies.
+const HALVINGS: u32 = 20;
+
+/// Bandwidths of w, phi, theta and psi over their own references \[rad/s\].
+pub fn attitude_bandwidths(scenario: &Scenario) -> [Option<f64>; 4] {
+    let course = |guidance| {
+        course(scenario, guidance, ATTITUDE_S, |state| {
+            let ([_, _, w], [phi, theta, psi]) = (state.actual.velocity_mps, state.actual.attitude_rad);
+            [w, phi, theta, psi]
+        })
+    };
+    let held = course(HELD);
+    std::array::from_fn(|i| bandwidth(i, &course(STEPS[i]), &held, scenario.sample_s()))
+}
+
+/// Bandwidths of the position to the north, east and down over the mission's position \[rad/s\].
+pub fn position_bandwidths(scenario: &Scenario) -> [Option<f64>; 3] {
+    let step_at_s = STEP_TICK as f64 * scenario.sample_s();
+    let stepped = |i: usize| {
+        let mut step_m = [0.0; 3];
+        step_m[i] = SMALL;
+        let mission = Mission { trajectory: TrajectoryKind::Step, step_m, step_at_s, ..scenario.mission.clone() };
+        Scenario { mission, ..scenario.clone() }
+    };
+    let course = |scenario: &Scenario| course(scenario, ring::nodes::open, POSITION_S, |state| state.actual.position_m);
+    let held = course(scenario);
+    std::array::from_fn(|i| bandwidth(i, &course(&stepped(i)), &held, scenario.sample_s()))
+}
+
+/// Course of some numbers from the step on.
+fn course<const N: usize>(
+    scenario: &Scenario,
+    guidance: Open,
+    flight_s: f64,
+    of: impl Fn(&State) -> [f64; N],
+) -> Vec<[f64; N]> {
+    let mut course = vec![];
+    fly(scenario, scenario, guidance, flight_s, |state| {
+        if state.stamp.tick >= STEP_TICK {
+            course.push(of(state));
+        }
+        true
+    });
+    course
+}
+
+/// First frequency at which the response of number `i` to a step, `stepped` less `held`, is below -3 dB \[rad/s\];
+/// `None` if there is none between [`LOWEST_RADPS`] and half the sampling rate.
+fn bandwidth<const N: usize>(i: usize, stepped: &[[f64; N]], held: &[[f64; N]], sample_s: f64) -> Option<f64> {
+    let response: Vec<f64> = stepped.iter().zip(held).map(|(with, without)| (with[i] - without[i]) / SMALL).collect();
+    let impulse: Vec<f64> = response.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let is_below = |radps: f64| squared_magnitude(&impulse, radps * sample_s) < 0.5;
+    if is_below(LOWEST_RADPS) {
+        return None;
+    }
+    let mut above = LOWEST_RADPS;
+    while !is_below(above * RATIO) {
+        above *= RATIO;
+        if above * sample_s > std::f64::consts::PI {
+            return None;
+        }
+    }
+    let mut below = above * RATIO;
+    for _ in 0..HALVINGS {
+        let middle = f64::midpoint(above, below);
+        let end = if is_below(middle) { &mut below } else { &mut above };
+        *end = middle;
+    }
+    Some(above)
+}
+
+/// Square of the magnitude of the transform of `impulse`, at the angle of the frequency over one sample.
+fn squared_magnitude(impulse: &[f64], angle_rad: f64) -> f64 {
+    let (sin, cos) = libm::sincos(angle_rad);
+    // Horner's rule in exp(-j angle): the phase does not count, so that the order may be reversed.
+    let [re, im] = impulse.iter().fold([0.0, 0.0], |[re, im], h| [re * cos - im * sin + h, re * sin + im * cos]);
+    re * re + im * im
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bandwidth of a response to a step, sampled at 1000 Hz for 60 s.
+    fn bandwidth_of(response: impl Fn(f64) -> f64) -> Option<f64> {
+        let stepped: Vec<[f64; 1]> = (0..60_000).map(|k| [7.0 + SMALL * response(f64::from(k) * 1e-3)]).collect();
+        bandwidth(0, &stepped, &vec![[7.0]; stepped.len()], 1e-3)
+    }
+
+    #[test]
+    fn the_bandwidth_is_that_of_the_transfer_function() {
+        for pole in [0.5, 5.0, 50.0] {
+            let first_order = bandwidth_of(|t| 1.0 - (-pole * t).exp()).expect("a bandwidth");
+            assert!((first_order / pole - 1.0).abs() < 0.01, "{pole}: {first_order}");
+            // Both poles at -p: -3 dB at p sqrt(sqrt 2 - 1).
+            let second_order = bandwidth_of(|t| 1.0 - (1.0 + pole * t) * (-pole * t).exp()).expect("a bandwidth");
+            assert!((second_order / (pole * 0.643_59) - 1.0).abs() < 0.01, "{pole}: {second_order}");
+        }
+        assert_eq!(bandwidth_of(|t| f64::from(t > 0.0)), None, "it follows at once");
+        assert_eq!(bandwidth_of(|_| 0.0), None, "it does not follow");
+    }
+}
