@@ -275,10 +275,9 @@ impl Guidance {
 
         let mut flags = 0;
         let [phi_rad, theta_rad]: [f64; 2] = within(&angles, limits.angle_rad).into();
-        for (wanted, limited, flag) in [
-            (angles.x, phi_rad, guidance_flags::ROLL_LIMITED),
-            (angles.y, theta_rad, guidance_flags::PITCH_LIMITED),
-        ] {
+        for (wanted, limited, flag) in
+            [(angles.x, phi_rad, guidance_flags::ROLL_LIMITED), (angles.y, theta_rad, guidance_flags::PITCH_LIMITED)]
+        {
             flags |= if limited != wanted { flag } else { 0 };
         }
         let limited_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, &mut flags);
@@ -368,8 +367,10 @@ impl Guidance {
             return Vector2::zeros();
         }
         let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);
+        // Tilted farther than guidance asks for, the thrust does not carry the vehicle: its tilt explains nothing.
+        let is_upset = tilt.norm() > self.settings.angle_limit_deg.to_radians();
         let step = observer::Step {
-            elapsed_s: lapse.elapsed_s,
+            elapsed_s: if is_upset { 0.0 } else { lapse.elapsed_s },
             gain: (bandwidth * self.sample_s).min(1.0),
             periods: lapse.believed_periods,
         };

@@ -239,6 +239,7 @@ fn robust() -> Scenario {
             climb_limit_mps: 4.0,
             heading_rate_limit_dps: 180.0,
             integral_limit: 2.0,
+            disturbance_observer_radps: 1.0,
             preview_s: 0.4,
             ..paper.guidance
         },
