@@ -167,9 +167,9 @@ pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
     Ok(merged)
 }
 
-/// Returns the defaults of the profile, the presets and the vehicle of `chosen`.
+/// Returns the defaults of the profile, the presets, the vehicle, the law and the rate of `chosen`.
 pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
-    let mut defaults = profile::for_vehicle(chosen.profile.into(), &chosen.airframe, chosen.run.rate_hz);
+    let mut defaults = profile::for_choice(chosen);
     defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
     defaults
 }

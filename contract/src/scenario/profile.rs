@@ -33,11 +33,14 @@ const MOST_MOVES: f64 = 20.0;
 /// Share of an error of the model that its disturbance estimate takes in, at last \[1/s\].
 const DISTURBANCE_RATE: f64 = 2.0;
 
-/// Adapts the defaults `scenario` of a profile to the `vehicle` that its controllers know: actuators and parameters of
-/// its preset, and the weights of its inputs. The weights are scaled with mass and inertia so that the same
-/// acceleration costs the same, and the closed loop has the same poles. In profile `robust` the horizons end where
-/// a solve would take too long, and the disturbance estimate is as fast at every rate.
-pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters, rate_hz: u32) -> Scenario {
+/// Returns the defaults of the profile of `chosen`, adapted to what else it chooses: actuators and parameters of its
+/// preset, and the weights of the inputs, which are scaled with mass and inertia so that the same acceleration costs the
+/// same, and the closed loop has the same poles.
+///
+/// In profile `robust` the horizons end where a solve would take too long, the disturbance estimate is as fast at every
+/// rate, and what a law or a model has no use for is off.
+pub(super) fn for_choice(chosen: &Scenario) -> Scenario {
+    let (scenario, vehicle) = (Scenario::from(chosen.profile), &chosen.airframe);
     let before = scenario.airframe;
     let ratios = [
         before.mass_kg / vehicle.mass_kg,
@@ -56,18 +59,31 @@ pub(super) fn for_vehicle(scenario: Scenario, vehicle: &Parameters, rate_hz: u32
             ..scenario.plant
         },
     };
-    let rate_hz = f64::from(rate_hz);
-    let mpc = match scenario.profile {
-        Profile::Paper => Mpc { r, ..scenario.mpc },
-        Profile::Robust => Mpc {
-            r,
-            prediction_horizon_s: scenario.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
-            control_horizon_s: scenario.mpc.control_horizon_s.min(MOST_MOVES / rate_hz),
-            disturbance_gain: DISTURBANCE_RATE / rate_hz,
-            ..scenario.mpc
+    let scenario = Scenario { airframe: vehicle.preset.into(), plant, mpc: Mpc { r, ..scenario.mpc }, ..scenario };
+    match scenario.profile {
+        Profile::Paper => scenario,
+        Profile::Robust => for_law(scenario, &chosen.mpc, f64::from(chosen.run.rate_hz)),
+    }
+}
+
+/// Adapts the defaults of profile `robust` to the law and the model of `chosen`, and to the rate.
+fn for_law(scenario: Scenario, chosen: &Mpc, rate_hz: f64) -> Scenario {
+    let Mpc { law, model, .. } = *chosen;
+    let has_gain = matches!(law, Law::Mpc | Law::Lqr);
+    let mpc = Mpc {
+        model: if has_gain && chosen.disturbance_gain > 0.0 { Model::Coupled } else { Model::Hover },
+        prediction_horizon_s: scenario.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
+        control_horizon_s: scenario.mpc.control_horizon_s.min(MOST_MOVES / rate_hz),
+        constraints: if law == Law::Mpc { scenario.mpc.constraints } else { Constraints::None },
+        delay_compensation: match model {
+            Model::Hover | Model::Coupled => scenario.mpc.delay_compensation,
+            Model::Scheduled | Model::Ltv => DelayCompensation::Sample(true),
         },
+        disturbance_gain: if law == Law::Indi { 0.0 } else { DISTURBANCE_RATE / rate_hz },
+        ..scenario.mpc
     };
-    Scenario { airframe: vehicle.preset.into(), plant, mpc, ..scenario }
+    let preview_s = if law == Law::Mpc { scenario.guidance.preview_s } else { 0.0 };
+    Scenario { mpc, guidance: Guidance { preview_s, ..scenario.guidance }, ..scenario }
 }
 
 impl Default for Scenario {
