@@ -27,7 +27,8 @@ impl From<Profile> for Scenario {
 const LEAST_WEIGHT: f64 = 1e-12;
 const MOST_WEIGHT: f64 = 1e12;
 
-/// Longest horizon and most moves of a plan of profile `robust` \[samples\]: a solve takes longer with each move.
+/// Longest horizon of profile `robust`, and most moves of a plan with constraints \[samples\]: a solve takes longer with
+/// each move.
 const MOST_SAMPLES: f64 = 200.0;
 const MOST_MOVES: f64 = 20.0;
 /// Share of an error of the model that its disturbance estimate takes in, at last \[1/s\].
@@ -37,8 +38,8 @@ const DISTURBANCE_RATE: f64 = 2.0;
 /// preset, and the weights of the inputs, which are scaled with mass and inertia so that the same acceleration costs the
 /// same, and the closed loop has the same poles.
 ///
-/// In profile `robust` the horizons end where a solve would take too long, the disturbance estimate is as fast at every
-/// rate, and what a law or a model has no use for is off.
+/// In profile `robust` the control horizon ends where a solve would take too long, the disturbance estimate is as fast
+/// at every rate, and what a law or a model has no use for is off.
 pub(super) fn for_choice(chosen: &Scenario) -> Scenario {
     let (scenario, vehicle) = (Scenario::from(chosen.profile), &chosen.airframe);
     let before = scenario.airframe;
@@ -70,11 +71,11 @@ pub(super) fn for_choice(chosen: &Scenario) -> Scenario {
 fn for_law(scenario: Scenario, chosen: &Mpc, rate_hz: f64) -> Scenario {
     let Mpc { law, model, .. } = *chosen;
     let has_gain = matches!(law, Law::Mpc | Law::Lqr);
+    let most_moves = if chosen.constraints == Constraints::None { MOST_SAMPLES } else { MOST_MOVES };
     let mpc = Mpc {
         model: if has_gain && chosen.disturbance_gain > 0.0 { Model::Coupled } else { Model::Hover },
         prediction_horizon_s: scenario.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
-        control_horizon_s: scenario.mpc.control_horizon_s.min(MOST_MOVES / rate_hz),
-        constraints: if law == Law::Mpc { scenario.mpc.constraints } else { Constraints::None },
+        control_horizon_s: scenario.mpc.control_horizon_s.min(most_moves / rate_hz),
         delay_compensation: match model {
             Model::Hover | Model::Coupled => scenario.mpc.delay_compensation,
             Model::Scheduled | Model::Ltv => DelayCompensation::Sample(true),
@@ -264,9 +265,8 @@ fn robust() -> Scenario {
             q: [1e2, 1e3, 1e3, 1e3, 5.0, 5.0, 0.0],
             r: [0.3, 70.0, 20.0, 1200.0],
             prediction_horizon_s: 0.2,
-            control_horizon_s: 0.1,
+            control_horizon_s: 0.2,
             terminal: Terminal::Dare,
-            constraints: Constraints::Cone,
             solver: Solver::ActiveSet,
             actuator_lag_model_s: 0.035,
             delay_compensation: DelayCompensation::Named(DelayName::Measured),
