@@ -46,7 +46,7 @@ pub const RATES: usize = 4;
 const DARE_REGULARISATION: f64 = 1e-9;
 
 /// Smallest accepted pivot of the Hessian's Cholesky factor, as a share of the diagonal element. The shipped profiles
-/// have 0.05, and 1e-3 with 200 moves; rounding begins at 1e-13.
+/// have 0.05, and 4e-4 with 200 moves; rounding begins at 1e-13.
 const INDEPENDENT: f64 = 1e-11;
 
 /// Quadratic cost in the moves, and its minimiser as a gain.

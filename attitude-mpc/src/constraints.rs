@@ -210,7 +210,7 @@ mod tests {
         let model = PredictionModel::new(&scenario);
         let mut set = set(&scenario).unwrap();
         let given = DVector::from_fn(26, |i, _| 0.1 * (1.0 + i as f64).sin());
-        let plan = DVector::from_fn(20, |i, _| (2.0 + i as f64).cos());
+        let plan = DVector::from_fn(4 * scenario.nu(), |i, _| (2.0 + i as f64).cos());
         set.start(&given);
         set.excess(&plan);
 

@@ -2,7 +2,9 @@
 
 use contract::Scenario;
 use contract::message::{Reference, Stamp, State};
-use contract::scenario::{Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Profile, Terminal};
+use contract::scenario::{
+    Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Model, Mpc, Plant, Profile, Terminal,
+};
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 
@@ -15,6 +17,33 @@ pub fn reference() -> Value {
 /// Reads the numbers of a JSON array.
 pub fn vector(value: &Value) -> DVector<f64> {
     DVector::from_iterator(value.as_array().unwrap().len(), value.as_array().unwrap().iter().map(number))
+}
+
+/// Settings for which the simulator computed `K_B2`, `S_dare_B2`, `Ad_lag30` and `Bd_lag30`: lag and delay of one
+/// sample in the model, and weights that tolerate them.
+pub fn with_lag() -> Scenario {
+    let paper = Scenario::from(Profile::Paper);
+    Scenario {
+        plant: Plant { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
+        mpc: Mpc {
+            q: [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0],
+            r: [0.4, 300.0, 85.0, 300.0],
+            prediction_horizon_s: 0.2,
+            control_horizon_s: 0.05,
+            terminal: Terminal::Dare,
+            constraints: Constraints::Cone,
+            actuator_lag_model_s: 0.03,
+            delay_compensation: DelayCompensation::Sample(true),
+            ..paper.mpc
+        },
+        ..paper
+    }
+}
+
+/// Settings of profile `robust` without an estimate of a disturbance.
+pub fn without_estimate() -> Scenario {
+    let robust = Scenario::default();
+    Scenario { mpc: Mpc { model: Model::Hover, disturbance_gain: 0.0, ..robust.mpc }, ..robust }
 }
 
 /// Builds a fault of the solver.

@@ -136,8 +136,8 @@ impl PredictionModel {
     /// x(t) = x + t v + t^2/2 A v + t^3/6 A^2 v + ...,      v = A x + B u + E d
     /// ```
     ///
-    /// A long time is taken in steps of norm 1/2 at most; the series ends where its terms are too small to count. `term` and
-    /// `next` are buffers of the size of `x`.
+    /// A long time is taken in steps of norm 1/2 at most; the series ends where its terms are too small to count. `term`
+    /// and `next` are buffers of the size of `x`.
     pub fn advance(
         &self,
         x: &mut DVector<f64>,
@@ -201,9 +201,9 @@ mod tests {
         let paper = PredictionModel::new(&Scenario::from(Profile::Paper));
         fixture::assert_matrix(&paper.a, &fixture::matrix("Ad"));
         fixture::assert_matrix(&paper.b, &fixture::matrix("Bd"));
-        let robust = PredictionModel::new(&Scenario::from(Profile::Robust));
-        fixture::assert_matrix(&robust.a, &fixture::matrix("Ad_lag30"));
-        fixture::assert_matrix(&robust.b, &fixture::matrix("Bd_lag30"));
+        let with_lag = PredictionModel::new(&fixture::with_lag());
+        fixture::assert_matrix(&with_lag.a, &fixture::matrix("Ad_lag30"));
+        fixture::assert_matrix(&with_lag.b, &fixture::matrix("Bd_lag30"));
     }
 
     #[test]
@@ -220,7 +220,8 @@ mod tests {
 
     #[test]
     fn a_command_moves_the_lag_states() {
-        let model = PredictionModel::new(&Scenario::default());
+        let scenario = Scenario::default();
+        let model = PredictionModel::new(&scenario);
         let mut command = model.trim.actuation;
         command.rotor_speed = command.rotor_speed.map(|omega| 1.01 * omega); // more thrust: a more negative col
         let once = model.actuate(&model.trim.actuation, &command, 1);
@@ -229,7 +230,7 @@ mod tests {
         let goal = model.inputs_of(&command)[0];
         assert!(goal < x[STATES] && x[STATES] < 0.0, "{} between {goal} and 0", x[STATES]);
         // The lag of the inputs agrees with the lag of the rotor speeds to first order in the step.
-        let share = 1.0 - (-0.01_f64 / 0.03).exp();
+        let share = 1.0 - (-0.01_f64 / scenario.mpc.actuator_lag_model_s).exp();
         assert!((x[STATES] / goal - share).abs() < 0.01);
         assert_eq!(model.actuate(&once, &command, 0), once);
     }
@@ -284,6 +285,19 @@ mod tests {
                 model.advance(&mut x, &u, &d, (1.0 - part) * sample_s, [&mut term, &mut next]);
                 assert!((&x - &expected).amax() < 1e-12 * expected.amax(), "{part} of {sample_s}: {x}, not {expected}");
             }
+        }
+    }
+
+    #[test]
+    fn no_time_changes_no_bit() {
+        for profile in [Profile::Paper, Profile::Robust] {
+            let model = PredictionModel::new(&Scenario::from(profile));
+            let start = DVector::from_fn(model.states(), |row, _| if row == 0 { -0.0 } else { (row as f64).sin() });
+            let (mut x, mut term, mut next) = (start.clone(), start.clone(), start.clone());
+            let (u, d) = (Vector4::new(-1.0, 0.1, 0.2, -0.05), Vector4::new(0.5, 0.02, -0.03, 0.01));
+            model.advance(&mut x, &u, &d, 0.0, [&mut term, &mut next]);
+            let bits = |x: &DVector<f64>| x.map(f64::to_bits);
+            assert_eq!(bits(&x), bits(&start), "{profile:?}");
         }
     }
 }

@@ -191,6 +191,38 @@ fn the_estimate_waits_for_two_samples_in_a_row() {
     }
 }
 
+/// Flies at hover for the `ticks`, with `command` in force.
+fn fly(mpc: &mut AttitudeMpc, ticks: std::ops::Range<u64>, command: Actuation) {
+    for tick in ticks {
+        let (mut state, reference) = hover(mpc, tick);
+        state.command_in_force = command.into();
+        mpc.step(tick, &state, &reference);
+    }
+}
+
+#[test]
+fn after_standing_on_the_ground_the_estimate_begins_anew() {
+    let mut scenario = Scenario::default();
+    scenario.plant.ground.present = true;
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let flies = mpc.model.trim.actuation;
+    let idles = Actuation { rotor_speed: [scenario.idle_speed(); 3], ..flies };
+    fly(&mut mpc, 0..200, flies);
+    mpc.memory.disturbance = Vector4::repeat(0.1);
+    assert!(mpc.memory.gain < 0.03, "{}", mpc.memory.gain);
+    fly(&mut mpc, 200..201, idles);
+    assert_eq!((mpc.memory.gain, mpc.memory.disturbance), (disturbance::FIRST_GAIN, Vector4::zeros()));
+    fly(&mut mpc, 201..300, idles);
+    assert_eq!((mpc.memory.gain, mpc.memory.disturbance), (disturbance::FIRST_GAIN, Vector4::zeros()));
+    fly(&mut mpc, 300..301, flies);
+    assert!(mpc.memory.gain > 0.15 && mpc.memory.gain < disturbance::FIRST_GAIN, "{}", mpc.memory.gain);
+    scenario.plant.ground.present = false;
+    let mut mpc = AttitudeMpc::new(&scenario);
+    fly(&mut mpc, 0..200, flies);
+    fly(&mut mpc, 200..201, idles);
+    assert!(mpc.memory.gain < 0.03, "nothing stands in the air: {}", mpc.memory.gain);
+}
+
 /// Push on the vehicle \[N, N m, N m, N m\].
 const PUSH: [f64; 4] = [0.5, -0.02, 0.03, 0.01];
 
@@ -253,7 +285,7 @@ fn a_constant_moment_leaves_no_offset() {
 #[test]
 fn a_law_without_an_estimate_drops_that_of_the_law_before() {
     let of = |law| {
-        let mut scenario = Scenario::default();
+        let mut scenario = fixture::without_estimate();
         scenario.mpc.law = law;
         AttitudeMpc::new(&scenario)
     };

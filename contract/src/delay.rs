@@ -183,6 +183,28 @@ mod tests {
     }
 
     #[test]
+    fn a_command_that_stays_in_force_answers_the_same_sample() {
+        // From tick 12 on the command for sample 8 stays in force.
+        let states: Vec<_> = (4..30).map(|tick: u64| (tick, tick.min(11), 25_000_000)).collect();
+        for flown in 1..=states.len() {
+            let (delay, _) = after(&states[..flown]);
+            let tick = 3 + flown as u64;
+            let of = match tick {
+                ..7 => 0, // before any output: that of the command in force at first
+                7..=11 => tick - 3,
+                _ => 8_u64.max(tick.saturating_sub(MAX_DELAY as u64)),
+            };
+            assert_eq!(delay.answered(tick), [of as f64; 4], "tick {tick}");
+        }
+    }
+
+    #[test]
+    fn before_the_first_command_the_last_output_is_in_force() {
+        let (delay, _) = after(&[(4, 0, 0), (5, 0, 0), (6, 0, 0)]);
+        assert_eq!(delay.answered(6), [5.0; 4]);
+    }
+
+    #[test]
     fn without_a_delay_nothing_is_under_way() {
         let (delay, _) = after(&[(10, 1, 0), (11, 2, 0)]);
         assert_eq!(course(&delay, 11), [(-1.0, 0.0)]);

@@ -19,8 +19,8 @@
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
 //! off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
-//! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and the
-//! delay of the commands if attitude-mpc measures it (`mpc.delay_compensation`).
+//! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and
+//! the delay of the commands if attitude-mpc measures it (`mpc.delay_compensation`).
 //!
 //! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction
 //! by PID and observer stays, as if the vehicle kept its place beside the trajectory.
@@ -254,8 +254,8 @@ impl Guidance {
         }
     }
 
-    /// Aims by the feed-forward of `setpoint`, with the heading `heading_rad`, in whose direction the vehicle still turns
-    /// by `turn_rad`.
+    /// Aims by the feed-forward of `setpoint`, with the heading `heading_rad`, in whose direction the vehicle still
+    /// turns by `turn_rad`.
     fn aim(&self, correction: &Correction, setpoint: &Setpoint, [heading_rad, turn_rad]: [f64; 2]) -> Aim {
         let Correction { errors, disturbance_mps2, limits, .. } = *correction;
         let frame = HeadingFrame::new(correction.heading_rad.map_or(0.0, |psi| psi + turn_rad));
@@ -278,7 +278,7 @@ impl Guidance {
         for (wanted, limited, flag) in
             [(angles.x, phi_rad, guidance_flags::ROLL_LIMITED), (angles.y, theta_rad, guidance_flags::PITCH_LIMITED)]
         {
-            flags |= if limited != wanted { flag } else { 0 };
+            flags |= if limited == wanted { 0 } else { flag };
         }
         let limited_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, &mut flags);
         let w_mps = correction.exact_w.map_or(limited_mps, |w| w.at(limited_mps));

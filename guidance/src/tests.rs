@@ -1,12 +1,13 @@
 //! Tests of directions, magnitudes and limits.
 
 use contract::message::{Kinematics, Stamp, State, guidance_flags};
-use contract::scenario::{Profile, TrajectoryKind};
+use contract::scenario::{DelayCompensation, DelayName, Profile, TrajectoryKind};
 use contract::{Scenario, message::Reference};
 use proptest::prelude::*;
 
-use crate::Guidance;
+use crate::{Guidance, Trajectory};
 
+mod limits;
 mod preview;
 mod reentry;
 mod silence;
@@ -62,10 +63,10 @@ fn errors_are_turned_into_the_heading_frame() {
 #[test]
 fn limits_hold_and_raise_their_flags() {
     let far = answer(Profile::Robust, [-100.0, 100.0, 100.0], 0.0);
-    let limit = 30_f64.to_radians();
-    assert!((far.attitude_rad[1] + limit).abs() < 1e-12);
-    assert!((far.attitude_rad[0] - roll_trim() + limit).abs() < 1e-12, "the limit counts from trim");
-    assert!((far.w_mps + 4.0).abs() < 1e-12);
+    let share = 30_f64.to_radians() / 2_f64.sqrt(); // of the tilt, which is limited as a whole
+    assert!((far.attitude_rad[1] + share).abs() < 1e-12);
+    assert!((far.attitude_rad[0] - roll_trim() + share).abs() < 1e-12, "the limit counts from trim");
+    assert!((far.w_mps * roll_trim().cos() + 4.0).abs() < 1e-12, "the limit is that of the climb");
     let all = guidance_flags::ROLL_LIMITED | guidance_flags::PITCH_LIMITED | guidance_flags::W_LIMITED;
     assert_eq!(far.flags & all, all);
 }
@@ -115,7 +116,9 @@ fn bad_and_repeated_samples_repeat_the_answer() {
 
 #[test]
 fn a_bad_first_sample_is_answered_by_hover() {
-    let mut guidance = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Hover));
+    let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
+    s.guidance.preview_s = 0.0; // the first answer has none
+    let mut guidance = Guidance::new(&s);
     let mut bad = hovering(0);
     bad.measured.position_m[0] = f64::INFINITY;
     let answer = guidance.step(bad.stamp.tick, &bad);
@@ -147,6 +150,60 @@ fn the_observer_leans_against_a_push_and_settles_on_it() {
     state.measured.attitude_rad[2] = std::f64::consts::FRAC_PI_2;
     let still = Guidance::new(&s).step(state.stamp.tick, &state);
     assert!(last.attitude_rad[0] > still.attitude_rad[0], "right side down against a push to the left");
+}
+
+#[test]
+fn the_observer_holds_while_the_vehicle_is_upset() {
+    let mut guidance = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Hover));
+    let mut answer = |tick: u64, pitch_rad: f64| {
+        let mut state = hovering(tick);
+        state.measured.attitude_rad[1] = pitch_rad;
+        let north_mps = 0.1 * tick as f64; // at 10 m/s2
+        state.measured.velocity_mps = nalgebra::Rotation3::from_euler_angles(roll_trim(), pitch_rad, 0.0)
+            .inverse_transform_vector(&nalgebra::Vector3::new(north_mps, 0.0, 0.0))
+            .into();
+        guidance.step(tick, &state).disturbance_mps2
+    };
+    for tick in 0..50 {
+        answer(tick, 0.0);
+    }
+    let before = answer(50, 0.0);
+    assert!(before[0] > 1.0, "{before:?}");
+    for tick in 51..100 {
+        assert_eq!(answer(tick, if tick % 2 == 0 { 0.53 } else { -1.2 }), before, "tick {tick}");
+    }
+    let after = answer(100, 0.52);
+    assert!(after != before && after[0] - before[0] < 0.2, "one sample counts, not all: {before:?} {after:?}");
+}
+
+#[test]
+fn feed_forward_leads_by_the_measured_delay_only_if_the_controller_measures_it() {
+    let answer = |delay_compensation, lead_s, age_ns| {
+        let mut s = scenario(Profile::Robust, TrajectoryKind::Circle);
+        (s.mpc.delay_compensation, s.guidance.lead_s) = (delay_compensation, lead_s);
+        s.mission.period_s = 10.0;
+        let (mut guidance, trajectory) = (Guidance::new(&s), Trajectory::new(&s));
+        let answers = (300..310).map(|tick| {
+            let mut state = hovering(tick);
+            let setpoint = trajectory.at(0.01 * tick as f64);
+            (state.measured.position_m, state.measured.velocity_mps) = (setpoint.position_m, setpoint.velocity_mps);
+            (state.applied_sequence, state.applied_age_ns) = (tick, age_ns);
+            guidance.step(tick, &state)
+        });
+        answers.last().unwrap()
+    };
+    let (measured, sample) = (DelayCompensation::Named(DelayName::Measured), DelayCompensation::Sample(true));
+    let numbers = |r: &Reference| {
+        let preview = r.preview.iter().flat_map(|ahead| [&[ahead.w_mps][..], &ahead.attitude_rad].concat());
+        r.attitude_rad.into_iter().chain([r.w_mps]).chain(preview).collect::<Vec<f64>>()
+    };
+    let apart = |one: &Reference, other: &Reference| {
+        numbers(one).iter().zip(numbers(other)).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
+    };
+    let leads = answer(measured, 0.02, 50_000_000);
+    assert!(apart(&leads, &answer(sample, 0.07, 50_000_000)) < 1e-12, "delay and lead add up");
+    assert!(apart(&leads, &answer(sample, 0.02, 50_000_000)) > 1e-4);
+    assert_eq!(answer(sample, 0.02, 50_000_000), answer(sample, 0.02, 0), "else the delay does not matter");
 }
 
 #[test]
@@ -223,7 +280,7 @@ proptest! {
         let limit = 30_f64.to_radians() + 1e-12;
         prop_assert!((answer.attitude_rad[0] - roll_trim()).abs() <= limit && answer.attitude_rad[1].abs() <= limit);
         let speed_mps = nalgebra::Vector3::from(velocity).norm();
-        prop_assert!(answer.w_mps.abs() <= speed_mps + 4.0 + 1e-9, "no component is larger than the whole");
+        prop_assert!(answer.w_mps.abs() <= 2.0 * (speed_mps + 4.0) + 1e-9, "{} at {speed_mps}", answer.w_mps);
         prop_assert!(answer.rates_radps.iter().all(|r| r.is_finite()));
     }
 }

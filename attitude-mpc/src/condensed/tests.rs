@@ -97,8 +97,9 @@ fn the_gain_minimises_the_printed_cost() {
 #[test]
 fn val_first_move_gains() {
     // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states, which ours has not.
-    for (profile, k, kr) in [(Profile::Paper, "K_B0", "Kr_B0"), (Profile::Robust, "K_B2", "Kr_B2")] {
-        let (model, condensed) = condensed(&Scenario::from(profile));
+    for (scenario, k, kr) in [(Scenario::from(Profile::Paper), "K_B0", "Kr_B0"), (fixture::with_lag(), "K_B2", "Kr_B2")]
+    {
+        let (model, condensed) = condensed(&scenario);
         let n = model.states();
         let by = |from: usize, columns: usize| condensed.gain.given.view((0, from), (INPUTS, columns)).into_owned();
         fixture::assert_matrix(&-by(0, n), &fixture::matrix(k));
@@ -143,7 +144,7 @@ fn weights_that_rounding_makes_singular_are_refused() {
     for profile in [Profile::Paper, Profile::Robust] {
         assert!(share(profile, |_| {}) > Some(0.05), "as shipped");
         let most = share(profile, |mpc| (mpc.prediction_horizon_s, mpc.control_horizon_s) = (2.0, 2.0));
-        assert!(most > Some(1e-3), "with as many moves as there may be");
+        assert!(most > Some(4e-4), "with as many moves as there may be");
         assert!(share(profile, |mpc| mpc.r = [1e-12; 4]) > Some(1e-5));
         // Two moves with almost the same effect on the heading.
         let alike = share(profile, |mpc| (mpc.q, mpc.r) = ([0.0, 0.0, 0.0, 1e12, 0.0, 0.0, 0.0], [1e-12; 4]));
@@ -152,8 +153,8 @@ fn weights_that_rounding_makes_singular_are_refused() {
 }
 
 #[test]
-fn val_terminal_weight_of_the_robust_profile() {
-    let scenario = Scenario::default();
+fn val_terminal_weight_with_lag() {
+    let scenario = fixture::with_lag();
     let model = PredictionModel::new(&scenario);
     let mut q = DMatrix::identity(11, 11) * 1e-9;
     scenario.mpc.q.iter().enumerate().for_each(|(i, weight)| q[(i, i)] += weight);

@@ -8,6 +8,8 @@ use crate::condensed::Condensed;
 use crate::model::PredictionModel;
 
 const SOLVERS: [Choice; 2] = [Choice::Clarabel, Choice::ActiveSet];
+/// Demands of a plan of ten moves.
+const PLAN: usize = 40;
 
 struct SetUp {
     hessian: DMatrix<f64>,
@@ -20,6 +22,7 @@ fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
     let mut scenario = Scenario::from(Profile::Robust);
     scenario.mpc.solver = solver;
     scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
+    assert_eq!(4 * scenario.nu(), PLAN);
     change(&mut scenario);
     let model = PredictionModel::new(&scenario);
     let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario).unwrap();
@@ -46,7 +49,7 @@ impl SetUp {
 
 /// Plan beyond the rotors' limits.
 fn violent() -> DVector<f64> {
-    DVector::from_fn(20, |i, _| [-40.0, 3.0, -3.0, 5.0][i % 4])
+    DVector::from_fn(PLAN, |i, _| [-40.0, 3.0, -3.0, 5.0][i % 4])
 }
 
 #[test]
@@ -54,8 +57,8 @@ fn a_plan_inside_the_set_is_its_own_optimum() {
     for (choice, constraints) in SOLVERS.into_iter().flat_map(|s| [Constraints::Box, Constraints::Cone].map(|c| (s, c)))
     {
         let mut set_up = set_up(choice, |scenario| scenario.mpc.constraints = constraints);
-        let wanted = DVector::from_fn(20, |i, _| [-2.0, 0.1, -0.1, 0.2][i % 4]);
-        let mut plan = DVector::zeros(20);
+        let wanted = DVector::from_fn(PLAN, |i, _| [-2.0, 0.1, -0.1, 0.2][i % 4]);
+        let mut plan = DVector::zeros(PLAN);
         assert_eq!(set_up.solve(&wanted, &mut plan), Verdict::Solved);
         let miss = (&plan - &wanted).component_div(&wanted).amax();
         assert!(miss < 1e-5, "{choice:?} {constraints:?}: {miss:e}");
@@ -66,7 +69,7 @@ fn a_plan_inside_the_set_is_its_own_optimum() {
 fn a_solve_does_not_depend_on_the_one_before() {
     for choice in SOLVERS {
         let mut set_up = set_up(choice, |_| {});
-        let (mut first, mut other, mut again) = (DVector::zeros(20), DVector::zeros(20), DVector::zeros(20));
+        let (mut first, mut other, mut again) = (DVector::zeros(PLAN), DVector::zeros(PLAN), DVector::zeros(PLAN));
         assert_eq!(set_up.solve(&violent(), &mut first), Verdict::Solved);
         assert_eq!(set_up.solve(&(violent() * -0.5), &mut other), Verdict::Solved);
         assert_eq!(set_up.solve(&(violent() * f64::NAN), &mut other), Verdict::Failed);
@@ -81,10 +84,10 @@ fn a_solve_does_not_depend_on_the_one_before() {
 fn without_a_solution_the_plan_is_left_alone() {
     for choice in SOLVERS {
         let mut set_up = set_up(choice, |_| {});
-        let before = DVector::from_element(20, 7.0);
+        let before = DVector::from_element(PLAN, 7.0);
         let mut plan = before.clone();
         for poison in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert_eq!(set_up.solve(&DVector::from_element(20, poison), &mut plan), Verdict::Failed, "{choice:?}");
+            assert_eq!(set_up.solve(&DVector::from_element(PLAN, poison), &mut plan), Verdict::Failed, "{choice:?}");
             assert_eq!(plan, before);
         }
         for kind in [FaultKind::Nan, FaultKind::Infeasible] {
@@ -98,7 +101,7 @@ fn without_a_solution_the_plan_is_left_alone() {
 #[test]
 fn the_time_limit_sees_this_solve_alone() {
     let mut set_up = set_up(Choice::Clarabel, |_| {});
-    let mut plan = DVector::zeros(20);
+    let mut plan = DVector::zeros(PLAN);
     for _ in 0..20 {
         let (_, wall_ns) = runtime::timed(|| set_up.solve(&violent(), &mut plan));
         let Solver::Clarabel(solver) = &set_up.solver else { unreachable!("it was asked for") };
@@ -108,7 +111,7 @@ fn the_time_limit_sees_this_solve_alone() {
 
 /// Plan from shares of extreme demands.
 fn ask(shares: &[f64]) -> DVector<f64> {
-    DVector::from_fn(20, |i, _| shares[i] * [60.0, 8.0, 8.0, 12.0][i % 4])
+    DVector::from_fn(PLAN, |i, _| shares[i] * [60.0, 8.0, 8.0, 12.0][i % 4])
 }
 
 proptest! {
@@ -118,14 +121,14 @@ proptest! {
     /// plan inside is not negative. The optimum of another problem serves as such a plan.
     #[test]
     fn the_cost_decreases_in_no_direction_into_the_set(
-        wanted in prop::collection::vec(-1.0..1.0_f64, 20), elsewhere in prop::collection::vec(-1.0..1.0_f64, 20),
+        wanted in prop::collection::vec(-1.0..1.0_f64, PLAN), elsewhere in prop::collection::vec(-1.0..1.0_f64, PLAN),
         [exact, own] in prop::array::uniform2(prop::bool::ANY),
     ) {
         let mut set_up = set_up(if own { Choice::ActiveSet } else { Choice::Clarabel }, |scenario| {
             scenario.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
         });
         let (wanted, elsewhere) = (ask(&wanted), ask(&elsewhere));
-        let (mut best, mut other) = (DVector::zeros(20), DVector::zeros(20));
+        let (mut best, mut other) = (DVector::zeros(PLAN), DVector::zeros(PLAN));
         prop_assert_eq!(set_up.solve(&wanted, &mut best), Verdict::Solved);
         prop_assert_eq!(set_up.solve(&elsewhere, &mut other), Verdict::Solved);
         prop_assert!(set_up.set.violation(&best) < 1e-6);
@@ -156,7 +159,7 @@ proptest! {
             let given = DVector::from_fn(26, |i, _| if i < 18 { given[i] * size(i) } else { 0.1 * given[i] });
             let wanted = &set_up.gain * &given;
             set_up.set.start(&given);
-            let mut plan = DVector::zeros(20);
+            let mut plan = DVector::zeros(PLAN);
             prop_assert_eq!(set_up.solve(&wanted, &mut plan), Verdict::Solved, "{:?}", choice);
             prop_assert!(set_up.set.violation(&plan) < 1e-6);
             costs.push(set_up.cost(&plan, &wanted));

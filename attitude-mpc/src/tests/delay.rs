@@ -8,9 +8,10 @@ use super::*;
 
 const SAMPLE_NS: u64 = 10_000_000;
 
-/// Controller of a vehicle without lag, so that the linear model has no state that a command reaches otherwise.
+/// Controller of a vehicle without lag, so that the linear model has no state that a command reaches otherwise, and
+/// without an estimate, which expects a command to act from a sample on.
 fn controller() -> AttitudeMpc {
-    let mut scenario = Scenario::from(Profile::Robust);
+    let mut scenario = fixture::without_estimate();
     scenario.mpc.law = Law::Lqr;
     scenario.mpc.constraints = Constraints::None;
     scenario.mpc.actuator_lag_model_s = 0.0;

@@ -50,6 +50,7 @@ fn a_missing_reference_shows_in_the_status_from_its_first_tick_on() {
 /// Demands at hover; after tick 0 there are no new references, or only repeated ones with `flags`.
 fn without_references(flags: u64) -> Vec<[f64; 4]> {
     let mut scenario = Scenario::default();
+    scenario.mpc.constraints = Constraints::None; // the descent must not depend on the limits
     scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // the demand must not depend on the last one
     let mut mpc = AttitudeMpc::new(&scenario);
     let answer = |tick| {
@@ -152,6 +153,28 @@ fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec
         pairs.extend(one.zip(other).map(|(one, other)| [one, other]));
     }
     pairs
+}
+
+#[test]
+fn a_restored_controller_continues_with_the_gain_of_the_estimate() {
+    let scenario = Scenario::default();
+    let wobbling = |tick: u32| {
+        let sway = (0.3 * f64::from(tick)).sin();
+        ([0.2 * sway, -0.19 + 0.02 * sway, 0.03 * sway, 0.1 * sway, -0.1 * sway, 0.05 * sway, 0.1], 1)
+    };
+    let path: Vec<_> = (0..60).map(wobbling).collect();
+    let pairs = continued(&scenario, &path, 10);
+    assert_eq!(pairs.len(), 50);
+    for [one, other] in pairs {
+        assert_eq!(bytemuck::bytes_of(&one), bytemuck::bytes_of(&other), "bit by bit");
+        assert_ne!(one.disturbance, [0.0; 4]);
+    }
+    let (mut mpc, mut other) = (AttitudeMpc::new(&scenario), AttitudeMpc::new(&scenario));
+    let trim = mpc.model.trim.actuation;
+    super::fly(&mut mpc, 0..10, trim);
+    assert!(other.restore(&mpc.snapshot()));
+    assert_eq!(other.memory.gain.to_bits(), mpc.memory.gain.to_bits());
+    assert!(mpc.memory.gain < 0.1 && mpc.memory.gain > scenario.mpc.disturbance_gain, "{}", mpc.memory.gain);
 }
 
 #[test]

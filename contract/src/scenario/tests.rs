@@ -265,9 +265,9 @@ fn horizons(settings: &[&str]) -> [usize; 2] {
 #[test]
 fn a_horizon_has_the_same_length_at_every_rate() {
     for (rate, robust, paper, given) in [
-        ("50", [10, 3], [5, 3], [15, 4]),
-        ("100", [20, 5], [10, 5], [30, 7]),
-        ("250", [50, 13], [25, 13], [75, 18]),
+        ("50", [10, 5], [5, 3], [15, 4]),
+        ("100", [20, 10], [10, 5], [30, 7]),
+        ("250", [50, 20], [25, 13], [75, 18]),
         ("500", [100, 20], [50, 25], [150, 35]),
         ("2000", [200, 20], [200, 100], [200, 140]),
     ] {
@@ -279,6 +279,59 @@ fn a_horizon_has_the_same_length_at_every_rate() {
     }
     let fast = from_set(&["run.rate_hz=2000"]).unwrap().mpc;
     assert_eq!([fast.prediction_horizon_s, fast.control_horizon_s], [0.1, 0.01], "what is flown is what is written");
+}
+
+#[test]
+fn the_disturbance_estimate_is_as_fast_at_every_rate() {
+    for (rate_hz, gain) in [(50, 0.04), (100, 0.02), (250, 0.008), (2000, 0.001)] {
+        let rate = format!("run.rate_hz={rate_hz}");
+        assert_eq!(from_set(&[&rate]).unwrap().mpc.disturbance_gain, gain, "{rate}: 2 per second");
+        assert_eq!(from_set(&["profile=paper", &rate]).unwrap().mpc.disturbance_gain, 0.0, "{rate}");
+        assert_eq!(from_set(&["mpc.disturbance_gain=0.1", &rate]).unwrap().mpc.disturbance_gain, 0.1, "{rate}");
+    }
+}
+
+#[test]
+fn a_law_by_its_name_alone_has_defaults_that_it_uses() {
+    let all = from_set(&[]).unwrap();
+    for (law, model, constraints, preview_s, gain) in [
+        ("mpc", Model::Coupled, Constraints::Cone, 0.4, 0.02),
+        ("lqr", Model::Coupled, Constraints::None, 0.0, 0.02),
+        ("pid", Model::Hover, Constraints::None, 0.0, 0.02),
+        ("geometric", Model::Hover, Constraints::None, 0.0, 0.02),
+        ("indi", Model::Hover, Constraints::None, 0.0, 0.0),
+    ] {
+        let named = from_set(&[&format!("mpc.law={law}")]).unwrap_or_else(|error| panic!("{law}: {error}"));
+        let own = (named.mpc.model, named.mpc.constraints, named.guidance.preview_s, named.mpc.disturbance_gain);
+        assert_eq!(own, (model, constraints, preview_s, gain), "{law}");
+        assert!(named.mpc.delay_compensation.is_measured(), "{law}");
+        // With every setting written down, those that it does not use would be refused.
+        let written = to_toml(&named);
+        assert_eq!(from_merged(&written, "written").unwrap_or_else(|error| panic!("{law}: {error}")), named);
+        // What does not depend on the law is as ever.
+        let others = Mpc {
+            law: all.mpc.law,
+            model: all.mpc.model,
+            constraints: all.mpc.constraints,
+            disturbance_gain: all.mpc.disturbance_gain,
+            ..named.mpc
+        };
+        assert_eq!(others, all.mpc, "{law}");
+    }
+}
+
+#[test]
+fn a_model_or_a_gain_alone_has_defaults_that_go_with_it() {
+    for (model, name) in [(Model::Scheduled, "scheduled"), (Model::Ltv, "ltv")] {
+        let mpc = from_set(&[&format!("mpc.model={name}")]).unwrap_or_else(|error| panic!("{name}: {error}")).mpc;
+        assert_eq!((mpc.model, mpc.delay_compensation), (model, DelayCompensation::Sample(true)), "{name}");
+        assert_eq!(mpc.disturbance_gain, 0.02, "{name}");
+    }
+    let hover = from_set(&["mpc.model=hover"]).unwrap().mpc;
+    assert!(hover.delay_compensation.is_measured() && hover.disturbance_gain == 0.02);
+    let mpc = from_set(&["mpc.disturbance_gain=0"]).unwrap_or_else(|error| panic!("{error}")).mpc;
+    assert_eq!((mpc.model, mpc.disturbance_gain), (Model::Hover, 0.0), "only an estimate uses the coupling term");
+    assert!(mpc.delay_compensation.is_measured());
 }
 
 #[test]
@@ -330,19 +383,27 @@ fn horizons_in_samples_are_refused_with_their_seconds() {
 fn a_file_made_from_a_check_follows_its_vehicle_and_the_record_of_a_flight_does_not() {
     let heavy = load(None, &["airframe.mass_kg=2.2".into()]).unwrap();
     let (checked, recorded) = (to_toml_that_follows(&heavy), to_toml(&heavy));
-    assert!(checked.contains("# of the vehicle: r = [0.1, "), "{checked}");
+    assert!(checked.contains("# of the vehicle: r = [0.075, "), "{checked}");
     for text in [&checked, &recorded] {
         assert_eq!(load_text(text, "x", &[]).unwrap(), heavy);
     }
     let lighter = |text: &str| load_text(text, "x", &["airframe.mass_kg=1.1".into()]).unwrap().mpc.r[0];
-    assert_eq!([lighter(&checked), lighter(&recorded)], [0.4, 0.1]);
+    assert_eq!([lighter(&checked), lighter(&recorded)], [0.3, 0.075]);
     let slow = load_text(&to_toml_that_follows(&load(None, &[]).unwrap()), "x", &["run.rate_hz=2000".into()]).unwrap();
     assert_eq!([slow.np(), slow.nu()], [200, 20], "the horizons follow the rate");
+    assert!(checked.contains("\n# of the rate: disturbance_gain = 0.02\n"), "{checked}");
+    assert_eq!(slow.mpc.disturbance_gain, 0.001, "and so does the gain of the estimate");
     let paper = to_toml_that_follows(&load(None, &["profile=paper".into()]).unwrap());
     assert!(!paper.contains("# of the rate"), "its horizons do not: {paper}");
     let own = load(
         None,
-        &["mpc.r=[1.0, 2.0, 3.0, 4.0]", "mpc.prediction_horizon_s=0.3", "mpc.control_horizon_s=0.07"].map(String::from),
+        &[
+            "mpc.r=[1.0, 2.0, 3.0, 4.0]",
+            "mpc.prediction_horizon_s=0.3",
+            "mpc.control_horizon_s=0.07",
+            "mpc.disturbance_gain=0.1",
+        ]
+        .map(String::from),
     )
     .unwrap();
     assert!(to_toml_that_follows(&own) == to_toml(&own), "nothing of it follows");
@@ -355,7 +416,7 @@ fn weights_of_another_vehicle_are_noticed() {
         weights_that_fit(&load(None, &settings).unwrap())
     };
     let of_table_i = "mpc.r=[0.4, 300.0, 85.0, 300.0]";
-    assert_eq!(fitting(&["airframe.mass_kg=4.4", of_table_i]).map(|r| r[0]), Some(0.025));
+    assert_eq!(fitting(&["airframe.mass_kg=4.4", of_table_i]).map(|r| r[0]), Some(0.01875));
     for fits in
         [&[][..], &["airframe.mass_kg=4.4"], &["airframe.mass_kg=1.4", of_table_i], &["mpc.r=[40.0, 3e4, 8e3, 3e4]"]]
     {

@@ -261,7 +261,7 @@ mod tests {
         for (from, to, expected) in [
             ("pid = [[", "pdi = [[", "[controller.pdi]"),
             ("mpc.pid.kp.1", "mpc.pid.kp.7", "`mpc.pid.kp.7` is no number"),
-            ("mpc.pid.kd.1", "mpc.disturbance_gain", "no factor changes"),
+            ("mpc.pid.kd.1", "guidance.lead_s", "no factor changes"),
             (", ['mpc.pid.kd.1']", "", "at least 2"),
             ("flights = 40", "flights = 3", "one generation"),
             ("seed = 5\nsamples = 2", "seed = 5\nsamples = 0", "1 or more"),

@@ -91,11 +91,14 @@ fn number(table: &Value, key: &str) -> Option<f32> {
 
 #[cfg(test)]
 mod tests {
+    use contract::scenario::DelayCompensation;
+
     use super::*;
 
     #[test]
     fn every_name_fits_is_unique_and_has_a_setting_where_the_scenario_gives_one() {
         let mut scenario = Scenario::default();
+        scenario.mpc.delay_compensation = DelayCompensation::Sample(true); // a parameter has no word for "measured"
         (scenario.deadline.end_to_end_ms, scenario.deadline.attitude_mpc_ms) = (Some(9.0), Some(7.0));
         (scenario.bounds.max_position_error_m, scenario.bounds.max_fallback_s) = (Some(0.5), Some(2.0));
         let parameters = Parameters::of(&scenario);
@@ -113,6 +116,7 @@ mod tests {
     fn settings_that_are_left_out_have_no_parameter() {
         let parameters = Parameters::of(&Scenario::default());
         assert!(parameters.find("DL_END_MS", -1).is_none());
+        assert!(parameters.find("MPC_DELAY_COMP", -1).is_none(), "a word is no number");
         assert!(parameters.find("RUN_RATE_HZ", -1).is_some() && parameters.find("", 0).is_some());
         assert!(parameters.find("", parameters.all().len() as i16).is_none() && parameters.find("NO", -1).is_none());
     }

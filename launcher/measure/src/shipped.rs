@@ -106,9 +106,10 @@ mod tests {
     fn the_vehicle_lands_without_a_controller_and_falls_without_a_mixer_or_a_rotor() {
         let flown = fly("brought-down", Ok).unwrap();
         for row in 0..flown.flights.rows() {
-            let must_land = ["guidance kill", "attitude-mpc kill"].contains(&flown.text(row, "case"));
             let sink_mps = flown.number(row, "touchdown_sink_mps");
-            assert_eq!(flown.text(row, "cause"), if must_land { "" } else { "crashed" });
+            let case = flown.text(row, "case");
+            let must_land = ["guidance kill", "attitude-mpc kill"].contains(&case);
+            assert_eq!(flown.text(row, "cause"), if must_land { "" } else { "crashed" }, "{case}");
             assert!(if must_land { sink_mps < 1.0 } else { sink_mps > 10.0 }, "{sink_mps}");
         }
         assert!(flown.targets().iter().all(|target| target.verdict == Verdict::Ok));

@@ -112,7 +112,7 @@ fn settings_that_contradict_are_refused() {
         ),
         (
             "mpc.prediction_horizon_s=0.04",
-            "`mpc.control_horizon_s` of 0.01 to 0.04, or `mpc.prediction_horizon_s` of 0.05 to 2",
+            "`mpc.control_horizon_s` of 0.01 to 0.04, or `mpc.prediction_horizon_s` of 0.1 to 2",
         ),
         ("mpc.prediction_horizon_s=2.01", "0.01 to 2 at this rate, 1 to 200 samples"),
         ("mpc.control_horizon_s=0", "0.01 to 2 at this rate, 1 to 200 samples"),
@@ -278,7 +278,8 @@ fn a_model_where_it_would_have_no_effect_is_refused() {
     for others in ["mpc.law=mpc", "mpc.law=lqr", "mpc.state_constraints=soft"] {
         from_set(&[&coupled[..], &[others]].concat()).unwrap();
     }
-    for refused in [&coupled[..1], &[coupled[0], coupled[1], "mpc.law=pid"]] {
+    from_set(&coupled[..1]).expect("there is an estimate by default");
+    for refused in [&[coupled[0], "mpc.disturbance_gain=0"][..], &[coupled[0], coupled[1], "mpc.law=pid"]] {
         let refused = from_set(refused).expect_err("without effect").to_string();
         assert!(refused.contains("`mpc.model`"), "{refused}");
     }

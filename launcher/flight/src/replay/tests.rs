@@ -140,7 +140,8 @@ fn a_flipped_bit_is_found_where_it_stands() {
     assert_eq!(replay(&flight, &later).first, None, "from there on it is the same");
 }
 
-/// A constant that only the climb needs: the flight begins level, and differs once the climb is limited.
+/// A constant that only the climb needs: the flight begins level, and differs once the end of the preview
+/// is limited.
 #[test]
 fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
     let flight = flown(6.0, &[], &[]);
@@ -149,13 +150,10 @@ fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
     let plan = Plan { settings: Some((Topic::Reference, Box::new(other))), ..Plan::default() };
     let first = replay(&flight, &plan).first.unwrap();
     let down = |tick: usize| flight.1.references[tick].velocity_mps[2];
-    assert_eq!((first.topic, first.differs.field.as_str()), (Topic::Reference, "w_mps"));
-    assert!(
-        first.tick > 0 && down(first.tick as usize) < -0.3,
-        "at tick {}: {}",
-        first.tick,
-        down(first.tick as usize)
-    );
+    assert_eq!((first.topic, first.differs.field.as_str()), (Topic::Reference, "preview[7].w_mps"));
+    let ahead = (flight.0.guidance.preview_s / flight.0.sample_s()).round() as usize;
+    let down_mps = down(first.tick as usize + ahead);
+    assert!(first.tick > 0 && down_mps < -0.3, "at tick {}: {down_mps}", first.tick);
 }
 
 #[test]

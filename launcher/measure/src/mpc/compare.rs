@@ -233,6 +233,7 @@ mod tests {
     #[test]
     fn a_step_is_explicit_if_the_plan_is_inside_the_set() {
         let folder = tempfile::tempdir().unwrap();
+        let mut all_solved = 0;
         for sequence in problems::shipped(folder.path()).unwrap() {
             let model = PredictionModel::new(&sequence.scenario);
             let Condensed { course, .. } = Condensed::new(&model, &sequence.scenario).unwrap();
@@ -244,8 +245,10 @@ mod tests {
                 assert_eq!(inside, is_explicit, "{}", sequence.name);
                 *if is_explicit { &mut explicit } else { &mut solved } += 1;
             }
-            assert!(explicit >= 100 && (solved > 10 || sequence.name == "survey"), "{explicit} {solved}");
+            assert!(explicit > 50 && (solved > 0 || sequence.name == "survey"), "{explicit} {solved}");
+            all_solved += solved;
         }
+        assert!(all_solved > 100, "{all_solved}");
     }
 
     fn slack(set: &DemandSet, u: &Vector4<f64>) -> f64 {
