@@ -45,8 +45,12 @@ fn held_messages_repeat_the_last_timely_one() {
 
 #[test]
 fn a_controller_that_is_late_does_without_its_solver() {
-    let step = ["mission.heading_deg=[[0.2, 90.0]]", "guidance.heading_rate_limit_dps=0"];
-    let turn = [step[0], step[1], "deadline.attitude_mpc_ms=0.001"];
+    let turn = [
+        "mission.heading_deg=[[0.2, 90.0]]",
+        "guidance.heading_rate_limit_dps=0",
+        "mpc.constraints=cone",
+        "deadline.attitude_mpc_ms=0.001",
+    ];
     let solved = |outcome: &Outcome| outcome.run()["solver"]["solved"].as_u64().expect("a count");
     assert!(solved(&fly(&turn)) > 0, "the turn needs the solver");
     let hurried = fly(&[&turn[..], &["deadline.attitude_mpc_policy=degrade"]].concat());

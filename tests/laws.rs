@@ -60,7 +60,7 @@ fn a_second_implementation_of_indi_demands_the_same() {
     let settings = [
         "run.duration_s=4.0",
         "mpc.law=indi",
-        "mpc.constraints=none",
+        "mpc.actuator_lag_model_s=0.03",
         "mpc.delay_compensation=false",
         "mission.trajectory=hover",
         "initial.attitude_deg=[20.0, -25.0, 40.0]",
@@ -86,7 +86,6 @@ fn sensed_actuators_need_no_model_of_their_lag() {
     let settings = [
         "run.duration_s=8.0",
         "mpc.law=indi",
-        "mpc.constraints=none",
         "mission.trajectory=hover",
         "initial.attitude_deg=[20.0, -25.0, 40.0]",
         "run.command_delay_ms=10.0",

@@ -85,8 +85,9 @@ fn the_samples_are_kept() {
 
 #[test]
 fn a_flight_of_ones_own_is_measured_and_exported() {
+    let settings = ["--set", "run.duration_s=1", "--set", "mpc.constraints=cone"];
     let flown =
-        crate::harness::fly(&["scenarios/aggressive/upset.toml", "--mode", "inprocess", "--set", "run.duration_s=1"]);
+        crate::harness::fly(&[&["scenarios/aggressive/upset.toml", "--mode", "inprocess"], &settings[..]].concat());
     let folder = tempfile::tempdir().expect("a temporary folder");
     let problems = folder.path().join("problems");
     let run = flown.out.to_str().expect("a plain path");

@@ -16,7 +16,7 @@ use std::path::Path;
 use anyhow::bail;
 use contract::Scenario;
 use contract::message::{Reference, State};
-use contract::scenario::{self, Law, Mode, Solver};
+use contract::scenario::{self, Constraints, Law, Mode, Solver};
 use flight::inprocess;
 use flight::log::{LogWriter, Record};
 use outcome::recorded::{Part, Recorded};
@@ -57,10 +57,11 @@ impl Sequence {
     }
 }
 
-/// Flies the flights that are measured when none is given; their logs stay in `folder`.
+/// Flies the flights that are measured when none is given, with the exact limits in the plan; their logs stay in `folder`.
 pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     let fly = |(name, text, duration_s): (&str, &str, f64)| {
         let mut scenario = scenario::from_merged(text, name)?;
+        scenario.mpc.constraints = Constraints::Cone;
         (scenario.run.mode, scenario.run.duration_s) = (Mode::Inprocess, duration_s);
         let path = folder.join(name).with_extension("mcap");
         let mut log = LogWriter::create(&path, &scenario::to_toml(&scenario), scenario.sample_ns())?;
