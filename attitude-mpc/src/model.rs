@@ -136,8 +136,8 @@ impl PredictionModel {
     /// x(t) = x + t v + t^2/2 A v + t^3/6 A^2 v + ...,      v = A x + B u + E d
     /// ```
     ///
-    /// A long time is taken in steps of norm 1/2 at most; the series ends where its terms are too small to count. `term`
-    /// and `next` are buffers of the size of `x`.
+    /// A long time is taken in steps of norm 1/2 at most; the series ends where its terms are too small to count.
+    /// `term` and `next` are buffers of the size of `x`.
     pub fn advance(
         &self,
         x: &mut DVector<f64>,

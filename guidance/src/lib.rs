@@ -69,7 +69,7 @@ pub struct Guidance {
     heading: HeadingCommand,
     roll_trim_rad: f64,
     g_mps2: f64,
-    /// Whether the reference is for the moment at which the command that answers it acts.
+    /// `true` if the reference is for the moment at which the command that answers it acts.
     leads_by_delay: bool,
     memory: Memory,
 }
@@ -94,7 +94,7 @@ struct Aim {
     w_mps: f64,
     /// Phi, theta, psi \[rad\].
     attitude_rad: Vector3<f64>,
-    /// What the limits took off.
+    /// Angles and climb that the limits took off.
     clipped: Wanted,
     /// Limits that were reached.
     flags: u64,

@@ -145,7 +145,8 @@ pub struct Mpc {
     /// `"measured"` = the delay that STATE reports, with the demands that are still under way.
     pub delay_compensation: DelayCompensation,
     /// Last gain of the input-disturbance estimate, to which it falls from 0.2: share of the prediction error that one
-    /// sample takes in; 0 = off. By default 2 per second in profile `robust`. The law `indi` has an estimate of its own.
+    /// sample takes in; 0 = off. By default 2 per second in profile `robust`. The law `indi` has an estimate of its
+    /// own.
     pub disturbance_gain: f64,
     /// Gains of the law `pid`.
     pub pid: PidGains,

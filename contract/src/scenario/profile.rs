@@ -35,8 +35,8 @@ const MOST_MOVES: f64 = 20.0;
 const DISTURBANCE_RATE: f64 = 2.0;
 
 /// Returns the defaults of the profile of `chosen`, adapted to what else it chooses: actuators and parameters of its
-/// preset, and the weights of the inputs, which are scaled with mass and inertia so that the same acceleration costs the
-/// same, and the closed loop has the same poles.
+/// preset, and the weights of the inputs, which are scaled with mass and inertia so that the same acceleration costs
+/// the same, and the closed loop has the same poles.
 ///
 /// In profile `robust` the control horizon ends where a solve would take too long, the disturbance estimate is as fast
 /// at every rate, and what a law or a model has no use for is off.
