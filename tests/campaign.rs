@@ -313,14 +313,15 @@ fn what_is_wrong_is_told_before_anything_is_flown() {
 #[test]
 fn what_shares_a_draw_is_one_observation_and_copies_are_told() {
     let noise = "run.duration_s = 0.5\nplant.noise.position_m = 0.01\nmpc.law = 'pid'\n";
-    let place = Place::new(&format!("seeds = 20\n[settings]\n{noise}[vary]\nmpc.max_iterations = [50, 100, 200]\n"));
+    let place =
+        Place::new(&format!("seeds = 20\n[settings]\n{noise}[vary]\nmpc.prediction_horizon_s = [0.2, 0.25, 0.3]\n"));
     let output = place.fly(&[], "out");
     check(&output, 0, &[]);
     let said = String::from_utf8_lossy(&output.stdout);
     for part in [
         "scenario      60  60     20  100.0 %  83.2 to 100.0 %",
         "Of 60 flights 20 differ",
-        "`mpc.max_iterations` had no effect",
+        "`mpc.prediction_horizon_s` had no effect",
         "The 3 flights that a controller has of each of the 20 draws are one observation.",
     ] {
         assert!(said.contains(part), "{part}: {said}");

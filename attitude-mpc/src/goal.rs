@@ -50,10 +50,20 @@ impl Goal {
         Self { tick: OptionalTick::some(stamp.tick), w_mps, attitude_rad, rates_radps, preview_step_ns, preview }
     }
 
+    /// Returns whether the goal is young enough to be followed at `tick`.
+    pub fn is_followed(&self, tick: u64, sample_ns: u64) -> bool {
+        self.age_ns(tick, sample_ns) < FOLLOWED_NS
+    }
+
+    /// Time from its sample to `tick`; without a sample the longest \[ns\].
+    fn age_ns(&self, tick: u64, sample_ns: u64) -> u64 {
+        self.tick.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(sample_ns))
+    }
+
     /// Returns the goal at `tick` by its age, with samples of `sample_ns`, for a measured `state`.
     #[must_use]
     pub fn at(&self, tick: u64, sample_ns: u64, state: &State, roll_trim_rad: f64) -> Self {
-        let age_ns = self.tick.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(sample_ns));
+        let age_ns = self.age_ns(tick, sample_ns);
         if age_ns < FOLLOWED_NS {
             return *self;
         }

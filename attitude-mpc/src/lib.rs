@@ -289,7 +289,9 @@ impl AttitudeMpc {
             let states = [self.memory.state(), self.work.x.as_view()];
             indi.observe(tick, (&state.measured, &actuators), states, &self.memory.disturbance, &mut stage)
         } else {
-            self.estimate(&command, samples, &mut gain)
+            // Without a reference the vehicle descends, and what stops it may be the ground.
+            let may_adapt = newest.is_followed(tick, self.sample_ns);
+            if may_adapt { self.estimate(&command, samples, &mut gain) } else { self.memory.disturbance }
         };
         self.predict(tick, &input, &delay, &disturbance);
         let age_ns = goal.tick.get().map_or(0, |of| tick.saturating_sub(of)) as f64 * self.sample_ns as f64;

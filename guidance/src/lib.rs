@@ -17,7 +17,8 @@
 //!
 //! Departure: profile `robust` adds to the paper velocity feedback in place of the differenced error, errors in the
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
-//! off this is the paper's controller. Test `val_closed_loop_cases` flies both.
+//! off this is the paper's controller. In the heading frame the tilt is limited as a whole, and what the limits take off
+//! is fed back into the integrals; else each of the three is a loop of its own. Test `val_closed_loop_cases` flies both.
 //!
 //! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and
 //! the delay of the commands if attitude-mpc measures it (`mpc.delay_compensation`).
@@ -274,7 +275,11 @@ impl Guidance {
         }
 
         let mut flags = 0;
-        let [phi_rad, theta_rad]: [f64; 2] = within(&angles, limits.angle_rad).into();
+        let [phi_rad, theta_rad]: [f64; 2] = if self.settings.heading_frame {
+            within(&angles, limits.angle_rad).into()
+        } else {
+            angles.map(|angle| angle.clamp(-limits.angle_rad, limits.angle_rad)).into()
+        };
         for (wanted, limited, flag) in
             [(angles.x, phi_rad, guidance_flags::ROLL_LIMITED), (angles.y, theta_rad, guidance_flags::PITCH_LIMITED)]
         {
@@ -353,7 +358,7 @@ impl Guidance {
         let Settings { kp_phi, kp_theta, kp_w, integral_limit, .. } = self.settings;
         let excess = [(clipped.theta_rad, kp_theta), (clipped.phi_rad, kp_phi), (clipped.climb_mps, kp_w)]
             .map(|(clipped, kp)| if clipped == 0.0 || kp == 0.0 { 0.0 } else { clipped / kp });
-        if excess != [0.0; 3] {
+        if self.settings.heading_frame && excess != [0.0; 3] {
             let back = HeadingFrame::new(frame_rad).back(&Vector3::from(excess));
             self.memory.integral_ms = bounded(&(self.memory.integral_ms - back * counted_s), integral_limit);
         }

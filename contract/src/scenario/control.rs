@@ -43,7 +43,8 @@ pub struct Guidance {
     pub exact_w: bool,
     /// Bandwidth of the outer acceleration observer \[rad/s\], below `run.rate_hz`; 0 = off.
     pub disturbance_observer_radps: f64,
-    /// Largest tilt that the references of roll (without trim) and pitch have together, in any direction \[deg\].
+    /// Largest tilt that the references of roll (without trim) and pitch have \[deg\]: together, in any direction, with
+    /// `heading_frame`, and else each.
     pub angle_limit_deg: f64,
     /// Limit of the wanted vertical speed in the world, up or down, before `exact_w` \[m/s\].
     pub climb_limit_mps: f64,
