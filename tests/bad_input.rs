@@ -19,8 +19,8 @@ fn settings_that_cannot_be() {
     check_refused(&["--set", "mpc.r=[1, 2]"], &["--set mpc.r", "4"]);
     check_refused(&["--set", "plant.rotor_lag_s=-1.0"], &["rotor_lag_s"]);
     check_refused(
-        &["--set", "mpc.prediction_horizon_s=0.03"],
-        &["mpc.control_horizon_s", "20 and 3 samples at 100 Hz"],
+        &["--set", "mpc={prediction_horizon_s=0.03, control_horizon_s=0.05}"],
+        &["mpc.control_horizon_s", "5 and 3 samples at 100 Hz"],
     );
     check_refused(&["--set", "run.duration_s=nan"], &["duration_s"]);
     check_refused(&["--set", "mission.trajectory=loop"], &["survey", "circle"]);

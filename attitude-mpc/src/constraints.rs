@@ -172,7 +172,7 @@ mod tests {
     fn hover_is_inside_every_set() {
         assert!(set(&Scenario::from(Profile::Paper)).is_none());
         for constraints in [Constraints::Box, Constraints::Cone] {
-            let mut scenario = Scenario::default();
+            let mut scenario = crate::fixture::constrained();
             scenario.mpc.constraints = constraints;
             let set = set(&scenario).unwrap();
             let hover = DVector::zeros(20);
@@ -182,7 +182,7 @@ mod tests {
 
     #[test]
     fn one_move_outside_is_a_plan_outside() {
-        let set = set(&Scenario::default()).unwrap();
+        let set = set(&crate::fixture::constrained()).unwrap();
         let mut plan = DVector::zeros(20);
         plan[6] = 50.0;
         assert!(set.violation(&plan) > 0.0);
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_plan_approaches_until_the_border() {
-        let set = set(&Scenario::default()).unwrap();
+        let set = set(&crate::fixture::constrained()).unwrap();
         let (mut plan, mut wanted) = (DVector::zeros(20), DVector::zeros(20));
         wanted[4] = -1.0;
         set.approach(&mut plan, &wanted);
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn predicted_states_are_those_of_the_model() {
-        let mut scenario = Scenario::default();
+        let mut scenario = crate::fixture::constrained();
         scenario.mpc.state_constraints = StateConstraints::Soft;
         let model = PredictionModel::new(&scenario);
         let mut set = set(&scenario).unwrap();

@@ -40,6 +40,12 @@ pub fn with_lag() -> Scenario {
     }
 }
 
+/// Profile `robust` with the exact limits in a plan of ten moves.
+pub fn constrained() -> Scenario {
+    let robust = Scenario::default();
+    Scenario { mpc: Mpc { constraints: Constraints::Cone, control_horizon_s: 0.1, ..robust.mpc }, ..robust }
+}
+
 /// Settings of profile `robust` without an estimate of a disturbance.
 pub fn without_estimate() -> Scenario {
     let robust = Scenario::default();

@@ -229,7 +229,7 @@ const PUSH: [f64; 4] = [0.5, -0.02, 0.03, 0.01];
 /// Final state and answer after ten seconds of the controller's own model, with an unknown push and this roll about
 /// trim as the reference \[rad\].
 fn settle(law: Law, disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
-    let mut scenario = Scenario::default();
+    let mut scenario = fixture::constrained();
     scenario.mpc.law = law;
     scenario.mpc.disturbance_gain = disturbance_gain;
     scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // this vehicle has no delay beyond its lag
@@ -314,7 +314,7 @@ proptest! {
         rates in prop::array::uniform6(-10.0..10.0_f64), ratio in 1.15..2.5_f64,
         [reaction, own, soft, broken] in prop::array::uniform4(prop::bool::ANY),
     ) {
-        let mut scenario = Scenario::default();
+        let mut scenario = fixture::constrained();
         scenario.plant.rotor_speed_max_ratio = ratio;
         scenario.mixer.tilt_reaction = reaction;
         scenario.mpc.time_limit_ms = 0.0;

@@ -103,6 +103,7 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
         (Solver::ActiveSet, StateConstraints::Soft, 0),
     ] {
         let mut scenario = Scenario::from(Profile::Robust);
+        scenario.mpc.constraints = Constraints::Cone;
         scenario.mpc.solver = solver;
         scenario.mpc.state_constraints = soft;
         scenario.mpc.rates_limit_dps = [90.0; 3];
@@ -119,6 +120,7 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
 fn a_failing_solver_allocates_no_more() {
     for (solver, expected) in [(Solver::Clarabel, 1), (Solver::ActiveSet, 0)] {
         let mut scenario = Scenario::from(Profile::Robust);
+        scenario.mpc.constraints = Constraints::Cone;
         scenario.mpc.solver = solver;
         scenario.fault = vec![Fault::new(FaultTarget::Mpc, FaultKind::Infeasible, 0.0, None)];
         let mut mpc = AttitudeMpc::new(&scenario);

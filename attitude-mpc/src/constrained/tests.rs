@@ -15,7 +15,7 @@ use crate::tests::{demand_violation, hover, violent_turn};
 const SOLVERS: [Solver; 2] = [Solver::Clarabel, Solver::ActiveSet];
 
 fn scenario(solver: Solver) -> Scenario {
-    let mut scenario = Scenario::default();
+    let mut scenario = crate::fixture::constrained();
     scenario.mpc.solver = solver;
     scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
     scenario

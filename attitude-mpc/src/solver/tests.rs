@@ -1,6 +1,6 @@
 //! Tests of both solvers against the optimality conditions, against each other, and on problems without a solution.
 
-use contract::scenario::{Constraints, Profile, StateConstraints};
+use contract::scenario::{Constraints, StateConstraints};
 use proptest::prelude::*;
 
 use super::*;
@@ -19,7 +19,7 @@ struct SetUp {
 }
 
 fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
-    let mut scenario = Scenario::from(Profile::Robust);
+    let mut scenario = crate::fixture::constrained();
     scenario.mpc.solver = solver;
     scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
     assert_eq!(4 * scenario.nu(), PLAN);

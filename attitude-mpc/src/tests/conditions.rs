@@ -9,7 +9,7 @@ use crate::at_speed::FlightModel;
 
 /// Scenario of a vehicle with the drag of `fast-legs`.
 fn scenario(model: Model) -> Scenario {
-    let mut scenario = Scenario::from(Profile::Robust);
+    let mut scenario = fixture::constrained();
     scenario.plant.drag_linear_nspm = [0.2, 0.2, 0.1];
     scenario.plant.drag_quadratic_ns2pm2 = 0.02;
     scenario.mpc.model = model;

@@ -8,6 +8,7 @@ use proptest::prelude::*;
 
 use super::{hover, violent_turn};
 use crate::AttitudeMpc;
+use crate::fixture;
 use crate::memory::{MAX_DISCS, WarmStart, Whole};
 
 #[test]
@@ -113,7 +114,7 @@ fn a_bad_snapshot_changes_nothing() {
 
 #[test]
 fn a_warm_start_with_unknown_or_repeated_constraints_is_refused() {
-    let mut scenario = Scenario::default();
+    let mut scenario = fixture::constrained();
     scenario.mpc.solver = Solver::ActiveSet;
     let mut mpc = AttitudeMpc::new(&scenario);
     let mut restore = |count: u64, places: [u16; 2]| {
@@ -180,7 +181,7 @@ fn a_restored_controller_continues_with_the_gain_of_the_estimate() {
 #[test]
 fn a_plan_of_many_moves_at_its_limits_is_continued_bit_by_bit() {
     for (moves, fits) in [(20, true), (60, false)] {
-        let mut scenario = Scenario::default();
+        let mut scenario = fixture::constrained();
         let horizon_s = f64::from(moves) * scenario.sample_s();
         (scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s) = (horizon_s, horizon_s);
         (scenario.mpc.solver, scenario.mpc.max_iterations) = (Solver::ActiveSet, 1000);

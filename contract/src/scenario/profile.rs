@@ -75,7 +75,7 @@ fn for_law(scenario: Scenario, chosen: &Mpc, rate_hz: f64) -> Scenario {
     let mpc = Mpc {
         model: if has_gain && chosen.disturbance_gain > 0.0 { Model::Coupled } else { Model::Hover },
         prediction_horizon_s: scenario.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
-        control_horizon_s: scenario.mpc.control_horizon_s.min(most_moves / rate_hz),
+        control_horizon_s: chosen.prediction_horizon_s.min(scenario.mpc.control_horizon_s).min(most_moves / rate_hz),
         delay_compensation: match model {
             Model::Hover | Model::Coupled => scenario.mpc.delay_compensation,
             Model::Scheduled | Model::Ltv => DelayCompensation::Sample(true),

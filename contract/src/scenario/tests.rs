@@ -265,20 +265,22 @@ fn horizons(settings: &[&str]) -> [usize; 2] {
 #[test]
 fn a_horizon_has_the_same_length_at_every_rate() {
     for (rate, robust, paper, given) in [
-        ("50", [10, 5], [5, 3], [15, 4]),
-        ("100", [20, 10], [10, 5], [30, 7]),
-        ("250", [50, 20], [25, 13], [75, 18]),
-        ("500", [100, 20], [50, 25], [150, 35]),
-        ("2000", [200, 20], [200, 100], [200, 140]),
+        ("50", [10, 10], [5, 3], [15, 4]),
+        ("100", [20, 20], [10, 5], [30, 7]),
+        ("250", [50, 50], [25, 13], [75, 18]),
+        ("500", [100, 100], [50, 25], [150, 35]),
+        ("2000", [200, 200], [200, 100], [200, 140]),
     ] {
         let rate = format!("run.rate_hz={rate}");
-        assert_eq!(horizons(&[&rate]), robust, "{rate}: at most 200 samples and 20 moves by default");
+        assert_eq!(horizons(&[&rate]), robust, "{rate}: at most 200 samples by default");
+        let solved = horizons(&["mpc.constraints=cone", &rate]);
+        assert_eq!(solved, [robust[0], robust[1].min(20)], "{rate}: at most 20 moves if they are solved for");
         assert_eq!(horizons(&["profile=paper", &rate]), paper, "{rate}");
         let horizon = if given[0] == 200 { "mpc.prediction_horizon_s=0.1" } else { "mpc.prediction_horizon_s=0.3" };
         assert_eq!(horizons(&[horizon, "mpc.control_horizon_s=0.07", &rate]), given, "{rate}");
     }
     let fast = from_set(&["run.rate_hz=2000"]).unwrap().mpc;
-    assert_eq!([fast.prediction_horizon_s, fast.control_horizon_s], [0.1, 0.01], "what is flown is what is written");
+    assert_eq!([fast.prediction_horizon_s, fast.control_horizon_s], [0.1, 0.1], "what is flown is what is written");
 }
 
 #[test]
@@ -295,7 +297,7 @@ fn the_disturbance_estimate_is_as_fast_at_every_rate() {
 fn a_law_by_its_name_alone_has_defaults_that_it_uses() {
     let all = from_set(&[]).unwrap();
     for (law, model, constraints, preview_s, gain) in [
-        ("mpc", Model::Coupled, Constraints::Cone, 0.4, 0.02),
+        ("mpc", Model::Coupled, Constraints::None, 0.4, 0.02),
         ("lqr", Model::Coupled, Constraints::None, 0.0, 0.02),
         ("pid", Model::Hover, Constraints::None, 0.0, 0.02),
         ("geometric", Model::Hover, Constraints::None, 0.0, 0.02),
@@ -390,7 +392,7 @@ fn a_file_made_from_a_check_follows_its_vehicle_and_the_record_of_a_flight_does_
     let lighter = |text: &str| load_text(text, "x", &["airframe.mass_kg=1.1".into()]).unwrap().mpc.r[0];
     assert_eq!([lighter(&checked), lighter(&recorded)], [0.3, 0.075]);
     let slow = load_text(&to_toml_that_follows(&load(None, &[]).unwrap()), "x", &["run.rate_hz=2000".into()]).unwrap();
-    assert_eq!([slow.np(), slow.nu()], [200, 20], "the horizons follow the rate");
+    assert_eq!([slow.np(), slow.nu()], [200, 200], "the horizons follow the rate");
     assert!(checked.contains("\n# of the rate: disturbance_gain = 0.02\n"), "{checked}");
     assert_eq!(slow.mpc.disturbance_gain, 0.001, "and so does the gain of the estimate");
     let paper = to_toml_that_follows(&load(None, &["profile=paper".into()]).unwrap());

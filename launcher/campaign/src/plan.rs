@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn more_samples_leave_the_first_ones_unchanged() {
         let [few, many] =
-            [3, 30].map(|n| plan(&format!("samples = {n}\n[vary]\nmpc.max_iterations = {{ integer = [20, 30] }}")));
+            [3, 30].map(|n| plan(&format!("samples = {n}\n[settings]\nmpc.constraints = 'cone'\n[vary]\nmpc.max_iterations = {{ integer = [20, 30] }}")));
         for number in 0..3 {
             assert_eq!(few.flight(number).scenario.unwrap(), many.flight(number).scenario.unwrap());
         }

@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn a_pair_that_falls_away_changes_only_the_faults_that_had_it() {
         let faults = all();
-        let [fewer, more] = [["mpc.law=lqr", "mpc.law=mpc"].as_slice(), &["mpc.law=mpc"]]
+        let [fewer, more] = [["mpc.law=lqr", "mpc.constraints=cone"].as_slice(), &["mpc.constraints=cone"]]
             .map(|laws| faults.pairs(&laws.iter().map(|law| in_process(law)).collect::<Vec<_>>()).unwrap());
         assert!(fewer.len() < more.len());
         let mut changed = 0;

@@ -111,8 +111,8 @@ fn settings_that_contradict_are_refused() {
             "`mpc.control_horizon_s` = 0.21 is longer than `mpc.prediction_horizon_s` = 0.2: 21 and 20 samples",
         ),
         (
-            "mpc.prediction_horizon_s=0.04",
-            "`mpc.control_horizon_s` of 0.01 to 0.04, or `mpc.prediction_horizon_s` of 0.1 to 2",
+            "mpc={prediction_horizon_s=0.04, control_horizon_s=0.05}",
+            "`mpc.control_horizon_s` of 0.01 to 0.04, or `mpc.prediction_horizon_s` of 0.05 to 2",
         ),
         ("mpc.prediction_horizon_s=2.01", "0.01 to 2 at this rate, 1 to 200 samples"),
         ("mpc.control_horizon_s=0", "0.01 to 2 at this rate, 1 to 200 samples"),
@@ -223,6 +223,7 @@ fn swaps_that_cannot_be_flown_are_refused() {
         check_refused(set, &[reason]);
     }
     from_set(&[
+        "mpc.constraints=cone",
         "fault=[{at_s=9, target=\"mpc\", kind=\"nan\"}]",
         "swap=[{at_s=1, node=\"mixer\", set=[\"mpc.law=lqr\"]}]",
     ])
