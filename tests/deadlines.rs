@@ -45,15 +45,16 @@ fn held_messages_repeat_the_last_timely_one() {
 
 #[test]
 fn a_controller_that_is_late_does_without_its_solver() {
-    let upset = [
-        "initial.attitude_deg=[60.0, -30.0, 45.0]",
-        "initial.rates_radps=[3.0, -3.0, 3.0]",
+    let turn = [
+        "mission.heading_deg=[[0.2, 90.0]]",
+        "guidance.heading_rate_limit_dps=0",
         "mpc.constraints=cone",
+        "mpc.r=[0.3, 70.0, 20.0, 100.0]",
         "deadline.attitude_mpc_ms=0.001",
     ];
     let solved = |outcome: &Outcome| outcome.run()["solver"]["solved"].as_u64().expect("a count");
-    assert!(solved(&fly(&upset)) > 0, "the upset needs the solver");
-    let hurried = fly(&[&upset[..], &["deadline.attitude_mpc_policy=degrade"]].concat());
+    assert!(solved(&fly(&turn)) > 0, "the turn needs the solver");
+    let hurried = fly(&[&turn[..], &["deadline.attitude_mpc_policy=degrade"]].concat());
     assert_eq!(solved(&hurried), 0);
     assert!(hurried.run()["solver"]["fallback"].as_u64().is_some_and(|n| n > 0), "{}", hurried.run()["solver"]);
 }
