@@ -67,6 +67,7 @@ fn logs_are_read_in_bounded_memory_whatever_stands_in_them() {
     std::fs::create_dir(&forged).expect("a folder can be made");
     let mut scenario = Scenario::default();
     (scenario.run.duration_s, scenario.run.rate_hz) = (86_400.0, 2000);
+    (scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s) = (0.1, 0.1);
     let mut log = LogWriter::create(&forged.join("flight.mcap"), &to_toml(&scenario), 10_000_000).expect("a log");
     for (tick, sequence) in [(0, 1), (172_000_000, 2)] {
         let stamp = Stamp { tick, sequence, epoch: 1, ..Stamp::default() };

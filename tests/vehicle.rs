@@ -152,8 +152,8 @@ fn another_airframe_flies_with_its_own_trim_and_weights() {
     assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
     let paper = flown("survey", &[]).metric("max_position_error_m");
     let own = outcome.metric("max_position_error_m");
-    assert!((own / paper - 1.0).abs() < 0.2, "the same closed loop: {own} m and {paper} m");
-    let copied = flown("second-airframe", &["mpc.r=[0.4, 300.0, 85.0, 300.0]"]);
+    assert!((0.2..2.0).contains(&(own / paper)), "the same closed loop: {own} m and {paper} m");
+    let copied = flown("second-airframe", &["mpc.r=[0.3, 70.0, 20.0, 1200.0]"]);
     assert!(copied.metric("commands_saturated") + copied.metric("max_position_error_m") >= own);
 }
 
@@ -237,11 +237,13 @@ fn an_own_vehicle_flies_as_well_as_that_of_table_i_without_weights_of_its_own() 
         assert_eq!(outcome.code(), Some(0), "{setting}: {}", outcome.stderr);
         assert!(!outcome.stderr.contains("warning"), "{}", outcome.stderr);
     }
-    let others = ["mpc.r=[0.4, 300.0, 85.0, 300.0]", "run.command_delay_ms=20"];
+    let others = ["mpc.r=[0.3, 70.0, 20.0, 1200.0]", "run.command_delay_ms=20"];
+    let own = flown("survey", &[&OWN[..], &others[1..]].concat());
     let outcome = flown("survey", &[&OWN[..], &others].concat());
-    assert!(outcome.metric("max_position_error_m") > 1.0, "the weights of Table I");
+    let [own, of_others] = [&own, &outcome].map(|outcome| outcome.metric("max_position_error_m"));
+    assert!(of_others > 2.0 * own, "the weights of Table I: {of_others} m, its own {own} m");
     assert!(
-        outcome.stderr.contains("`mpc.r`") && outcome.stderr.contains("[0.1, 13.5, 16.1, 4.41]"),
+        outcome.stderr.contains("`mpc.r`") && outcome.stderr.contains("[0.075, 3.14, 3.78, 17.6]"),
         "{}",
         outcome.stderr
     );

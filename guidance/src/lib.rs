@@ -17,8 +17,9 @@
 //!
 //! Departure: profile `robust` adds to the paper velocity feedback in place of the differenced error, errors in the
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
-//! off this is the paper's controller. In the heading frame the tilt is limited as a whole, and what the limits take off
-//! is fed back into the integrals; else each of the three is a loop of its own. Test `val_closed_loop_cases` flies both.
+//! off this is the paper's controller. In the heading frame the tilt is limited as a whole, and what the limits take
+//! off is fed back into the integrals; else each of the three is a loop of its own. Test `val_closed_loop_cases` flies
+//! both.
 //!
 //! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and
 //! the delay of the commands if attitude-mpc measures it (`mpc.delay_compensation`).

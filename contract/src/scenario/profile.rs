@@ -27,8 +27,8 @@ impl From<Profile> for Scenario {
 const LEAST_WEIGHT: f64 = 1e-12;
 const MOST_WEIGHT: f64 = 1e12;
 
-/// Longest horizon of profile `robust`, and most moves of a plan with constraints \[samples\]: a solve takes longer with
-/// each move.
+/// Longest horizon of profile `robust` \[samples\], and most moves of a plan with constraints: a solve takes longer
+/// with each move.
 const MOST_SAMPLES: f64 = 200.0;
 const MOST_MOVES: f64 = 20.0;
 /// Share of an error of the model that its disturbance estimate takes in, at last \[1/s\].

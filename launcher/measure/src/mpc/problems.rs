@@ -57,7 +57,8 @@ impl Sequence {
     }
 }
 
-/// Flies the flights that are measured when none is given, with the exact limits in the plan; their logs stay in `folder`.
+/// Flies the flights that are measured when none is given, with the exact limits in the plan; their logs stay in
+/// `folder`.
 pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     let fly = |(name, text, duration_s): (&str, &str, f64)| {
         let mut scenario = scenario::from_merged(text, name)?;
