@@ -169,7 +169,8 @@ fn the_pages_of_explain_and_compare_can_be_read() {
     if browser().is_none() {
         return;
     }
-    let (one, other) = (busy(&[]), busy(&["--set", "mpc.law=lqr"]));
+    let paper = ["profile=paper", "run.command_delay_ms=1.0", "guidance.disturbance_observer_radps=0"];
+    let (one, other) = (busy(&[]), busy(&paper.map(|set| ["--set", set]).concat()));
     run(&["explain", "--all"], &[&one.out]);
     run(&["compare", "--align", "kill:mixer"], &[&one.out, &other.out]);
     look_at(&[&one.out.join("explain.html"), &one.out.with_file_name("compare.html")]);
