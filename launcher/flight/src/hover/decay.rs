@@ -37,7 +37,7 @@ pub struct Margin {
 
 impl Margin {
     /// Searches the first value above `own_ms`, at which the loop is stable, that makes it unstable: on the multiples
-    /// of [`GRID_MS`] up to `max_ms`, and then by halving on the whole milliseconds before the one found.
+    /// of `GRID_MS` up to `max_ms`, and then by halving on the whole milliseconds before the one found.
     pub fn search(own_ms: f64, max_ms: f64, is_stable: impl Fn(f64) -> bool) -> Self {
         let mut ms = own_ms;
         let unstable_ms = loop {
