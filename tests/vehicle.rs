@@ -1,6 +1,8 @@
 //! The vehicle and its surroundings, flown: ground, turbulence, sensors, another airframe, one that is not as it is
 //! known.
 
+use serde_json::Value;
+
 use crate::harness::{Outcome, fly};
 
 /// Flies a shipped scenario in process with these settings.
@@ -150,9 +152,16 @@ fn a_heavier_vehicle_flies_worse_and_not_better() {
 fn another_airframe_flies_with_its_own_trim_and_weights() {
     let outcome = flown("second-airframe", &[]);
     assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
-    let paper = flown("survey", &[]).metric("max_position_error_m");
+    let bandwidths = |run: &Value| {
+        let loops = &run["hover"]["loops"];
+        let of = |which: &str| loops[which].as_object().expect("bandwidths").values().filter_map(Value::as_f64);
+        of("attitude").chain(of("position")).collect::<Vec<_>>()
+    };
+    let [own, paper] = [outcome.run(), flown("survey", &[]).run()].map(|run| bandwidths(&run));
+    assert_eq!([own.len(), paper.len()], [7; 2]);
+    let are_alike = own.iter().zip(&paper).all(|(own, paper)| (own / paper - 1.0).abs() < 0.05);
+    assert!(are_alike, "the same closed loop: {own:?} and {paper:?} rad/s");
     let own = outcome.metric("max_position_error_m");
-    assert!((0.2..2.0).contains(&(own / paper)), "the same closed loop: {own} m and {paper} m");
     let copied = flown("second-airframe", &["mpc.r=[0.3, 70.0, 20.0, 1200.0]"]);
     assert!(copied.metric("commands_saturated") + copied.metric("max_position_error_m") >= own);
 }

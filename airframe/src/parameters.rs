@@ -1,5 +1,6 @@
 //! Parameters of the tricopter of Table I, and of a second vehicle.
 
+use nalgebra::Vector4;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +50,14 @@ pub struct Parameters {
     pub kf: f64,
     /// Torque constant `K_M` \[N m / rotor speed unit squared\].
     pub km: f64,
+}
+
+impl Parameters {
+    /// Mass and moments of inertia `(m, Iyy, Ixx, Izz)`: inputs col, lon, lat, ped over the accelerations they make
+    /// \[kg, kg m2\].
+    pub fn inertia(&self) -> Vector4<f64> {
+        Vector4::new(self.mass_kg, self.iyy_kgm2, self.ixx_kgm2, self.izz_kgm2)
+    }
 }
 
 impl Default for Parameters {

@@ -37,8 +37,8 @@ impl DisturbanceLaw {
     /// Builds the law with the last gain `L` at a sample time \[s\]; `None` for the gain 0, which never changes the
     /// estimate.
     pub fn new(vehicle: &Parameters, last: f64, sample_s: f64) -> Option<Self> {
-        let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
-        (last > 0.0).then(|| Self { scale: inertia / sample_s, last, walk: last * last / (1.0 - last) })
+        let walk = last * last / (1.0 - last);
+        (last > 0.0).then(|| Self { scale: vehicle.inertia() / sample_s, last, walk })
     }
 
     /// Estimate after `d`, when the state `x` was measured and `predicted` was expected, by the `gain`, which falls.
@@ -46,7 +46,7 @@ impl DisturbanceLaw {
         let miss = Vector4::from(DRIVEN.map(|i| x[i] - predicted[i]));
         let share = gain.max(self.last);
         let variance = share + self.walk;
-        *gain = variance / (variance + 1.0);
+        *gain = (variance / (variance + 1.0)).min(1.0); // 1 for the last gain 1, whose variance is infinite
         d + self.scale.component_mul(&miss) * share
     }
 }
@@ -93,6 +93,16 @@ mod tests {
         }
         assert!(gains.is_sorted_by(|before, after| after <= before), "{gains:?}");
         assert!(gains[10] < 0.1 && gains[10] > 0.05 && (gain - 0.02).abs() < 1e-12, "{} {gain}", gains[10]);
+    }
+
+    #[test]
+    fn a_last_gain_of_one_is_reached_at_once() {
+        let law = DisturbanceLaw::new(&Scenario::default().airframe, 1.0, 0.01).unwrap();
+        let (x, mut gain) = (DVector::zeros(7), FIRST_GAIN);
+        for _ in 0..3 {
+            law.update(&Vector4::zeros(), &mut gain, &x, &x);
+            assert_eq!(gain, 1.0);
+        }
     }
 
     #[test]

@@ -167,8 +167,6 @@ struct Work {
     predicted: DVector<f64>,
     /// State predicted for the moment at which the demand acts, n.
     start: DVector<f64>,
-    /// Room for a term of a series, n.
-    term: DVector<f64>,
     /// Given numbers `(x; r; d; v)`, n + 15.
     given: DVector<f64>,
     /// Changes of the reference over the horizon, 7Np, or none.
@@ -222,7 +220,6 @@ impl AttitudeMpc {
                 x: DVector::zeros(states),
                 predicted: DVector::zeros(states),
                 start: DVector::zeros(states),
-                term: DVector::zeros(states),
                 given: DVector::zeros(states + condensed::GIVEN),
                 changes: DVector::zeros(changes),
                 unconstrained: DVector::zeros(INPUTS * moves),
@@ -381,7 +378,7 @@ impl AttitudeMpc {
     /// Predicts the state at which the demand of `tick` takes effect: as the delay compensation says at this sample, at
     /// the next, or after the measured `delay`. `input` is that of the command in force.
     fn predict(&mut self, tick: u64, input: &Vector4<f64>, delay: &Delay, disturbance: &Vector4<f64>) {
-        let Work { x, predicted, start, term, .. } = &mut self.work;
+        let Work { x, predicted, start, .. } = &mut self.work;
         match self.delay_compensation {
             DelayCompensation::Sample(false) => start.copy_from(x),
             DelayCompensation::Sample(true) => {
@@ -392,8 +389,7 @@ impl AttitudeMpc {
                 start.copy_from(x);
                 let mut course = delay.course((*input).into(), tick, self.sample_ns);
                 if let Some((input, rest_ns)) = course.next() {
-                    let spare = [&mut *term, &mut *predicted];
-                    self.model.advance(start, &input.into(), disturbance, rest_ns * 1e-9, spare);
+                    self.model.advance(start, &input.into(), disturbance, rest_ns * 1e-9);
                 }
                 for (input, _) in course {
                     self.unconstrained.predict(&self.model, &start.as_view(), &input.into(), disturbance, predicted);

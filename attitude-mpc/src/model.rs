@@ -16,11 +16,11 @@
 //! Departure: `d` is a constant disturbance on the inputs. It acts behind the lag, as wind does: `Ed` is `Bd` of the
 //! lag-free model, with zeros on the lag states. Test `the_disturbance_acts_behind_the_lag`.
 
-use airframe::linear::{Continuous, INPUTS, STATES, lag_rates};
+use airframe::linear::{Continuous, INPUTS, LAGGED, STATES, lag_rates};
 use airframe::{Actuation, ActuatorLaw, MixingMatrix, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
-use nalgebra::{DMatrix, DVector, Dyn, Matrix4, Storage, Vector, Vector4};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix4, SMatrix, SVector, Storage, Vector, Vector4};
 
 /// Bound of the first term that the series of [`PredictionModel::advance`] leaves out, over its first: `2^-55`.
 const LEAST_TERM: f64 = 1.0 / (1_u64 << 55) as f64;
@@ -38,13 +38,13 @@ pub struct PredictionModel {
     pub lag: Option<Matrix4<f64>>,
     /// Hover at which the model is linearised.
     pub trim: Trim,
-    /// Continuous-time `A`, `B` and `E` of the hover model.
-    continuous: [DMatrix<f64>; 3],
+    /// Continuous-time `A`, `B` and `E` of the hover model, with zeros in place of lag states that it has not.
+    continuous: (SMatrix<f64, LAGGED, LAGGED>, [SMatrix<f64, LAGGED, INPUTS>; 2]),
     /// Map from actuator positions to conventional inputs.
     pub mixing: MixingMatrix,
     /// Model of rotors and servo.
     actuators: ActuatorLaw,
-    /// Norm of the continuous-time `A`: its largest column sum \[1/s\].
+    /// Norm of the continuous-time `A`, with inputs as accelerations: its largest column sum \[1/s\].
     norm: f64,
     /// Sample time \[s\].
     sample_s: f64,
@@ -64,24 +64,20 @@ impl PredictionModel {
         let direct = continuous.discretise(sample_s);
         let discrete = lag.map_or_else(|| direct.clone(), |rates| continuous.discretise_with_lag(&rates, sample_s));
         let n = discrete.a.nrows();
-        let behind_lag = |b: &DMatrix<f64>| b.clone().resize_vertically(n, 0.0);
-        let hover = |rows, columns, of: &dyn Fn(usize, usize) -> f64| DMatrix::from_fn(rows, columns, of);
-        let (a, b) = if let Some(rates) = &lag {
-            let (a, b) = continuous.with_lag(rates);
-            (hover(n, n, &|row, column| a[(row, column)]), hover(n, INPUTS, &|row, column| b[(row, column)]))
-        } else {
-            let Continuous { a, b } = continuous;
-            (hover(n, n, &|row, column| a[(row, column)]), hover(n, INPUTS, &|row, column| b[(row, column)]))
+        let behind = continuous.b.fixed_resize(0.0);
+        let (a, b) = match &lag {
+            Some(rates) => continuous.with_lag(rates),
+            None => (continuous.a.fixed_resize(0.0), behind),
         };
-        let e = behind_lag(&hover(STATES, INPUTS, &|row, column| continuous.b[(row, column)]));
-        let norm = a.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
-        let continuous = [a, b, e];
-        let e = behind_lag(&direct.b);
+        let mut unit = SVector::<f64, LAGGED>::repeat(1.0);
+        unit.fixed_rows_mut::<INPUTS>(STATES).copy_from(&vehicle.inertia());
+        let scaled = SMatrix::<f64, LAGGED, LAGGED>::from_fn(|i, j| (a[(i, j)] * unit[j] / unit[i]).abs());
+        let norm = scaled.row_sum().max();
         Self {
             a: discrete.a,
             b: discrete.b,
-            e,
-            continuous,
+            e: direct.b.resize_vertically(n, 0.0),
+            continuous: (a, [b, behind]),
             lag,
             trim,
             mixing,
@@ -137,37 +133,31 @@ impl PredictionModel {
     /// ```
     ///
     /// A long time is taken in steps of norm 1/2 at most; the series ends where its terms are too small to count.
-    /// `term` and `next` are buffers of the size of `x`.
-    pub fn advance(
-        &self,
-        x: &mut DVector<f64>,
-        u: &Vector4<f64>,
-        d: &Vector4<f64>,
-        time_s: f64,
-        [term, next]: [&mut DVector<f64>; 2],
-    ) {
+    pub fn advance(&self, x: &mut DVector<f64>, u: &Vector4<f64>, d: &Vector4<f64>, time_s: f64) {
         if time_s == 0.0 {
             return;
         }
-        let [a, b, e] = &self.continuous;
+        let (a, [b, e]) = &self.continuous;
+        let n = self.states();
+        let mut at = SVector::<f64, LAGGED>::zeros();
+        at.rows_mut(0, n).copy_from(x);
+        let push = b * u + e * d;
         let steps = libm::ceil(2.0 * self.norm * time_s).max(1.0);
         let step_s = time_s / steps;
         let reach = self.norm * step_s;
         for _ in 0..steps as usize {
-            term.gemv(step_s, a, x, 0.0);
-            term.gemv(step_s, b, u, 1.0);
-            term.gemv(step_s, e, d, 1.0);
+            let mut term = (a * at + push) * step_s;
             let mut bound = 1.0; // of a term over the first
             for power in 2_u32.. {
-                *x += &*term;
+                at += term;
                 bound *= reach / f64::from(power);
                 if bound < LEAST_TERM {
                     break;
                 }
-                next.gemv(step_s / f64::from(power), a, term, 0.0);
-                std::mem::swap(term, next);
+                term = a * term * (step_s / f64::from(power));
             }
         }
+        x.copy_from(&at.rows(0, n));
     }
 
     /// Positions of the actuators after following `command` for a number of samples.
@@ -276,13 +266,13 @@ mod tests {
             let n = model.states();
             let start = DVector::from_fn(n, |row, _| 0.1 * (row as f64 - 3.0));
             let (u, d) = (Vector4::new(-1.0, 0.1, 0.2, -0.05), Vector4::new(0.5, 0.02, -0.03, 0.01));
-            let (mut expected, mut term, mut next) = (start.clone(), start.clone(), start.clone());
+            let mut expected = start.clone();
             model.predict(&start, &u, &d, &mut expected);
             let sample_s = scenario.sample_s();
             for part in [0.0, 0.3, 1.0] {
                 let mut x = start.clone();
-                model.advance(&mut x, &u, &d, part * sample_s, [&mut term, &mut next]);
-                model.advance(&mut x, &u, &d, (1.0 - part) * sample_s, [&mut term, &mut next]);
+                model.advance(&mut x, &u, &d, part * sample_s);
+                model.advance(&mut x, &u, &d, (1.0 - part) * sample_s);
                 assert!((&x - &expected).amax() < 1e-12 * expected.amax(), "{part} of {sample_s}: {x}, not {expected}");
             }
         }
@@ -293,9 +283,9 @@ mod tests {
         for profile in [Profile::Paper, Profile::Robust] {
             let model = PredictionModel::new(&Scenario::from(profile));
             let start = DVector::from_fn(model.states(), |row, _| if row == 0 { -0.0 } else { (row as f64).sin() });
-            let (mut x, mut term, mut next) = (start.clone(), start.clone(), start.clone());
+            let mut x = start.clone();
             let (u, d) = (Vector4::new(-1.0, 0.1, 0.2, -0.05), Vector4::new(0.5, 0.02, -0.03, 0.01));
-            model.advance(&mut x, &u, &d, 0.0, [&mut term, &mut next]);
+            model.advance(&mut x, &u, &d, 0.0);
             let bits = |x: &DVector<f64>| x.map(f64::to_bits);
             assert_eq!(bits(&x), bits(&start), "{profile:?}");
         }

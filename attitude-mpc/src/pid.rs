@@ -35,7 +35,7 @@ pub struct Pid {
 impl Pid {
     /// Builds the law of a vehicle with `gains` and a sample time \[s\].
     pub fn new(vehicle: &Parameters, gains: &PidGains, sample_s: f64) -> Self {
-        let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
+        let inertia = vehicle.inertia();
         let PidGains { kp, ki, kd } = *gains;
         let tracking = Vector4::from_fn(|axis, _| {
             let tracking =

@@ -413,6 +413,9 @@ fn all_finite(vectors: &[[f64; 3]]) -> bool {
 
 /// Shortens a horizontal vector to `bound`, whatever its direction.
 fn within(horizontal: &Vector2<f64>, bound: f64) -> Vector2<f64> {
+    if horizontal.x.abs() + horizontal.y.abs() <= bound {
+        return *horizontal; // no longer than its two parts, which is nearly always enough
+    }
     let length = libm::hypot(horizontal.x, horizontal.y);
     if length > bound { horizontal * (bound / length) } else { *horizontal }
 }

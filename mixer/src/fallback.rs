@@ -91,7 +91,7 @@ pub struct Level {
 impl Level {
     /// Builds the law for a vehicle with a roll angle at trim.
     pub fn new(vehicle: &Parameters, roll_trim_rad: f64) -> Self {
-        let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
+        let inertia = vehicle.inertia();
         Self { inertia, roll_trim_rad }
     }
 

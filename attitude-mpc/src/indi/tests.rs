@@ -16,7 +16,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
     let (vehicle, trim, mixing) = parts();
     let gains = IndiGains::default();
     let indi = Indi::new(Level::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S);
-    let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
+    let inertia = vehicle.inertia();
     let at = |t_s: f64| {
         let mut actuation = trim.actuation;
         let swing = (19.0 * t_s).sin();

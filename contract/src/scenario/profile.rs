@@ -42,13 +42,7 @@ const DISTURBANCE_RATE: f64 = 2.0;
 /// at every rate, and what a law or a model has no use for is off.
 pub(super) fn for_choice(chosen: &Scenario) -> Scenario {
     let (scenario, vehicle) = (Scenario::from(chosen.profile), &chosen.airframe);
-    let before = scenario.airframe;
-    let ratios = [
-        before.mass_kg / vehicle.mass_kg,
-        before.iyy_kgm2 / vehicle.iyy_kgm2,
-        before.ixx_kgm2 / vehicle.ixx_kgm2,
-        before.izz_kgm2 / vehicle.izz_kgm2,
-    ];
+    let ratios = scenario.airframe.inertia().component_div(&vehicle.inertia());
     let r = std::array::from_fn(|i| (scenario.mpc.r[i] * ratios[i] * ratios[i]).clamp(LEAST_WEIGHT, MOST_WEIGHT));
     let plant = match vehicle.preset {
         Preset::Paper => scenario.plant,
