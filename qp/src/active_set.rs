@@ -173,7 +173,7 @@ impl ActiveSet {
     fn ascend(&mut self, offsets: &[f64], first: f64) -> (Termination, u32) {
         for iteration in 1..=self.max_iterations {
             let before = self.objective();
-            if before > UNBOUNDED * first {
+            if before.is_nan() || before > UNBOUNDED * first {
                 return (Termination::Infeasible, iteration);
             }
             let arrived = self.step(offsets);
