@@ -6,7 +6,7 @@ use std::process::Command;
 
 use contract::message::{Kinematics, Navigation, State};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
-use navigation::{Aiding, Filter, Imu, Noise, Source, initial_covariance};
+use navigation::{Aiding, Constants, Filter, Imu, Noise, Source, Start, Wander};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -80,12 +80,33 @@ const NOISE: Noise = Noise {
     height_m: 0.1,
     field: 0.02,
     flow_mps: 0.1,
+    antenna_m: 0.05,
+    clock_s: 0.01,
+    drift: [
+        Wander { start: 0.5, walk: 0.1, time_s: 50.0 },
+        Wander { start: 0.5, walk: 0.1, time_s: 50.0 },
+        Wander { start: 0.0, walk: 0.05, time_s: f64::INFINITY },
+    ],
+    barometer: Wander { start: 0.2, walk: 0.05, time_s: 30.0 },
+};
+const START: Start = Start {
+    position_m: 0.1,
+    velocity_mps: 0.05,
+    tilt_rad: 0.01,
+    heading_rad: 0.03,
+    constants: Constants {
+        acceleration_bias_mps2: Vector3::new(0.05, 0.05, 0.02),
+        rates_bias_radps: Vector3::new(0.01, 0.01, 0.01),
+        hard_iron: 0.02,
+        declination_rad: 0.01,
+    },
 };
 const SAMPLE_S: f64 = 0.005;
 const DELAY: usize = 20;
 
 /// Sample `k` of a vehicle that turns in its place from `attitude` on, which becomes that of the end of the sample. The
-/// receiver is silent from 6 to 10 s, and has it 3 m away then, and once before.
+/// receiver is silent from 6 to 10 s, and has it 3 m away then, and once before; the field turns at 12 s, and the height
+/// jumps at 13 s.
 fn turning(k: u32, attitude: &mut UnitQuaternion<f64>, random: &mut ChaCha8Rng) -> (Imu, Aiding) {
     let t_s = f64::from(k) * SAMPLE_S;
     let mut noisy = |size: f64, value: Vector3<f64>| value.map(|value| value + size * (random.random::<f64>() - 0.5));
@@ -102,8 +123,11 @@ fn turning(k: u32, attitude: &mut UnitQuaternion<f64>, random: &mut ChaCha8Rng) 
     let aiding = Aiding {
         position_m: has_fix.then(|| noisy(0.5, away)),
         velocity_mps: has_fix.then(|| noisy(0.2, Vector3::zeros())),
-        height_m: has_slow.then(|| noisy(0.3, Vector3::zeros()).x),
-        field: has_slow.then(|| noisy(0.06, attitude.inverse() * Vector3::new(0.42, 0.0, 0.91))),
+        height_m: has_slow.then(|| noisy(0.3, Vector3::repeat(if t_s < 13.0 { 0.0 } else { 8.0 })).x),
+        field: has_slow.then(|| {
+            let east = if t_s < 12.0 { 0.0 } else { 0.4 };
+            noisy(0.06, attitude.inverse() * Vector3::new(0.42, east, 0.91) + Vector3::new(0.02, -0.01, 0.03))
+        }),
         flow_mps: (has_slow && t_s < 8.0).then(|| noisy(0.3, Vector3::zeros()).xy()),
     };
     (imu, aiding)
@@ -113,7 +137,7 @@ fn turning(k: u32, attitude: &mut UnitQuaternion<f64>, random: &mut ChaCha8Rng) 
 fn a_second_implementation_of_the_filter_estimates_the_same() {
     let Some(python) = python_with(&["numpy"]) else { return };
     let state = navigation::State::default();
-    let covariance = initial_covariance(&state.attitude, &[0.1, 0.05, 0.01, 0.03, 0.05, 0.01]);
+    let covariance = START.covariance(&state.attitude, &NOISE);
     let mut unit = navigation::Navigation::new(Filter::new(state, covariance, NOISE, 9.81), SAMPLE_S, DELAY);
     let (mut random, mut attitude) = (ChaCha8Rng::seed_from_u64(1), state.attitude);
     let (mut inputs, mut outputs) = (String::new(), String::new());
@@ -138,7 +162,9 @@ fn a_second_implementation_of_the_filter_estimates_the_same() {
         let turned = estimate.attitude.to_rotation_matrix().matrix().transpose(); // row by row
         let mut numbers =
             [estimate.position_m.as_slice(), estimate.velocity_mps.as_slice(), turned.as_slice()].concat();
-        numbers.extend(estimate.acceleration_bias_mps2.iter().chain(&estimate.rates_bias_radps));
+        let navigation::State { acceleration_bias_mps2, rates_bias_radps, drift_m, hard_iron, .. } = estimate;
+        numbers.extend(acceleration_bias_mps2.iter().chain(&rates_bias_radps).chain(&drift_m));
+        numbers.extend([estimate.barometer_bias_m].iter().chain(&hard_iron).chain(&[estimate.declination_rad]));
         numbers.extend(unit.filter().covariance.diagonal().iter());
         let records = Source::ALL.map(|source| unit.filter().record(source));
         numbers.extend(records.iter().flat_map(|record| [record.accepted, record.refused, record.resets]));

@@ -3,21 +3,27 @@
 //! ```text
 //! d = -f / |f|,   e = d x m / |d x m|,   n = e x d        down, east and north in body axes (TRIAD)
 //! e_t = -(G x e_f) / g^2,   G = -f                        error of the tilt by that of the specific force f
-//! e_h = (m_z n . e_t + e . e_m) / m_x                     error of the heading by that of the field m = (m_x, 0, m_z)
+//! e_h = (m_z n . e_t + e . e_m) / m_x + e_d               error of the heading by those of the field m = (m_x, 0, m_z)
+//!                                                         and of the declination
 //! ```
 //!
 //! The rows of `R` are n, e and d: three vectors from two, Shuster and Oh, *Three-axis attitude determination from
 //! vector observations* (1981), section III. The error of the tilt is that of the accelerometer's bias, which standing
-//! still does not tell apart: the covariance has both, and that they go together. The rotation of the earth is left
-//! out.
+//! still does not tell apart: the covariance has both, and that they go together. So does that of the heading with the
+//! vehicle's own field and the declination. The flight's frame begins where the vehicle stands: what the receiver and
+//! the barometer measure there is their own error. The rotation of the earth is left out.
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
 use crate::Aiding;
-use crate::filter::{MIN_HORIZONTAL, Noise};
-use crate::state::{ACCELERATION_BIAS, ATTITUDE, Covariance, Imu, POSITION, RATES_BIAS, State, VELOCITY};
+use crate::filter::{Constants, MIN_HORIZONTAL, Noise, Wander};
+use crate::state::{
+    ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, HARD_IRON, Imu, POSITION, RATES_BIAS,
+    State, VELOCITY,
+};
 
-/// Standard deviation of the velocity of a vehicle that stands \[m/s\].
+/// Standard deviations of position and velocity of a vehicle that stands \[m, m/s\].
+const STILL_M: f64 = 1e-3;
 const STILL_MPS: f64 = 0.01;
 
 /// Mean of a number of measurements.
@@ -58,54 +64,82 @@ impl Standstill {
         aiding.height_m.iter().for_each(|height_m| self.height.add(&Vector3::repeat(*height_m)));
     }
 
-    /// Mean position, NED \[m\], and mean height \[m\]; 0 without a measurement.
-    pub fn place(&self) -> (Vector3<f64>, f64) {
-        (self.position.value().unwrap_or_default(), self.height.value().unwrap_or_default().x)
-    }
-
-    /// Returns state and covariance after the alignment, with an accelerometer whose bias has the deviation
-    /// `bias_mps2`. `None` without a fix, a field or a specific force. The less horizontal the field is, the larger is
-    /// the deviation of the heading.
-    pub fn aligned(&self, noise: &Noise, bias_mps2: f64, g_mps2: f64) -> Option<(State, Covariance)> {
+    /// Returns state and covariance after an alignment at `position_m`, NED, over `time_s`, of sensors with `constants`.
+    /// `None` without a fix, a field or a specific force. The less horizontal the field is, the larger is the deviation
+    /// of the heading.
+    pub fn aligned(
+        &self,
+        position_m: Vector3<f64>,
+        time_s: f64,
+        noise: &Noise,
+        constants: &Constants,
+        g_mps2: f64,
+    ) -> Option<(State, Covariance)> {
         let (force, field) = (self.specific_force.value()?, self.field.value()?);
         let down = -force.try_normalize(0.0)?;
         let level = down.cross(&field);
         let (east, horizontal) = (level.try_normalize(0.0)?, level.norm().max(MIN_HORIZONTAL));
         let north = east.cross(&down);
         let axes = Matrix3::from_rows(&[north.transpose(), east.transpose(), down.transpose()]);
+        let height_m = self.height.value().map_or(-position_m.z, |height| height.x);
         let state = State {
-            position_m: self.position.value()?,
+            position_m,
             attitude: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes)),
             rates_bias_radps: self.rates.value()?,
+            drift_m: self.position.value()? - position_m,
+            barometer_bias_m: height_m + position_m.z,
             ..State::default()
         };
 
+        let diagonal = Matrix3::from_diagonal_element;
+        let of_biases = constants.acceleration_bias_mps2.map(|bias| bias * bias);
+        let of_biases = Matrix3::from_diagonal(&of_biases);
+        let of_force = diagonal(white(noise.specific_force_mps2, &self.specific_force)) + of_biases;
+        let of_iron = constants.hard_iron * constants.hard_iron;
+        let of_field = white(noise.field, &self.field) + of_iron;
+        let of_declination = constants.declination_rad * constants.declination_rad;
         let tilt = down.cross_matrix() * (-1.0 / g_mps2);
         let turned: RowVector3<f64> = north.transpose() * tilt * (field.dot(&down) / horizontal);
         let by_force = tilt + down * turned;
         let by_field = down * east.transpose() / horizontal;
-        let variance = |white: f64, mean: &Mean| white * white / mean.count;
-        let of_bias = bias_mps2 * bias_mps2;
-        let of_force = variance(noise.specific_force_mps2, &self.specific_force) + of_bias;
-        let of_field = variance(noise.field, &self.field);
-        let mut covariance = Covariance::zeros();
+
+        let mut covariance = constants.covariance(noise);
         let mut put = |row: usize, column: usize, block: Matrix3<f64>| {
             covariance.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+            covariance.fixed_view_mut::<3, 3>(column, row).copy_from(&block.transpose());
         };
-        let diagonal = Matrix3::from_diagonal_element;
-        put(POSITION, POSITION, Matrix3::from_diagonal(&noise.position_m.map(|white| variance(white, &self.position))));
+        put(POSITION, POSITION, diagonal(STILL_M * STILL_M));
         put(VELOCITY, VELOCITY, diagonal(STILL_MPS * STILL_MPS));
         put(
             ATTITUDE,
             ATTITUDE,
-            by_force * by_force.transpose() * of_force + by_field * by_field.transpose() * of_field,
+            by_force * of_force * by_force.transpose()
+                + by_field * by_field.transpose() * of_field
+                + down * down.transpose() * of_declination,
         );
-        put(ATTITUDE, ACCELERATION_BIAS, by_force * of_bias);
-        put(ACCELERATION_BIAS, ATTITUDE, by_force.transpose() * of_bias);
-        put(ACCELERATION_BIAS, ACCELERATION_BIAS, diagonal(of_bias));
-        put(RATES_BIAS, RATES_BIAS, diagonal(variance(noise.rates_radps, &self.rates)));
+        put(ATTITUDE, ACCELERATION_BIAS, by_force * of_biases);
+        put(ATTITUDE, HARD_IRON, by_field * of_iron);
+        put(RATES_BIAS, RATES_BIAS, diagonal(white(noise.rates_radps, &self.rates)));
+        let drift = Vector3::from_fn(|i, _| since(noise.position_m[i], &noise.drift[i], &self.position, time_s));
+        put(DRIFT, DRIFT, Matrix3::from_diagonal(&drift));
+        covariance.fixed_view_mut::<3, 1>(ATTITUDE, DECLINATION).copy_from(&(down * of_declination));
+        covariance.fixed_view_mut::<1, 3>(DECLINATION, ATTITUDE).copy_from(&(down * of_declination).transpose());
+        if self.height.count > 0.0 {
+            covariance[(BAROMETER_BIAS, BAROMETER_BIAS)] =
+                since(noise.height_m, &noise.barometer, &self.height, time_s);
+        }
         Some((state, covariance))
     }
+}
+
+/// Variance of a mean with white noise.
+fn white(deviation: f64, mean: &Mean) -> f64 {
+    deviation * deviation / mean.count
+}
+
+/// Variance of what has wandered on at the end of `time_s`, known by its mean with white noise over this time.
+fn since(deviation: f64, wander: &Wander, mean: &Mean, time_s: f64) -> f64 {
+    white(deviation, mean) + wander.walk * wander.walk * time_s / 3.0
 }
 
 #[cfg(test)]

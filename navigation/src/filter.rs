@@ -8,28 +8,42 @@
 //!                                              that of the new attitude
 //! ```
 //!
-//! A measurement is refused if its normalised innovation `y' / S y` is above the chi-square quantile of 0.999. A source
-//! of which nothing was accepted for `RESET_AFTER_S` is right, and the state wrong: the covariance grows by the
-//! innovation (`H' y^2 H`), so that the state moves to the measurement. Resets are counted.
+//! A measurement is refused if its normalised innovation `y' / S y` is above the chi-square quantile of 0.999; the
+//! receiver's is gated level and along the vertical apart. A source of which nothing was accepted for `RESET_AFTER_S`
+//! disagrees for good, and the less trusted one is reset: if it disagrees alone, its own error (drift, bias, own field);
+//! if another one that tells of the same motion is refused too, the motion. The covariance of what is reset grows by the
+//! innovation, `H' y^2 H`, so that it takes the innovation up. Resets are counted.
+//!
+//! What a sensor measures too much is a first-order Gauss-Markov process ([`Wander`]), as in section 3.6 of Groves,
+//! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013), for position and height, and a
+//! constant for the magnetometer: the vehicle's own field (hard iron) and the declination.
 
+use libm::hypot;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use crate::state::{
-    ACCELERATION_BIAS, ATTITUDE, Covariance, ERRORS, Error, Imu, POSITION, RATES_BIAS, State, VELOCITY,
+    ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, ERRORS, Error, HARD_IRON, Imu,
+    POSITION, RATES_BIAS, State, VELOCITY,
 };
 
-/// Time without an accepted measurement of a source after which its next one resets the state \[s\].
+/// Time for which a source must disagree until a reset \[s\].
 const RESET_AFTER_S: f64 = 2.0;
+/// Time for which two sources must disagree at once so that what they have in common is reset \[s\].
+const TOGETHER_S: f64 = 1.0;
 /// Smallest horizontal share of the magnetic field that tells a heading.
 pub(crate) const MIN_HORIZONTAL: f64 = 0.1;
 
-/// Source of measurements.
+/// Source of measurements, with a gate of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
-    /// Position of the satellite receiver.
+    /// Position of the satellite receiver, north and east.
     Position,
-    /// Velocity of the satellite receiver.
+    /// Position of the satellite receiver, down.
+    Depth,
+    /// Velocity of the satellite receiver, north and east.
     Velocity,
+    /// Velocity of the satellite receiver, down.
+    Sink,
     /// Barometer.
     Height,
     /// Magnetometer.
@@ -40,21 +54,71 @@ pub enum Source {
 
 impl Source {
     /// All sources.
-    pub const ALL: [Self; SOURCES] = [Self::Position, Self::Velocity, Self::Height, Self::Heading, Self::Flow];
+    pub const ALL: [Self; SOURCES] =
+        [Self::Position, Self::Depth, Self::Velocity, Self::Sink, Self::Height, Self::Heading, Self::Flow];
+
+    /// Number of components of a measurement.
+    pub const fn components(self) -> usize {
+        match self {
+            Self::Depth | Self::Sink | Self::Height | Self::Heading => 1,
+            Self::Position | Self::Velocity | Self::Flow => 2,
+        }
+    }
 
     /// Normalised innovation squared above which a measurement is refused: the chi-square quantile of 0.999 for the
     /// number of its components.
     pub const fn gate(self) -> f64 {
+        if self.components() == 1 { 10.828 } else { 13.816 }
+    }
+
+    /// Sources that tell of the same motion, to first order.
+    const fn fellows(self) -> &'static [Self] {
         match self {
-            Self::Height | Self::Heading => 10.828,
-            Self::Flow => 13.816,
-            Self::Position | Self::Velocity => 16.266,
+            Self::Position => &[Self::Velocity, Self::Flow],
+            Self::Depth => &[Self::Sink, Self::Height],
+            Self::Height => &[Self::Sink, Self::Depth],
+            Self::Velocity | Self::Sink | Self::Heading | Self::Flow => &[],
+        }
+    }
+
+    /// First error state of the motion that is measured, and of what the sensor adds to it, if that is an error state.
+    const fn states(self) -> (usize, Option<usize>) {
+        match self {
+            Self::Position => (POSITION, Some(DRIFT)),
+            Self::Depth => (POSITION + 2, Some(DRIFT + 2)),
+            Self::Height => (POSITION + 2, Some(BAROMETER_BIAS)),
+            Self::Velocity | Self::Flow => (VELOCITY, None),
+            Self::Sink => (VELOCITY + 2, None),
+            Self::Heading => (ATTITUDE, Some(HARD_IRON)),
         }
     }
 }
 
 /// Number of sources.
-pub const SOURCES: usize = 5;
+pub const SOURCES: usize = 7;
+
+/// First-order Gauss-Markov process: `dx = -x / time dt + walk dW`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wander {
+    /// Standard deviation at the start \[unit\].
+    pub start: f64,
+    /// Random walk \[unit / sqrt(s)\].
+    pub walk: f64,
+    /// Time constant \[s\]; infinite for a random walk.
+    pub time_s: f64,
+}
+
+impl Wander {
+    /// Returns a process that is stationary with a `deviation`, or stays as it began if `time_s` is infinite.
+    pub fn stationary(deviation: f64, time_s: f64) -> Self {
+        Self { start: deviation, walk: deviation * (2.0 / time_s).sqrt(), time_s }
+    }
+
+    /// Share of a value that is left after `dt_s`, and the variance that is new, to first order.
+    fn step(&self, dt_s: f64) -> (f64, f64) {
+        (libm::exp(-dt_s / self.time_s), self.walk * self.walk * dt_s)
+    }
+}
 
 /// Standard deviations of the errors that the filter expects.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,6 +141,14 @@ pub struct Noise {
     pub field: f64,
     /// Velocity over the ground \[m/s\].
     pub flow_mps: f64,
+    /// Place of the receiver's antenna, each body axis \[m\].
+    pub antenna_m: f64,
+    /// Time of the receiver's measurements \[s\].
+    pub clock_s: f64,
+    /// Drift of the receiver's position, NED \[m\].
+    pub drift: [Wander; 3],
+    /// Bias of the barometer \[m\].
+    pub barometer: Wander,
 }
 
 /// Record of one source.
@@ -90,8 +162,19 @@ pub struct Record {
     pub resets: f64,
     /// Time since the last accepted measurement \[s\].
     pub silent_s: f64,
+    /// Measurements refused since then.
+    pub spell: f64,
+    /// Time from then to the first of these \[s\].
+    pub outage_s: f64,
     /// Normalised innovation squared of the last measurement.
     pub nis: f64,
+}
+
+impl Record {
+    /// Time for which every measurement was refused \[s\].
+    fn disputed_s(&self) -> f64 {
+        if self.spell > 0.0 { self.silent_s - self.outage_s } else { 0.0 }
+    }
 }
 
 /// Error-state Kalman filter.
@@ -103,13 +186,15 @@ pub struct Filter {
     pub covariance: Covariance,
     noise: Noise,
     g_mps2: f64,
+    /// Rates and acceleration in the last sample of the IMU \[rad/s, m/s2\].
+    pace: [f64; 2],
     records: [Record; SOURCES],
 }
 
 impl Filter {
     /// Builds a filter that starts at `state` with an error of `covariance`.
     pub fn new(state: State, covariance: Covariance, noise: Noise, g_mps2: f64) -> Self {
-        Self { state, covariance, noise, g_mps2, records: [Record::default(); SOURCES] }
+        Self { state, covariance, noise, g_mps2, pace: [0.0; 2], records: [Record::default(); SOURCES] }
     }
 
     /// Gravity \[m/s2\].
@@ -126,7 +211,13 @@ impl Filter {
     pub fn predict(&mut self, imu: &Imu, dt_s: f64) {
         self.covariance = self.covariance_after(imu, dt_s, 1.0);
         self.symmetrise();
-        self.state = self.state.moved(imu, dt_s, self.g_mps2);
+        let before = self.state;
+        self.state = before.moved(imu, dt_s, self.g_mps2);
+        let faster = self.state.velocity_mps - before.velocity_mps;
+        self.pace = [(imu.rates_radps - before.rates_bias_radps).norm(), faster.norm() / dt_s];
+        let Noise { drift, barometer, .. } = &self.noise;
+        self.state.drift_m.iter_mut().zip(drift).for_each(|(drift_m, wander)| *drift_m *= wander.step(dt_s).0);
+        self.state.barometer_bias_m *= barometer.step(dt_s).0;
         self.records.iter_mut().for_each(|record| record.silent_s += dt_s);
     }
 
@@ -148,25 +239,41 @@ impl Filter {
                 covariance[(i, i)] += deviation * deviation;
             }
         }
+        let [north, east, down] = self.noise.drift;
+        for (i, wander) in (DRIFT..).zip([north, east, down, self.noise.barometer]) {
+            let (left, new) = wander.step(dt_s * samples);
+            covariance.row_mut(i).scale_mut(left);
+            covariance.column_mut(i).scale_mut(left);
+            covariance[(i, i)] += new;
+        }
         covariance
     }
 
     /// Fuses a position, NED \[m\].
     pub fn fuse_position(&mut self, position_m: Vector3<f64>) {
-        let noise = self.noise.position_m;
-        self.fuse(Source::Position, &direct(position_m - self.state.position_m, POSITION, noise));
+        let off = |state: &State| position_m - state.position_m - state.drift_m;
+        let Noise { antenna_m, clock_s, .. } = self.noise;
+        let late_m = hypot(antenna_m, clock_s * self.state.velocity_mps.norm());
+        let noise = self.noise.position_m.map(|white| hypot(white, late_m));
+        self.fuse(Source::Position, &direct(Source::Position, off(&self.state).xy(), 1.0, noise.xy()));
+        self.fuse(Source::Depth, &direct(Source::Depth, scalar(off(&self.state).z), 1.0, scalar(noise.z)));
     }
 
     /// Fuses a velocity, NED \[m/s\].
     pub fn fuse_velocity(&mut self, velocity_mps: Vector3<f64>) {
-        let noise = self.noise.velocity_mps;
-        self.fuse(Source::Velocity, &direct(velocity_mps - self.state.velocity_mps, VELOCITY, noise));
+        let off = |state: &State| velocity_mps - state.velocity_mps;
+        let Noise { antenna_m, clock_s, .. } = self.noise;
+        let late_mps = hypot(antenna_m * self.pace[0], clock_s * self.pace[1]);
+        let noise = self.noise.velocity_mps.map(|white| hypot(white, late_mps));
+        self.fuse(Source::Velocity, &direct(Source::Velocity, off(&self.state).xy(), 0.0, noise.xy()));
+        self.fuse(Source::Sink, &direct(Source::Sink, scalar(off(&self.state).z), 0.0, scalar(noise.z)));
     }
 
     /// Fuses a height above the origin \[m\].
     pub fn fuse_height(&mut self, height_m: f64) {
-        let innovation = SVector::from([-height_m - self.state.position_m.z]);
-        self.fuse(Source::Height, &direct(innovation, POSITION + 2, SVector::from([self.noise.height_m])));
+        let innovation = self.state.barometer_bias_m - height_m - self.state.position_m.z;
+        let noise = scalar(self.noise.height_m);
+        self.fuse(Source::Height, &direct(Source::Height, scalar(innovation), -1.0, noise));
     }
 
     /// Fuses the heading of a magnetic `field`, body, as shares of its strength; none if the field is vertical.
@@ -181,23 +288,30 @@ impl Filter {
         self.fuse(Source::Flow, &self.flow(velocity_mps));
     }
 
-    /// Measurement of the heading by a `field`, levelled by the estimated attitude. An error of the tilt turns the
-    /// level field by its vertical part over its horizontal one.
+    /// Measurement of the heading by a `field` without the vehicle's own, levelled by the estimated attitude. An error of
+    /// the tilt turns the level field by its vertical part over its horizontal one.
+    ///
+    /// The Jacobian is that of the field where it is expected, not where it was measured: there it would go together with
+    /// the innovation, and noise would tilt the estimate by degrees in minutes, always in the same direction.
     pub(crate) fn heading(&self, field: &Vector3<f64>) -> Option<Measured<1>> {
-        let level = self.state.attitude * field;
-        let horizontal = libm::hypot(level.x, level.y);
+        let level = self.state.attitude * (field - self.state.hard_iron);
+        let horizontal = hypot(level.x, level.y);
         if horizontal < MIN_HORIZONTAL {
             return None;
         }
         let axes = *self.state.attitude.to_rotation_matrix().matrix();
-        let dip = level.xy() * (level.z / (horizontal * horizontal));
+        let declination_rad = self.state.declination_rad;
+        let along = Vector2::new(libm::cos(declination_rad), libm::sin(declination_rad)) / horizontal;
+        let dip = along * level.z;
         let mut jacobian = SMatrix::<f64, 1, ERRORS>::zeros();
         jacobian.fixed_columns_mut::<3>(ATTITUDE).copy_from(&(RowVector3::new(-dip.x, -dip.y, 1.0) * axes));
+        jacobian.fixed_columns_mut::<3>(HARD_IRON).copy_from(&(RowVector3::new(along.y, -along.x, 0.0) * axes));
+        jacobian[DECLINATION] = -1.0;
         let deviation = self.noise.field / horizontal;
         Some(Measured {
-            innovation: SVector::from([-libm::atan2(level.y, level.x)]),
+            innovation: scalar(wrapped(declination_rad - libm::atan2(level.y, level.x))),
             jacobian,
-            variance: SVector::from([deviation * deviation]),
+            variance: scalar(deviation * deviation),
         })
     }
 
@@ -215,26 +329,56 @@ impl Filter {
     fn fuse<const N: usize>(&mut self, source: Source, measured: &Measured<N>) {
         let Measured { innovation, jacobian, variance } = measured;
         let noise = SMatrix::from_diagonal(variance);
-        let spread = |covariance: &Covariance| (jacobian * covariance * jacobian.transpose() + noise).cholesky();
-        let Some(expected) = spread(&self.covariance) else { return };
+        let spread = |covariance: &Covariance| {
+            let seen = jacobian * covariance;
+            (seen * jacobian.transpose() + noise).cholesky().map(|expected| (seen, expected))
+        };
+        let Some((mut seen, mut expected)) = spread(&self.covariance) else { return };
+        let nis = innovation.dot(&expected.solve(innovation));
         let record = &mut self.records[source as usize];
-        record.nis = innovation.dot(&expected.solve(innovation));
-        if record.nis > source.gate() {
-            if record.silent_s < RESET_AFTER_S {
+        record.nis = nis;
+        if nis > source.gate() {
+            if record.spell == 0.0 {
+                record.outage_s = record.silent_s;
+            }
+            record.spell += 1.0;
+            if record.disputed_s() < RESET_AFTER_S {
                 record.refused += 1.0;
                 return;
             }
             record.resets += 1.0;
-            let surprise = SMatrix::from_diagonal(&innovation.component_mul(innovation));
-            self.covariance += jacobian.transpose() * surprise * jacobian;
+            self.open(source, innovation, jacobian);
+            let Some(opened) = spread(&self.covariance) else { return };
+            (seen, expected) = opened;
         }
+        let record = &mut self.records[source as usize];
         record.accepted += 1.0;
-        record.silent_s = 0.0;
-        let Some(expected) = spread(&self.covariance) else { return };
-        let gain = expected.solve(&(jacobian * self.covariance)).transpose();
-        let kept = Covariance::identity() - gain * jacobian;
-        self.covariance = kept * self.covariance * kept.transpose() + gain * noise * gain.transpose();
+        (record.silent_s, record.spell) = (0.0, 0.0);
+        let gain = expected.solve(&seen).transpose();
+        let kept = self.covariance - gain * seen; // (I - K H) P
+        self.covariance = kept - kept * jacobian.transpose() * gain.transpose() + gain * noise * gain.transpose();
         self.inject(&(gain * innovation));
+    }
+
+    /// Opens the covariance of what a `source` that disagrees for good has shown to be wrong: its own error, or the
+    /// motion that it measures, if it was silent before, has no error of its own, or does not disagree alone.
+    fn open<const N: usize>(
+        &mut self,
+        source: Source,
+        innovation: &SVector<f64, N>,
+        jacobian: &SMatrix<f64, N, ERRORS>,
+    ) {
+        let (motion, own) = source.states();
+        let was_silent = self.record(source).outage_s > RESET_AFTER_S;
+        let is_alone = source.fellows().iter().all(|fellow| self.record(*fellow).disputed_s() < TOGETHER_S);
+        let opened = own.filter(|_| is_alone && !was_silent).unwrap_or(motion);
+        let mut rows = SMatrix::<f64, N, ERRORS>::zeros();
+        let states = if source == Source::Flow || source == Source::Heading { 3 } else { N };
+        rows.columns_mut(opened, states).copy_from(&jacobian.columns(opened, states));
+        let Some(gram) = (rows * rows.transpose()).cholesky() else { return };
+        let rows = gram.solve(&rows); // the shortest error that explains an innovation of 1
+        let surprise = SMatrix::from_diagonal(&innovation.component_mul(innovation));
+        self.covariance += rows.transpose() * surprise * rows;
     }
 
     /// Adds an `error` to the state, and turns the covariance into the axes of the new attitude.
@@ -245,6 +389,11 @@ impl Filter {
         self.covariance.fixed_rows_mut::<3>(ATTITUDE).copy_from(&rows);
         let columns = self.covariance.fixed_columns::<3>(ATTITUDE) * reset.transpose();
         self.covariance.fixed_columns_mut::<3>(ATTITUDE).copy_from(&columns);
+        let reset = turned(-turn);
+        let rows = reset * self.covariance.fixed_rows::<3>(HARD_IRON);
+        self.covariance.fixed_rows_mut::<3>(HARD_IRON).copy_from(&rows);
+        let columns = self.covariance.fixed_columns::<3>(HARD_IRON) * reset.transpose();
+        self.covariance.fixed_columns_mut::<3>(HARD_IRON).copy_from(&columns);
         self.symmetrise();
         self.state = self.state.plus(error);
     }
@@ -257,36 +406,80 @@ impl Filter {
     /// Passes every number of the memory to `visit`, to be read or written.
     pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
         self.state.visit(visit);
+        self.pace.iter_mut().for_each(&mut *visit);
         for i in 0..ERRORS {
             for j in 0..=i {
                 visit(&mut self.covariance[(i, j)]);
                 self.covariance[(j, i)] = self.covariance[(i, j)];
             }
         }
-        for Record { accepted, refused, resets, silent_s, nis } in &mut self.records {
-            [accepted, refused, resets, silent_s, nis].into_iter().for_each(&mut *visit);
+        for Record { accepted, refused, resets, silent_s, spell, outage_s, nis } in &mut self.records {
+            [accepted, refused, resets, silent_s, spell, outage_s, nis].into_iter().for_each(&mut *visit);
         }
     }
 }
 
-/// Covariance at the start: `deviations` of position, velocity, tilt, heading, and of the biases of accelerometer and
-/// gyros, about an `attitude`.
-pub fn initial_covariance(attitude: &UnitQuaternion<f64>, deviations: &[f64; 6]) -> Covariance {
-    let [position, velocity, tilt, heading, acceleration_bias, rates_bias] =
-        deviations.map(|deviation| deviation * deviation);
-    let axes = *attitude.to_rotation_matrix().matrix();
-    let level = Matrix3::from_diagonal(&Vector3::new(tilt, tilt, heading));
-    let mut covariance = Covariance::zeros();
-    for (from, block) in [
-        (POSITION, Matrix3::from_diagonal_element(position)),
-        (VELOCITY, Matrix3::from_diagonal_element(velocity)),
-        (ATTITUDE, axes.transpose() * level * axes),
-        (ACCELERATION_BIAS, Matrix3::from_diagonal_element(acceleration_bias)),
-        (RATES_BIAS, Matrix3::from_diagonal_element(rates_bias)),
-    ] {
-        covariance.fixed_view_mut::<3, 3>(from, from).copy_from(&block);
+/// Standard deviations of the error at the start; those of drift and barometer are in [`Noise`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Position, each axis \[m\].
+    pub position_m: f64,
+    /// Velocity, each axis \[m/s\].
+    pub velocity_mps: f64,
+    /// Roll and pitch \[rad\].
+    pub tilt_rad: f64,
+    /// Heading \[rad\].
+    pub heading_rad: f64,
+    /// Constant errors of IMU and magnetometer.
+    pub constants: Constants,
+}
+
+/// Standard deviations of constant errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Constants {
+    /// Bias of the accelerometer, body \[m/s2\].
+    pub acceleration_bias_mps2: Vector3<f64>,
+    /// Bias of the gyros, body \[rad/s\].
+    pub rates_bias_radps: Vector3<f64>,
+    /// The vehicle's own field on each body axis, as a share of the earth's.
+    pub hard_iron: f64,
+    /// Declination \[rad\].
+    pub declination_rad: f64,
+}
+
+impl Start {
+    /// Covariance of the error about an `attitude`.
+    pub fn covariance(&self, attitude: &UnitQuaternion<f64>, noise: &Noise) -> Covariance {
+        let Self { position_m, velocity_mps, tilt_rad, heading_rad, constants } = self;
+        let axes = *attitude.to_rotation_matrix().matrix();
+        let level = Matrix3::from_diagonal(&Vector3::new(*tilt_rad, *tilt_rad, *heading_rad));
+        let level = level * axes;
+        let mut covariance = constants.covariance(noise);
+        let mut put =
+            |from: usize, block: Matrix3<f64>| covariance.fixed_view_mut::<3, 3>(from, from).copy_from(&block);
+        put(POSITION, Matrix3::from_diagonal_element(position_m * position_m));
+        put(VELOCITY, Matrix3::from_diagonal_element(velocity_mps * velocity_mps));
+        put(ATTITUDE, level.transpose() * level);
+        covariance
     }
-    covariance
+}
+
+impl Constants {
+    /// Covariance of a filter that knows the motion, and of the sensors' errors how large they are.
+    pub(crate) fn covariance(&self, noise: &Noise) -> Covariance {
+        let Self { acceleration_bias_mps2, rates_bias_radps, hard_iron, declination_rad } = self;
+        let mut deviations = Error::zeros();
+        for (from, part) in [
+            (ACCELERATION_BIAS, *acceleration_bias_mps2),
+            (RATES_BIAS, *rates_bias_radps),
+            (DRIFT, noise.drift.map(|wander| wander.start).into()),
+            (HARD_IRON, Vector3::repeat(*hard_iron)),
+        ] {
+            deviations.fixed_rows_mut::<3>(from).copy_from(&part);
+        }
+        (deviations[BAROMETER_BIAS], deviations[DECLINATION]) = (noise.barometer.start, *declination_rad);
+        Covariance::from_diagonal(&deviations.component_mul(&deviations))
+    }
 }
 
 /// Measurement by its innovation, its Jacobian by the error, and the variance of its noise.
@@ -297,9 +490,31 @@ pub(crate) struct Measured<const N: usize> {
     pub variance: SVector<f64, N>,
 }
 
-/// Measurement of the error states from `from` on.
-fn direct<const N: usize>(innovation: SVector<f64, N>, from: usize, deviation: SVector<f64, N>) -> Measured<N> {
+/// Measurement of the motion of a `source`, with its own error by the factor `own`.
+fn direct<const N: usize>(
+    source: Source,
+    innovation: SVector<f64, N>,
+    own: f64,
+    deviation: SVector<f64, N>,
+) -> Measured<N> {
     let mut jacobian = SMatrix::<f64, N, ERRORS>::zeros();
-    jacobian.fixed_columns_mut::<N>(from).copy_from(&SMatrix::identity());
+    let (motion, error) = source.states();
+    jacobian.fixed_columns_mut::<N>(motion).copy_from(&SMatrix::identity());
+    if let Some(error) = error {
+        jacobian.fixed_columns_mut::<N>(error).copy_from(&(SMatrix::identity() * own));
+    }
     Measured { innovation, jacobian, variance: deviation.component_mul(&deviation) }
+}
+
+fn turned(by: Vector3<f64>) -> Matrix3<f64> {
+    *UnitQuaternion::from_scaled_axis(by).to_rotation_matrix().matrix()
+}
+
+fn scalar(value: f64) -> SVector<f64, 1> {
+    SVector::from([value])
+}
+
+/// Angle between -pi and pi that is the same turn.
+fn wrapped(angle: f64) -> f64 {
+    libm::atan2(libm::sin(angle), libm::cos(angle))
 }

@@ -30,8 +30,8 @@ pub mod alignment;
 pub mod filter;
 pub mod state;
 
-pub use filter::{Filter, Noise, Record, Source, initial_covariance};
-pub use state::{Imu, State};
+pub use filter::{Constants, Filter, Noise, Record, Source, Start, Wander};
+pub use state::{Covariance, Imu, State};
 
 /// Range of the accelerometer, 16 g \[m/s2\].
 const MAX_SPECIFIC_FORCE_MPS2: f64 = 157.0;
@@ -150,9 +150,8 @@ impl Navigation {
         (state, self.last.rates_radps - state.rates_bias_radps)
     }
 
-    /// Standard deviations of the error of [`estimate`](Self::estimate): position and velocity NED, attitude as turns
-    /// about the body axes \[m, m/s, rad\].
-    pub fn deviations(&self, ahead_s: f64) -> [Vector3<f64>; 3] {
+    /// Covariance of the error of [`estimate`](Self::estimate).
+    pub fn covariance(&self, ahead_s: f64) -> Covariance {
         let samples = self.frames.len() as f64;
         let mean = |of: fn(&Imu) -> Vector3<f64>| {
             let sum = self.frames.iter().fold(Vector3::zeros(), |sum, (imu, _)| sum + of(imu));
@@ -160,9 +159,7 @@ impl Navigation {
         };
         let imu =
             Imu { specific_force_mps2: mean(|imu| imu.specific_force_mps2), rates_radps: mean(|imu| imu.rates_radps) };
-        let covariance = self.filter.covariance_after(&imu, self.period_s, samples + ahead_s / self.period_s);
-        [state::POSITION, state::VELOCITY, state::ATTITUDE]
-            .map(|from| Vector3::from_fn(|i, _| covariance[(from + i, from + i)].max(0.0).sqrt()))
+        self.filter.covariance_after(&imu, self.period_s, samples + ahead_s / self.period_s)
     }
 
     /// Passes every number of the memory to `visit`, to be read or written.

@@ -11,7 +11,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 /// Number of error states.
-pub const ERRORS: usize = 15;
+pub const ERRORS: usize = 23;
 /// First error state of the position.
 pub const POSITION: usize = 0;
 /// First error state of the velocity.
@@ -22,8 +22,16 @@ pub const ATTITUDE: usize = 6;
 pub const ACCELERATION_BIAS: usize = 9;
 /// First error state of the gyros' bias.
 pub const RATES_BIAS: usize = 12;
+/// First error state of the receiver's drift.
+pub const DRIFT: usize = 15;
+/// Error state of the barometer's bias.
+pub const BAROMETER_BIAS: usize = 18;
+/// First error state of the vehicle's own field.
+pub const HARD_IRON: usize = 19;
+/// Error state of the declination.
+pub const DECLINATION: usize = 22;
 
-/// Error of a [`State`]: position and velocity NED, attitude as a rotation vector in body axes, biases.
+/// Error of a [`State`]: position and velocity NED, attitude as a rotation vector in body axes, biases of the sensors.
 pub type Error = SVector<f64, ERRORS>;
 /// Covariance of the error.
 pub type Covariance = SMatrix<f64, ERRORS, ERRORS>;
@@ -37,7 +45,7 @@ pub struct Imu {
     pub rates_radps: Vector3<f64>,
 }
 
-/// Estimate of the motion and of the biases of the IMU.
+/// Estimate of the motion and of what the sensors measure too much.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct State {
     /// Position, NED \[m\].
@@ -50,6 +58,14 @@ pub struct State {
     pub acceleration_bias_mps2: Vector3<f64>,
     /// Bias of the gyros, body \[rad/s\].
     pub rates_bias_radps: Vector3<f64>,
+    /// Drift of the receiver's position, NED \[m\].
+    pub drift_m: Vector3<f64>,
+    /// Bias of the barometer's height \[m\].
+    pub barometer_bias_m: f64,
+    /// The vehicle's own field, body, as shares of the strength of the earth's.
+    pub hard_iron: Vector3<f64>,
+    /// Azimuth of the earth's field, beyond the one that the map has \[rad\].
+    pub declination_rad: f64,
 }
 
 impl State {
@@ -91,28 +107,41 @@ impl State {
             attitude: UnitQuaternion::new_normalize((self.attitude * turn(part(ATTITUDE))).into_inner()),
             acceleration_bias_mps2: self.acceleration_bias_mps2 + part(ACCELERATION_BIAS),
             rates_bias_radps: self.rates_bias_radps + part(RATES_BIAS),
+            drift_m: self.drift_m + part(DRIFT),
+            barometer_bias_m: self.barometer_bias_m + error[BAROMETER_BIAS],
+            hard_iron: self.hard_iron + part(HARD_IRON),
+            declination_rad: self.declination_rad + error[DECLINATION],
         }
     }
 
     /// Error that [`plus`](Self::plus) needs to reach `truth`.
     pub fn error_to(&self, truth: &Self) -> Error {
-        let parts = [
-            truth.position_m - self.position_m,
-            truth.velocity_mps - self.velocity_mps,
-            (self.attitude.inverse() * truth.attitude).scaled_axis(),
-            truth.acceleration_bias_mps2 - self.acceleration_bias_mps2,
-            truth.rates_bias_radps - self.rates_bias_radps,
-        ];
-        Error::from_iterator(parts.iter().flatten().copied())
+        let mut error = Error::zeros();
+        for (from, part) in [
+            (POSITION, truth.position_m - self.position_m),
+            (VELOCITY, truth.velocity_mps - self.velocity_mps),
+            (ATTITUDE, (self.attitude.inverse() * truth.attitude).scaled_axis()),
+            (ACCELERATION_BIAS, truth.acceleration_bias_mps2 - self.acceleration_bias_mps2),
+            (RATES_BIAS, truth.rates_bias_radps - self.rates_bias_radps),
+            (DRIFT, truth.drift_m - self.drift_m),
+            (HARD_IRON, truth.hard_iron - self.hard_iron),
+        ] {
+            error.fixed_rows_mut::<3>(from).copy_from(&part);
+        }
+        error[BAROMETER_BIAS] = truth.barometer_bias_m - self.barometer_bias_m;
+        error[DECLINATION] = truth.declination_rad - self.declination_rad;
+        error
     }
 
     /// Passes every number to `visit`, to be read or written.
     pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        let Self { position_m, velocity_mps, attitude, acceleration_bias_mps2, rates_bias_radps } = self;
+        let Self { position_m, velocity_mps, attitude, acceleration_bias_mps2, rates_bias_radps, .. } = self;
         attitude.as_mut_unchecked().coords.iter_mut().for_each(&mut *visit);
         for vector in [position_m, velocity_mps, acceleration_bias_mps2, rates_bias_radps] {
             vector.iter_mut().for_each(&mut *visit);
         }
+        let Self { drift_m, barometer_bias_m, hard_iron, declination_rad, .. } = self;
+        drift_m.iter_mut().chain(hard_iron).chain([barometer_bias_m, declination_rad]).for_each(visit);
     }
 }
 
@@ -121,7 +150,8 @@ pub fn turn(vector: Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(vector)
 }
 
-/// Transition matrix of the error by its blocks. The others are those of the identity.
+/// Transition matrix of the error by its blocks. The others are those of the identity; the biases of the sensors have
+/// none here.
 #[derive(Debug, Clone, Copy)]
 pub struct Transition {
     dt_s: f64,

@@ -3,19 +3,24 @@
 //! ```text
 //! w = Log(R[k-1]' R[k]) / dt,   f = (R[k-1] Exp(w dt / 2))' ((v[k] - v[k-1]) / dt - g)      true means of a sample
 //! measured = (1 + scale + misalignment) (w or f) + vibration + bias + noise, rounded
+//! position, velocity: those of the antenna, at the time that the receiver's clock says
+//! height   = -z - share |wind - v|^2 / (2 g) + rotors' pressure + bias + noise
 //! ```
 //!
 //! The truth of the IMU is the difference of two motions, as an IMU integrates between two samples; it needs of a
 //! vehicle no more than its motion. The plant integrates up to every sample of the IMU, so that samples have the IMU's
 //! rate and not that of the run.
 
+use std::f64::consts::TAU;
+
 use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
 use contract::scenario::{Magnetometer, Sensor as Settings};
+use libm::hypot;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use navigation::alignment::Standstill;
-use navigation::{Aiding, Imu, Noise, State, state::turn};
+use navigation::{Aiding, Constants, Imu, Noise, State, Wander, state::turn};
 use rand_chacha::ChaCha8Rng;
 
 use crate::faults::memory::{Readings, SENSORS};
@@ -27,8 +32,9 @@ use crate::sensor::Sensor;
 /// divide by.
 const MIN_DEVIATION: f64 = 1e-4;
 
-/// Time after which the filter trusts its heading no further than the vehicle's own field allows \[s\].
-const FIELD_S: f64 = 10.0;
+/// Airspeed and time over which the filter is told that the wind's pressure changes \[m/s, s\].
+const AIRSPEED_MPS: f64 = 5.0;
+const LEG_S: f64 = 10.0;
 
 /// Sensors of a navigation unit.
 #[derive(Debug, Clone)]
@@ -43,14 +49,22 @@ pub struct Instruments {
     flow: Option<Sensor>,
     /// Scale and misalignment of accelerometers and of gyros.
     shapes: [Matrix3<f64>; 2],
-    /// Vibration per rotor speed unit \[m/s2\].
+    /// Vibration at trim \[m/s2\].
     vibration: f64,
+    /// Vibration at the speed of each rotor: amplitude at trim, body \[m/s2\], and phase \[rad\].
+    lines: [(Vector3<f64>, f64); 3],
+    /// Mean rotor speed at trim; a unit of it is taken for rad/s.
+    trim_speed: f64,
+    /// Place of the antenna, body \[m\], and error of the receiver's clock \[s\].
+    antenna_m: Vector3<f64>,
+    clock_s: f64,
+    /// Share of the wind's dynamic pressure at the barometer, and its error by the rotors at trim \[m\].
+    wind_pressure: f64,
+    rotor_pressure_m: f64,
     /// Field of the earth, NED, and of the vehicle, body, in shares of the strength of the first.
     fields: [Vector3<f64>; 2],
     g_mps2: f64,
     period_s: f64,
-    /// Errors of position, NED, and height while the vehicle stood: its frame begins there \[m\].
-    offset_m: (Vector3<f64>, f64),
     /// True attitude and velocity, NED, at the last sample of the IMU.
     before: (UnitQuaternion<f64>, Vector3<f64>),
     /// Last measurements without faults; of the attitude stands the magnetic field.
@@ -70,6 +84,7 @@ impl Instruments {
         };
         let optional = |rate_hz: f64, density, walk| (rate_hz > 0.0).then(|| plain(rate_hz, density, 0.0, walk));
         let (imu, barometer, flow) = (&settings.imu, &settings.barometer, &settings.flow);
+        let receiver = &settings.receiver;
         let Magnetometer { rate_hz, noise_density, disturbance, declination_error_deg, inclination_deg } =
             settings.magnetometer;
 
@@ -80,7 +95,13 @@ impl Instruments {
         let shapes = [shape(), shape()];
         let dip = turn(Vector3::y() * (-inclination_deg * degree));
         let declination = turn(Vector3::z() * (draw(declination_error_deg, random).z * degree));
-        let trim = Trim::solve(&scenario.airframe, scenario.plant.tilt_reaction).actuation;
+        let field = draw(disturbance, random);
+        let lines = std::array::from_fn(|_| {
+            let direction = draw(1.0, random).try_normalize(0.0).unwrap_or_default();
+            (direction * imu.vibration_line_mps2, 0.0)
+        });
+        let antenna_m = draw(receiver.antenna_m, random);
+        let rest = draw(1.0, random);
         let truth = state_of(motion);
         Self {
             accelerometer: plain(
@@ -96,33 +117,71 @@ impl Instruments {
             magnetometer: optional(rate_hz, noise_density, 0.0),
             flow: optional(flow.rate_hz, flow.noise_density, 0.0),
             shapes,
-            vibration: imu.vibration_mps2 / mean_speed(&trim),
-            fields: [declination * (dip * Vector3::x()), draw(disturbance, random)],
+            vibration: imu.vibration_mps2,
+            lines,
+            trim_speed: trim_speed(scenario),
+            antenna_m,
+            clock_s: rest.x * receiver.clock_ms / 1e3,
+            wind_pressure: rest.y * barometer.wind_pressure,
+            rotor_pressure_m: rest.z * barometer.rotor_pressure_m,
+            fields: [declination * (dip * Vector3::x()), field],
             g_mps2: scenario.airframe.g_mps2,
             period_s: period_ns as f64 / 1e9,
-            offset_m: (Vector3::zeros(), 0.0),
             before: (truth.attitude, truth.velocity_mps),
             readings: [[0.0; 3]; SENSORS],
         }
     }
 
-    /// Errors that an estimator of this `scenario` expects: those of the data sheets, at trim.
+    /// Errors that an estimator of this `scenario` expects: those of the settings, at trim, and not those drawn.
     pub fn noise(&self, scenario: &Scenario) -> Noise {
         let settings = &scenario.plant.sensors;
+        let (imu, barometer, receiver) = (&settings.imu, &settings.barometer, &settings.receiver);
         let least = |deviation: f64| deviation.max(MIN_DEVIATION);
-        let along = |sensor: &Sensor| Vector3::from(sensor.deviation()).map(least);
+        let along = |sensor: &Sensor| Vector3::from(sensor.deviation());
         let of = |sensor: &Option<Sensor>| least(sensor.as_ref().map_or(0.0, |sensor| sensor.deviation()[0]));
-        let imu = |sensor: &Sensor| least(Vector3::from(sensor.deviation()).max());
+        let line = imu.vibration_line_mps2 * mean_of_sine(0.0, trim_speed(scenario) * self.period_s).abs();
+        let vibration = hypot(imu.vibration_mps2, line / 2_f64.sqrt());
+        let Settings { bias, bias_walk, bias_s, .. } = settings.position;
+        let time_s = if bias_s > 0.0 { bias_s } else { f64::INFINITY };
+        let wind_m = barometer.wind_pressure * AIRSPEED_MPS * AIRSPEED_MPS / (2.0 * self.g_mps2);
         Noise {
-            specific_force_mps2: libm::hypot(imu(&self.accelerometer), settings.imu.vibration_mps2),
-            rates_radps: imu(&self.gyros),
-            acceleration_bias_walk: least(settings.imu.acceleration_bias_walk),
+            specific_force_mps2: least(hypot(along(&self.accelerometer).max(), vibration)),
+            rates_radps: least(along(&self.gyros).max()),
+            acceleration_bias_walk: least(imu.acceleration_bias_walk),
             rates_bias_walk: Vector3::from(settings.rates.bias_walk).max().to_radians(),
-            position_m: along(&self.position),
-            velocity_mps: along(&self.velocity),
+            position_m: along(&self.position).map(least),
+            velocity_mps: along(&self.velocity).map(least),
             height_m: of(&self.barometer),
-            field: libm::hypot(of(&self.magnetometer), constant_field(&settings.magnetometer)),
+            field: of(&self.magnetometer),
             flow_mps: of(&self.flow),
+            antenna_m: receiver.antenna_m,
+            clock_s: receiver.clock_ms / 1e3,
+            drift: std::array::from_fn(|axis| Wander {
+                start: hypot(bias[axis], receiver.antenna_m),
+                walk: bias_walk[axis],
+                time_s,
+            }),
+            barometer: Wander {
+                start: hypot(wind_m, barometer.rotor_pressure_m),
+                walk: hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt()),
+                time_s: f64::INFINITY,
+            },
+        }
+    }
+
+    /// Constant errors that an estimator of this `scenario` expects. Misalignment and scale of an accelerometer that
+    /// measures gravity are a bias.
+    pub fn constants(scenario: &Scenario) -> Constants {
+        let settings = &scenario.plant.sensors;
+        let (imu, magnetometer) = (&settings.imu, &settings.magnetometer);
+        let (g_mps2, bias) = (scenario.airframe.g_mps2, imu.acceleration_bias_mps2);
+        let turned = hypot(bias, imu.misalignment_deg.to_radians() * g_mps2);
+        Constants {
+            acceleration_bias_mps2: Vector3::new(turned, turned, hypot(bias, imu.scale * g_mps2))
+                .map(|deviation| deviation.max(MIN_DEVIATION)),
+            rates_bias_radps: Vector3::from(settings.rates.bias).map(|bias| bias.to_radians().max(MIN_DEVIATION)),
+            hard_iron: magnetometer.disturbance,
+            declination_rad: magnetometer.declination_error_deg.to_radians(),
         }
     }
 
@@ -132,6 +191,7 @@ impl Instruments {
         now_ns: u64,
         motion: &Kinematics,
         actuators: &Actuation,
+        wind_mps: &[f64; 3],
         inject: impl FnOnce(&mut Readings),
         random: &mut ChaCha8Rng,
     ) -> (Imu, Aiding) {
@@ -139,24 +199,29 @@ impl Instruments {
         let (attitude, velocity) = std::mem::replace(&mut self.before, (truth.attitude, truth.velocity_mps));
         let turned = (attitude.inverse() * truth.attitude).scaled_axis();
         let gravity = Vector3::new(0.0, 0.0, self.g_mps2);
-        let force = (truth.velocity_mps - velocity) / self.period_s - gravity;
-        let force = (attitude * turn(turned * 0.5)).inverse_transform_vector(&force);
-        let shaken = self.shapes[0] * force + draw(self.vibration * mean_speed(actuators), random);
+        let acceleration = (truth.velocity_mps - velocity) / self.period_s;
+        let force = (attitude * turn(turned * 0.5)).inverse_transform_vector(&(acceleration - gravity));
+        let white = draw(self.vibration * mean_speed(actuators) / self.trim_speed, random);
+        let shaken = self.shapes[0] * force + white + self.vibrate(actuators);
+        let rates_radps = turned / self.period_s;
+        let antenna_m = truth.position_m + truth.attitude * self.antenna_m + truth.velocity_mps * self.clock_s;
+        let antenna_mps =
+            truth.velocity_mps + truth.attitude * rates_radps.cross(&self.antenna_m) + acceleration * self.clock_s;
+        let height_m =
+            -truth.position_m.z + self.pressure_m(&(Vector3::from(*wind_mps) - truth.velocity_mps), actuators);
         let back = truth.attitude.inverse();
         let field = back * self.fields[0] + self.fields[1];
         let body = back * truth.velocity_mps;
 
         let mut measure = |sensor: &mut Sensor, truth: Vector3<f64>| sensor.measure(now_ns, truth.into(), true, random);
         let specific_force = measure(&mut self.accelerometer, shaken);
-        let rates = measure(&mut self.gyros, self.shapes[1] * turned / self.period_s);
-        let position = measure(&mut self.position, truth.position_m);
-        let velocity = measure(&mut self.velocity, truth.velocity_mps);
-        let height = self.barometer.as_mut().and_then(|sensor| measure(sensor, truth.position_m));
+        let rates = measure(&mut self.gyros, self.shapes[1] * rates_radps);
+        let position = measure(&mut self.position, antenna_m);
+        let velocity = measure(&mut self.velocity, antenna_mps);
+        let height = self.barometer.as_mut().and_then(|sensor| measure(sensor, Vector3::repeat(height_m)));
         let field = self.magnetometer.as_mut().and_then(|sensor| measure(sensor, field));
         let flow = self.flow.as_mut().and_then(|sensor| measure(sensor, body));
 
-        let position = position.map(|position_m| (Vector3::from(position_m) - self.offset_m.0).into());
-        let height = height.map(|[_, _, down_m]| [-down_m - self.offset_m.1; 3]);
         let measured = [position, velocity, field, rates, specific_force, height, flow];
         self.readings.iter_mut().zip(&measured).for_each(|(last, new)| *last = new.unwrap_or(*last));
         let mut readings = self.readings;
@@ -173,18 +238,34 @@ impl Instruments {
         (imu, aiding)
     }
 
-    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU; then the time of the flight begins.
-    /// Its frame begins there too: position and height are from then on relative to their means.
+    /// Vibration in the specific force at the speeds of the rotors: the mean over a sample, body \[m/s2\].
+    fn vibrate(&mut self, actuators: &Actuation) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        for ((amplitude, phase), speed) in self.lines.iter_mut().zip(actuators.rotor_speed) {
+            let turned = speed * self.period_s;
+            let share = speed / self.trim_speed;
+            sum += *amplitude * (share * share * mean_of_sine(*phase, turned));
+            *phase = (*phase + turned) % TAU;
+        }
+        sum
+    }
+
+    /// Height that the barometer measures too much by the pressure of an `airflow` \[m/s\] and of the rotors \[m\].
+    fn pressure_m(&self, airflow_mps: &Vector3<f64>, actuators: &Actuation) -> f64 {
+        let share = mean_speed(actuators) / self.trim_speed;
+        self.rotor_pressure_m * share * share - self.wind_pressure * airflow_mps.norm_squared() / (2.0 * self.g_mps2)
+    }
+
+    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU, out of the wind; then the time of the
+    /// flight begins.
     pub fn stand(&mut self, motion: &Kinematics, samples: u64, random: &mut ChaCha8Rng) -> Standstill {
         let (period_ns, still) = ((self.period_s * 1e9).round() as u64, Actuation::default());
         let mut standstill = Standstill::default();
         for sample in 1..=samples {
-            let (imu, aiding) = self.measure(sample * period_ns, motion, &still, |_| {}, random);
+            let (imu, aiding) = self.measure(sample * period_ns, motion, &still, &[0.0; 3], |_| {}, random);
             standstill.add(&imu, &aiding);
         }
         self.sensors().for_each(Sensor::rewind);
-        let (truth, (position_m, height_m)) = (Vector3::from(motion.position_m), standstill.place());
-        self.offset_m = (position_m - truth, height_m + truth.z);
         standstill
     }
 
@@ -200,13 +281,18 @@ impl Instruments {
         tape.numbers(self.before.0.as_mut_unchecked().coords.as_mut_slice());
         tape.numbers(self.before.1.as_mut_slice());
         tape.numbers(self.readings.as_flattened_mut());
+        self.lines.iter_mut().for_each(|(_, phase)| tape.number(phase));
     }
 }
 
-/// Deviation that white noise of the magnetometer must have for a mean over [`FIELD_S`] to err as the vehicle's own
-/// field does, which stays: else the filter would learn a heading that is wrong, and the tilt with it.
-fn constant_field(settings: &Magnetometer) -> f64 {
-    settings.disturbance * (settings.rate_hz * FIELD_S).max(1.0).sqrt()
+/// Mean of a sine over an angle from `phase` on.
+fn mean_of_sine(phase: f64, angle: f64) -> f64 {
+    if angle > 0.0 { (libm::cos(phase) - libm::cos(phase + angle)) / angle } else { libm::sin(phase) }
+}
+
+/// Mean rotor speed at trim.
+fn trim_speed(scenario: &Scenario) -> f64 {
+    mean_speed(&Trim::solve(&scenario.airframe, scenario.plant.tilt_reaction).actuation)
 }
 
 /// State of an estimator without an error.

@@ -85,7 +85,7 @@ pub struct Plant<V: Vehicle + ?Sized = Tricopter> {
     arrived: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
     /// Takes the place of `sensors` where there is one.
-    pub(crate) navigation: Option<NavigationUnit>,
+    navigation: Option<NavigationUnit>,
     sensor_faults: SensorFaults,
     telemetry: Telemetry,
     sample_ns: u64,
@@ -118,6 +118,11 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             last_tick: scenario.ticks(),
             tick: 0,
         }
+    }
+
+    /// Returns the navigation unit, if there is one.
+    pub fn navigation(&self) -> Option<&NavigationUnit> {
+        self.navigation.as_ref()
     }
 
     /// Updates fault `number` if it is a fault of sensors, actuators, wind or payload.
@@ -234,7 +239,8 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             let until_ns = self.commands.next_switch_ns().min(self.now_ns()).min(due_ns);
             self.vehicle.advance(now_ns, until_ns, &self.commands.in_force().actuation)?;
             if let Some(navigation) = self.navigation.as_mut().filter(|_| until_ns == due_ns) {
-                navigation.measure(&self.vehicle.motion(), &self.vehicle.actuators(), &mut self.sensor_faults);
+                let (motion, wind_mps) = (self.vehicle.motion(), self.vehicle.wind_mps(due_ns));
+                navigation.measure(&motion, &self.vehicle.actuators(), &wind_mps, &mut self.sensor_faults);
             }
             now_ns = until_ns;
         }

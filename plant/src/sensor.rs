@@ -6,7 +6,7 @@
 //!
 //! The noise is white: of a standard deviation (`plant.noise`), or of a density, one-sided as in data sheets, whose
 //! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a random value and
-//! walks from there. Between two measurements a sensor repeats the last one that arrived; the first has no latency.
+//! walks from there, or back to 0 by its time constant (first-order Gauss-Markov). Between two measurements a sensor repeats the last one that arrived; the first has no latency.
 
 use std::collections::VecDeque;
 
@@ -27,6 +27,8 @@ pub struct Sensor {
     /// Deviation of the bias at the start, and of its walk in a sample, per axis.
     bias_deviation: [f64; 3],
     bias_step: [f64; 3],
+    /// Share of the bias that is left after a sample.
+    bias_left: f64,
     quantum: [f64; 3],
     /// Time between two measurements, and from a measurement to its arrival \[ns\].
     period_ns: u64,
@@ -52,6 +54,7 @@ impl Sensor {
             deviation: settings.noise_density.map(|density| libm::hypot(density * bandwidth, noise) * unit),
             bias_deviation: settings.bias.map(|bias| bias * unit),
             bias_step: settings.bias_walk.map(|walk| walk * sample_s.sqrt() * unit),
+            bias_left: if settings.bias_s > 0.0 { libm::exp(-sample_s / settings.bias_s) } else { 1.0 },
             quantum: settings.quantum.map(|quantum| quantum * unit),
             period_ns,
             latency_ns: (settings.latency_ms * 1e6) as u64,
@@ -114,7 +117,7 @@ impl Sensor {
         let (noise, walk) = (draw(), draw());
         let steps = if self.bias.is_some() { self.bias_step } else { self.bias_deviation };
         let before = self.bias.unwrap_or([0.0; 3]);
-        let bias: [f64; 3] = std::array::from_fn(|i| before[i] + steps[i] * walk[i]);
+        let bias: [f64; 3] = std::array::from_fn(|i| before[i] * self.bias_left + steps[i] * walk[i]);
         self.bias = Some(bias);
         if now_ns < self.due_ns {
             return None;

@@ -100,6 +100,10 @@ impl Vehicle for Tricopter {
         dynamics::actuation(&self.x)
     }
 
+    fn wind_mps(&self, now_ns: u64) -> [f64; 3] {
+        self.air.mean_wind_mps(now_ns, self.motion().position_m[2])
+    }
+
     fn diverged(&self) -> Option<PlantStatus> {
         self.diverged
     }

@@ -26,6 +26,10 @@ pub trait Vehicle {
     fn motion(&self) -> Kinematics;
     /// Present positions of the actuators.
     fn actuators(&self) -> Actuation;
+    /// Mean wind at `now_ns`, NED \[m/s\]; a vehicle that does not tell has none.
+    fn wind_mps(&self, _now_ns: u64) -> [f64; 3] {
+        [0.0; 3]
+    }
     /// Reason for which the vehicle no longer moves, if any.
     fn diverged(&self) -> Option<PlantStatus>;
     /// Status of a vehicle that has not diverged, during the run or at its end.

@@ -89,6 +89,16 @@ impl Stepped {
         })
     }
 
+    /// Returns the newest sample.
+    pub fn sample(&self) -> &State {
+        &self.sample.0
+    }
+
+    /// Returns the plant.
+    pub fn plant(&self) -> &Plant<dyn Vehicle> {
+        &self.plant
+    }
+
     /// Flies to the end, or until `watch`, which gets every message, returns false; `remember` gets the memory of every
     /// node, every ten seconds.
     ///

@@ -14,8 +14,14 @@ from pathlib import Path
 import numpy as np
 
 DT, DELAY, G = 0.005, 20, np.array([0.0, 0.0, 9.81])
-START = np.repeat([0.1, 0.05, 0.01, 0.03, 0.05, 0.01], [3, 3, 2, 1, 3, 3])
-PROCESS = np.repeat([0.0, 0.3 * DT, 0.001 * DT, 0.002 * DT**0.5, 0.0002 * DT**0.5], 3) ** 2
+START = np.repeat(
+    [0.1, 0.05, 0.01, 0.03, 0.05, 0.02, 0.01, 0.5, 0.0, 0.2, 0.02, 0.01], [3, 3, 2, 1, 2, 1, 3, 2, 1, 1, 3, 1]
+)
+WALK = np.concatenate([np.zeros(15), [0.1, 0.1, 0.05, 0.05], np.zeros(4)])
+TIME = np.concatenate([np.full(15, np.inf), [50.0, 50.0, np.inf, 30.0], np.full(4, np.inf)])
+PROCESS = np.repeat([0.0, 0.3 * DT, 0.001 * DT, 0.002 * DT**0.5, 0.0002 * DT**0.5, 0.0], [3, 3, 3, 3, 3, 8]) ** 2
+LEFT, PROCESS = np.exp(-DT / TIME), PROCESS + WALK**2 * DT
+ANTENNA, CLOCK = 0.05, 0.01
 SOURCES = {"position": 3, "velocity": 3, "height": 1, "field": 3, "flow": 2}
 NOISE = {
     "position": np.array([0.15, 0.15, 0.25]),
@@ -24,8 +30,20 @@ NOISE = {
     "field": np.array([0.02]),
     "flow": np.array([0.1, 0.1]),
 }
-GATES = {1: 10.828, 2: 13.816, 3: 16.266}  # chi-square quantiles of 0.999
-SILENCE = 2.0
+GATES = {1: 10.828, 2: 13.816}  # chi-square quantiles of 0.999
+SPLIT = {"position": ("position", "depth"), "velocity": ("velocity", "sink")}  # level and vertical have gates of their own
+GROUPS = ("position", "depth", "velocity", "sink", "height", "field", "flow")
+FELLOWS = {"position": ("velocity", "flow"), "depth": ("sink", "height"), "height": ("sink", "depth")}
+STATES = {  # of the motion, and of the sensor's own error
+    "position": (range(0, 2), range(15, 17)),
+    "depth": (range(2, 3), range(17, 18)),
+    "velocity": (range(3, 5), None),
+    "sink": (range(5, 6), None),
+    "height": (range(2, 3), range(18, 19)),
+    "field": (range(6, 9), range(19, 22)),
+    "flow": (range(3, 6), None),
+}
+SILENCE, TOGETHER = 2.0, 1.0
 
 
 def cross(v):
@@ -45,10 +63,13 @@ def rotation(v):
 class Filter:
     def __init__(self):
         self.p, self.v, self.r = np.zeros(3), np.zeros(3), np.eye(3)
-        self.ba, self.bg = np.zeros(3), np.zeros(3)
+        self.ba, self.bg, self.drift = np.zeros(3), np.zeros(3), np.zeros(3)
+        self.baro, self.iron, self.declination = 0.0, np.zeros(3), 0.0
+        self.pace = (0.0, 0.0)
         self.cov = np.diag(START**2)
-        self.silent = dict.fromkeys(SOURCES, 0.0)
-        self.counts = {name: [0, 0, 0] for name in SOURCES}
+        self.silent = dict.fromkeys(GROUPS, 0.0)
+        self.outage = dict.fromkeys(GROUPS)  # None while the source agrees
+        self.counts = {name: [0, 0, 0] for name in GROUPS}
 
     def moved(self, p, v, r, force, rates):
         middle = r @ rotation((rates - self.bg) * DT / 2)
@@ -57,56 +78,88 @@ class Filter:
 
     def predict(self, force, rates):
         half = rotation((rates - self.bg) * DT / 2)
-        f = np.eye(15)
+        f = np.diag(LEFT)
         f[0:3, 3:6] = np.eye(3) * DT
         f[3:6, 6:9] = -self.r @ cross(half @ (force - self.ba)) * DT
         f[3:6, 9:12] = -self.r @ half * DT
         f[6:9, 6:9] = (half @ half).T
         f[6:9, 12:15] = -np.eye(3) * DT
         self.cov = f @ self.cov @ f.T + np.diag(PROCESS)
+        before = self.v
         self.p, self.v, self.r = self.moved(self.p, self.v, self.r, force, rates)
-        for name in SOURCES:
+        self.pace = np.linalg.norm(rates - self.bg), np.linalg.norm(self.v - before) / DT
+        self.drift, self.baro = self.drift * LEFT[15:18], self.baro * LEFT[18]
+        for name in GROUPS:
             self.silent[name] += DT
 
+    def disputed(self, name):
+        return 0.0 if self.outage[name] is None else self.silent[name] - self.outage[name]
+
     def fuse(self, name, measured):
-        h = np.zeros((len(NOISE[name]), 15))
+        h = np.zeros((len(NOISE[name]), 23))
         deviation = NOISE[name]
         if name == "position":
-            y, h[:, 0:3] = measured - self.p, np.eye(3)
+            y, h[:, 0:3], h[:, 15:18] = measured - self.p - self.drift, np.eye(3), np.eye(3)
+            deviation = np.sqrt(deviation**2 + ANTENNA**2 + (CLOCK * np.linalg.norm(self.v)) ** 2)
         elif name == "velocity":
             y, h[:, 3:6] = measured - self.v, np.eye(3)
+            deviation = np.sqrt(deviation**2 + (ANTENNA * self.pace[0]) ** 2 + (CLOCK * self.pace[1]) ** 2)
         elif name == "height":
-            y, h[0, 2] = -measured - self.p[2], 1.0
+            y, h[0, 2], h[0, 18] = self.baro - measured - self.p[2], 1.0, -1.0
         elif name == "flow":
             body = self.r.T @ self.v
             y, h[:, 3:6], h[:, 6:9] = measured - body[:2], self.r.T[:2], cross(body)[:2]
         else:
-            north, east, down = self.r @ measured
+            north, east, down = self.r @ (measured - self.iron)
             level = np.hypot(north, east)
             if level < 0.1:
                 return
-            y = np.array([-np.arctan2(east, north)])
-            h[0, 6:9] = np.array([-north * down / level**2, -east * down / level**2, 1.0]) @ self.r
+            y = self.declination - np.arctan2(east, north)
+            y = np.array([(y + np.pi) % (2 * np.pi) - np.pi])
+            north, east = np.cos(self.declination) / level, np.sin(self.declination) / level  # where it is expected
+            h[0, 6:9] = np.array([-north * down, -east * down, 1.0]) @ self.r
+            h[0, 19:22] = np.array([east, -north, 0.0]) @ self.r
+            h[0, 22] = -1.0
             deviation = deviation / level
+        if name not in SPLIT:
+            self.update(name, y, h, deviation)
+            return
+        level, vertical = SPLIT[name]
+        self.update(level, y[:2], h[:2], deviation[:2])
+        # The first update has moved what the second one measures.
+        now = measured - (self.p + self.drift if name == "position" else self.v)
+        self.update(vertical, now[2:], h[2:], deviation[2:])
+
+    def update(self, name, y, h, deviation):
         noise = np.diag(deviation**2)
         expected = h @ self.cov @ h.T + noise
         if y @ np.linalg.solve(expected, y) > GATES[len(y)]:
-            if self.silent[name] < SILENCE:
+            if self.outage[name] is None:
+                self.outage[name] = self.silent[name]
+            if self.disputed(name) < SILENCE:
                 self.counts[name][1] += 1
                 return
             self.counts[name][2] += 1
-            self.cov = self.cov + h.T @ np.diag(y**2) @ h
+            motion, own = STATES[name]
+            alone = all(self.disputed(fellow) < TOGETHER for fellow in FELLOWS.get(name, ()))
+            states = own if own and alone and self.outage[name] <= SILENCE else motion
+            part = np.zeros_like(h)
+            part[:, list(states)] = h[:, list(states)]
+            part = np.linalg.solve(part @ part.T, part)
+            self.cov = self.cov + part.T @ np.diag(y**2) @ part
             expected = h @ self.cov @ h.T + noise
         self.counts[name][0] += 1
-        self.silent[name] = 0.0
+        self.silent[name], self.outage[name] = 0.0, None
         gain = self.cov @ h.T @ np.linalg.inv(expected)
         self.cov = self.cov - gain @ expected @ gain.T
         error = gain @ y
-        reset = np.eye(15)
+        reset = np.eye(23)
         reset[6:9, 6:9] -= cross(error[6:9] / 2)
         self.cov = reset @ self.cov @ reset.T
         self.p, self.v, self.r = self.p + error[0:3], self.v + error[3:6], self.r @ rotation(error[6:9])
-        self.ba, self.bg = self.ba + error[9:12], self.bg + error[12:15]
+        self.ba, self.bg, self.drift = self.ba + error[9:12], self.bg + error[12:15], self.drift + error[15:18]
+        self.baro, self.iron = self.baro + error[18], self.iron + error[19:22]
+        self.declination += error[22]
 
 
 def rows(name):
@@ -133,11 +186,11 @@ for given, told in zip(rows("inputs.csv"), rows("outputs.csv"), strict=True):
     p, v, r = ekf.p, ekf.v, ekf.r
     for force, rates, _ in frames:
         p, v, r = ekf.moved(p, v, r, force, rates)
-    ours = np.concatenate([p, v, r.ravel(), ekf.ba, ekf.bg])
+    ours = np.concatenate([p, v, r.ravel(), ekf.ba, ekf.bg, ekf.drift, [ekf.baro], ekf.iron, [ekf.declination]])
     told = np.array(told, float)
-    apart = max(apart, np.abs(ours - told[:21]).max())
-    spread = max(spread, np.abs(np.diag(ekf.cov) / told[21:36] - 1).max())
-    counts = told[36:].reshape(5, 3)
+    apart = max(apart, np.abs(ours - told[:29]).max())
+    spread = max(spread, np.abs(np.diag(ekf.cov) / told[29:52] - 1).max())
+    counts = told[52:].reshape(7, 3)
 missed = np.abs(counts - np.array(list(ekf.counts.values()))).max()
 refused, resets = counts[:, 1].sum(), counts[:, 2].sum()
 print(f"{apart:.1e} {spread:.1e} {missed:.0f} {refused:.0f} {resets:.0f}")

@@ -23,6 +23,8 @@ pub struct Sensors {
     pub filter_radps: f64,
     /// Inertial measurement unit of the EKF; its gyros have the errors of `rates` too.
     pub imu: ImuSettings,
+    /// Satellite receiver of the EKF, which measures `position` and `velocity`.
+    pub receiver: Receiver,
     /// Barometer of the EKF.
     pub barometer: Barometer,
     /// Magnetometer of the EKF.
@@ -71,6 +73,9 @@ pub struct Sensor {
     pub bias: [f64; 3],
     /// Random walk of the bias \[unit / sqrt(s)\].
     pub bias_walk: [f64; 3],
+    /// Time constant of the bias \[s\], which walks back to 0 by it (first-order Gauss-Markov); 0 = it stays where it is.
+    /// The bias is stationary if `bias_walk` is `bias` times the root of 2 / `bias_s`.
+    pub bias_s: f64,
     /// Quantisation step of the values \[unit\]; 0 = none.
     pub quantum: [f64; 3],
     /// Measurements per second \[Hz\], at most `run.rate_hz`, or with the EKF the rate of the IMU; 0 = that rate.
@@ -98,6 +103,9 @@ pub struct ImuSettings {
     /// Standard deviation of the vibration in a sample of the specific force, with rotors at trim speed; it is
     /// proportional to the mean rotor speed, and white because sampling folds it down \[m/s2\].
     pub vibration_mps2: f64,
+    /// Amplitude of the vibration at the speed of each rotor at trim, in a direction that is drawn; it is proportional to
+    /// the square of the speed \[m/s2\]. What is left in the mean over a sample is an alias of it.
+    pub vibration_line_mps2: f64,
 }
 
 impl Default for ImuSettings {
@@ -110,8 +118,19 @@ impl Default for ImuSettings {
             scale: 0.0,
             misalignment_deg: 0.0,
             vibration_mps2: 0.0,
+            vibration_line_mps2: 0.0,
         }
     }
+}
+
+/// Satellite receiver, `[plant.sensors.receiver]`: constant errors that its position and velocity have in common.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Receiver {
+    /// Standard deviation of the place of the antenna, on each body axis \[m\].
+    pub antenna_m: f64,
+    /// Standard deviation of the time at which a measurement was made \[ms\].
+    pub clock_ms: f64,
 }
 
 /// Barometer, `[plant.sensors.barometer]`: the height above the origin.
@@ -124,6 +143,12 @@ pub struct Barometer {
     pub noise_density: f64,
     /// Random walk of the bias, which is 0 at the start \[m / sqrt(s)\].
     pub bias_walk: f64,
+    /// Standard deviation of the share of the dynamic pressure of the mean wind over the vehicle that the sensor takes
+    /// for static pressure, up to a share of 1.
+    pub wind_pressure: f64,
+    /// Standard deviation of the error by the pressure of the rotors at trim; it is proportional to the square of their
+    /// speed \[m\].
+    pub rotor_pressure_m: f64,
 }
 
 /// Magnetometer, `[plant.sensors.magnetometer]`, in shares of the strength of the earth's field.
@@ -201,6 +226,7 @@ impl From<SensorPreset> for Sensors {
             filter: Filter::None,
             filter_radps: 1.0,
             imu: ImuSettings::default(),
+            receiver: Receiver::default(),
             barometer: Barometer::default(),
             magnetometer: Magnetometer::default(),
             flow: Flow::default(),
@@ -213,6 +239,9 @@ impl From<SensorPreset> for Sensors {
         let good = Self {
             position: Sensor {
                 noise_density: [0.0045, 0.0045, 0.0067],
+                bias: [0.01, 0.01, 0.015],
+                bias_walk: [0.0014, 0.0014, 0.0021],
+                bias_s: 100.0,
                 quantum: [0.001; 3],
                 rate_hz: 10.0,
                 latency_ms: 60.0,
@@ -240,9 +269,17 @@ impl From<SensorPreset> for Sensors {
                 scale: 0.0005,
                 misalignment_deg: 0.05,
                 vibration_mps2: 0.3,
+                vibration_line_mps2: 3.0,
                 ..ImuSettings::default()
             },
-            barometer: Barometer { rate_hz: 25.0, noise_density: 0.03, bias_walk: 0.02 },
+            receiver: Receiver { antenna_m: 0.01, clock_ms: 2.0 },
+            barometer: Barometer {
+                rate_hz: 25.0,
+                noise_density: 0.03,
+                bias_walk: 0.02,
+                wind_pressure: 0.1,
+                rotor_pressure_m: 0.15,
+            },
             magnetometer: Magnetometer {
                 noise_density: 0.001,
                 disturbance: 0.005,
@@ -264,7 +301,8 @@ impl From<SensorPreset> for Sensors {
             SensorPreset::Typical => Self {
                 position: Sensor {
                     noise_density: [0.067, 0.067, 0.11],
-                    bias_walk: [0.02; 3],
+                    bias: [1.3, 1.3, 2.6],
+                    bias_walk: [0.184, 0.184, 0.368],
                     latency_ms: 100.0,
                     ..good.position
                 },
@@ -275,8 +313,11 @@ impl From<SensorPreset> for Sensors {
                     scale: 0.001,
                     misalignment_deg: 0.2,
                     vibration_mps2: 0.5,
+                    vibration_line_mps2: 5.0,
                     ..good.imu
                 },
+                receiver: Receiver { antenna_m: 0.03, clock_ms: 10.0 },
+                barometer: Barometer { wind_pressure: 0.2, rotor_pressure_m: 0.3, ..good.barometer },
                 magnetometer: Magnetometer { disturbance: 0.02, declination_error_deg: 0.5, ..good.magnetometer },
                 alignment: Alignment {
                     position_m: 0.1,

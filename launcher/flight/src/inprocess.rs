@@ -44,6 +44,13 @@ fn fly_ring(
     watch: impl FnMut(&Record) -> bool,
     remember: impl FnMut(&Memory),
 ) -> Result<Flown, SessionError> {
-    let vehicle = nodes::vehicle(scenario)?;
-    Stepped::new(scenario, vehicle, with_checksums, [nodes::open; 3])?.fly(watch, remember)
+    ring(scenario, with_checksums)?.fly(watch, remember)
+}
+
+/// Builds the ring of a flight of `scenario`.
+///
+/// # Errors
+/// Something derived from `scenario`, such as the gain of the controller, does not exist.
+pub fn ring(scenario: &Scenario, with_checksums: bool) -> Result<Stepped, SessionError> {
+    Stepped::new(scenario, nodes::vehicle(scenario)?, with_checksums, [nodes::open; 3])
 }

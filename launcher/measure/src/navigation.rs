@@ -2,6 +2,11 @@
 //!
 //! The vehicle hovers for 20 s, in process. The work of a call is the same in every round, so its time is the median
 //! over the rounds. The calls follow each other without a pause: caches are warm, unlike in a flight at 100 Hz.
+//!
+//! With `--seeds` it flies ten minutes of hover in gusts with each, and says whether the filter errs as it says
+//! ([`consistency`]).
+
+mod consistency;
 
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -36,6 +41,9 @@ pub struct NavigationArgs {
     /// Rounds over the flight: the time of a call is its median over them
     #[arg(long, default_value_t = 11, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub rounds: u32,
+    /// Seeds of hovers of ten minutes over which the errors of the filter are compared with what it says of them
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=10_000))]
+    pub seeds: u64,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -87,8 +95,15 @@ pub fn measure(args: &NavigationArgs) -> anyhow::Result<u8> {
         let share: f64 = rows.iter().filter(of_unit).map(|row| row.share).sum();
         Target::at_most(format!("{preset}: share of a core"), Some(share * 100.0), MAX_SHARE * 100.0, "%")
     });
-    let found = Findings::new(json!({ "rounds": args.rounds, "rows": rows }), targets.collect(), false)?;
-    found.conclude(args.out.as_deref(), "navigation.json", args.json, &table)
+    let mut targets: Vec<Target> = targets.collect();
+    let checked = consistency::measure(args.seeds, &mut targets)?;
+    let consistency = consistency::table(&checked);
+    let found = Findings::new(
+        json!({ "rounds": args.rounds, "rows": rows, "seeds": args.seeds, "consistency": checked }),
+        targets,
+        false,
+    )?;
+    found.conclude(args.out.as_deref(), "navigation.json", args.json, &format!("{table}{consistency}"))
 }
 
 impl Row {
@@ -116,7 +131,7 @@ fn unit_times_ns(scenario: &Scenario) -> Option<(Vec<u64>, Vec<u64>)> {
             vehicle.advance(now_ns, due_ns, &command).expect("the tricopter never fails");
             now_ns = due_ns;
             let (motion, actuators) = (vehicle.motion(), vehicle.actuators());
-            samples.push(timed(|| unit.measure(black_box(&motion), &actuators, &mut faults)).1);
+            samples.push(timed(|| unit.measure(black_box(&motion), &actuators, &[0.0; 3], &mut faults)).1);
         }
         estimates.push(timed(|| black_box(unit.estimate(until_ns))).1);
     }

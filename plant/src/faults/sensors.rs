@@ -11,8 +11,8 @@
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
 //!
-//! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates on the gyros,
-//! of attitude on the magnetometer, of whose field one degree is 1/57. The measurement m includes the scenario's noise
+//! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates on the gyros.
+//! The measurement m includes the scenario's noise
 //! and the effects of earlier faults of the same sensor.
 
 use contract::Scenario;
@@ -54,6 +54,9 @@ const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
 const ACCELERATION: Sizes = Sizes { bias: 1.0, noise: 1.0 };
 /// Sizes for the height \[m\].
 const HEIGHT: Sizes = Sizes { bias: 1.0, noise: 0.3 };
+
+/// Sizes for the magnetic field \[share of the earth's\].
+const FIELD: Sizes = Sizes { bias: 0.1, noise: 0.05 };
 
 /// Reading without a measurement.
 const NONE: Reading = [f64::NAN; 3];
@@ -166,6 +169,7 @@ impl SensorFault {
             FaultTarget::Position => (0, 1.0, POSITION),
             FaultTarget::Velocity => (1, 1.0, VELOCITY),
             FaultTarget::Attitude => (2, degree, ATTITUDE),
+            FaultTarget::Field => (2, 1.0, FIELD),
             FaultTarget::Rates => (3, degree, RATES),
             FaultTarget::Acceleration => (4, 1.0, ACCELERATION),
             FaultTarget::Height => (5, 1.0, HEIGHT),

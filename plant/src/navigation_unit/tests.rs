@@ -31,7 +31,7 @@ fn fly(scenario: &Scenario, ticks: u64, mut look: impl FnMut(&Plant, &Kinematics
 }
 
 fn unit(plant: &Plant) -> &NavigationUnit {
-    plant.navigation.as_ref().expect("a unit")
+    plant.navigation().expect("a unit")
 }
 
 /// Error of an estimate: position and velocity NED, attitude as a rotation vector in the estimate's body axes.
@@ -96,7 +96,7 @@ fn vibration_grows_with_the_rotor_speed() {
         let mut instruments = Instruments::new(&scenario, &motion, 4_000_000, &mut random);
         let n = 2000;
         let squares = (1..=n).map(|k| {
-            let (imu, _) = instruments.measure(k * 4_000_000, &motion, &actuators, |_| {}, &mut random);
+            let (imu, _) = instruments.measure(k * 4_000_000, &motion, &actuators, &[0.0; 3], |_| {}, &mut random);
             let at_rest = state_of(&motion).attitude.inverse() * Vector3::new(0.0, 0.0, -scenario.airframe.g_mps2);
             (imu.specific_force_mps2 - at_rest).norm_squared() / 3.0
         });

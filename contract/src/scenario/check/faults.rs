@@ -136,7 +136,16 @@ fn check_unit(fault: &Fault, sensors: &Sensors, found: &mut Found) {
     let (is_there, key) = match fault.target {
         FaultTarget::Height => (sensors.barometer.rate_hz > 0.0, "plant.sensors.barometer.rate_hz"),
         FaultTarget::Flow => (sensors.flow.rate_hz > 0.0, "plant.sensors.flow.rate_hz"),
+        FaultTarget::Field => (sensors.magnetometer.rate_hz > 0.0, "plant.sensors.magnetometer.rate_hz"),
         FaultTarget::Acceleration => (true, "plant.sensors.filter"),
+        FaultTarget::Attitude => {
+            return found.require(
+                sensors.filter != Filter::Ekf,
+                &["fault", "plant.sensors.filter"],
+                "a fault of attitude, which the EKF estimates and no sensor measures".into(),
+                "`target` = \"field\", the magnetometer's, or \"rates\", the gyros'",
+            );
+        }
         _ => return,
     };
     let name = fault.target.name();

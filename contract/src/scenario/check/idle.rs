@@ -167,6 +167,7 @@ const SWITCHES: [Switch; 22] = [
     Switch {
         settings: &[
             "plant.sensors.imu",
+            "plant.sensors.receiver",
             "plant.sensors.barometer",
             "plant.sensors.magnetometer",
             "plant.sensors.flow",

@@ -5,7 +5,7 @@
 //! | process | plant guidance attitude-mpc mixer | kill stop slow hog exit |
 //! | topic | state reference controls actuators | drop burst delay duplicate reorder corrupt garbage stale rate |
 //! | demand | reference controls actuators | wrong |
-//! | sensor | position velocity attitude rates; of the EKF acceleration height flow | off stuck garbage wrong slow delayed intermittent noise |
+//! | sensor | position velocity attitude rates; of the EKF acceleration height field flow | off stuck garbage wrong slow delayed intermittent noise |
 //! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
 //! | environment | wind, payload | step gust, mass |
 //! | solver | mpc | infeasible nan iteration-cap |
@@ -50,6 +50,8 @@ pub enum FaultTarget {
     Acceleration,
     /// Height as the barometer of the EKF measures it.
     Height,
+    /// Magnetic field as the magnetometer of the EKF measures it.
+    Field,
     /// Velocity over the ground, of the EKF.
     Flow,
     /// The rotor that tilts.
@@ -170,7 +172,7 @@ const TOPIC_KINDS: [FaultKind; 13] = {
 
 impl FaultTarget {
     /// All targets in the order of their discriminants, each with its name in the file.
-    pub const ALL: [(Self, &'static str); 24] = [
+    pub const ALL: [(Self, &'static str); 25] = [
         (Self::Plant, "plant"),
         (Self::Guidance, "guidance"),
         (Self::AttitudeMpc, "attitude-mpc"),
@@ -185,6 +187,7 @@ impl FaultTarget {
         (Self::Rates, "rates"),
         (Self::Acceleration, "acceleration"),
         (Self::Height, "height"),
+        (Self::Field, "field"),
         (Self::Flow, "flow"),
         (Self::Rotor1, "rotor1"),
         (Self::Rotor2, "rotor2"),
@@ -232,7 +235,7 @@ impl FaultTarget {
 
     /// Returns whether the target is a sensor that only the EKF has.
     pub fn is_of_the_unit(self) -> bool {
-        matches!(self, Self::Acceleration | Self::Height | Self::Flow)
+        matches!(self, Self::Acceleration | Self::Height | Self::Field | Self::Flow)
     }
 
     /// Returns whether the target is a rotor or the tilt.
@@ -255,6 +258,7 @@ impl FaultTarget {
             | Self::Rates
             | Self::Acceleration
             | Self::Height
+            | Self::Field
             | Self::Flow => &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise],
             Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt => {
                 &[K::Off, K::Stuck, K::Wrong, K::Slow, K::Saturated]
