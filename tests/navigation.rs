@@ -79,6 +79,7 @@ const NOISE: Noise = Noise {
     velocity_mps: Vector3::new(0.05, 0.05, 0.1),
     height_m: 0.1,
     field: 0.02,
+    inclination_rad: 1.138_3, // of a field (0.42, 0, 0.91)
     flow_mps: 0.1,
     antenna_m: 0.05,
     clock_s: 0.01,
@@ -88,6 +89,7 @@ const NOISE: Noise = Noise {
         Wander { start: 0.0, walk: 0.05, time_s: f64::INFINITY },
     ],
     barometer: Wander { start: 0.2, walk: 0.05, time_s: 30.0 },
+    hard_iron: Wander { start: 0.02, walk: 0.004, time_s: 40.0 },
 };
 const START: Start = Start {
     position_m: 0.1,
@@ -97,7 +99,6 @@ const START: Start = Start {
     constants: Constants {
         acceleration_bias_mps2: Vector3::new(0.05, 0.05, 0.02),
         rates_bias_radps: Vector3::new(0.01, 0.01, 0.01),
-        hard_iron: 0.02,
         declination_rad: 0.01,
     },
 };

@@ -95,7 +95,7 @@ impl Standstill {
         let of_biases = constants.acceleration_bias_mps2.map(|bias| bias * bias);
         let of_biases = Matrix3::from_diagonal(&of_biases);
         let of_force = diagonal(white(noise.specific_force_mps2, &self.specific_force)) + of_biases;
-        let of_iron = constants.hard_iron * constants.hard_iron;
+        let of_iron = noise.hard_iron.start * noise.hard_iron.start;
         let of_field = white(noise.field, &self.field) + of_iron;
         let of_declination = constants.declination_rad * constants.declination_rad;
         let tilt = down.cross_matrix() * (-1.0 / g_mps2);

@@ -15,8 +15,8 @@
 //! innovation, `H' y^2 H`, so that it takes the innovation up. Resets are counted.
 //!
 //! What a sensor measures too much is a first-order Gauss-Markov process ([`Wander`]), as in section 3.6 of Groves,
-//! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013), for position and height, and a
-//! constant for the magnetometer: the vehicle's own field (hard iron) and the declination.
+//! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013): drift of the receiver, bias of the
+//! barometer, and the vehicle's own field (hard iron). The declination is a constant.
 
 use libm::hypot;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
@@ -139,6 +139,8 @@ pub struct Noise {
     pub height_m: f64,
     /// Magnetometer, as a share of the field.
     pub field: f64,
+    /// Angle of the earth's field below the horizon, of the map \[rad\].
+    pub inclination_rad: f64,
     /// Velocity over the ground \[m/s\].
     pub flow_mps: f64,
     /// Place of the receiver's antenna, each body axis \[m\].
@@ -149,6 +151,16 @@ pub struct Noise {
     pub drift: [Wander; 3],
     /// Bias of the barometer \[m\].
     pub barometer: Wander,
+    /// The vehicle's own field on each body axis, as a share of the earth's.
+    pub hard_iron: Wander,
+}
+
+impl Noise {
+    /// Processes of the error states from [`DRIFT`] on.
+    fn wandering(&self) -> [Wander; DECLINATION - DRIFT] {
+        let Self { drift: [north, east, down], barometer, hard_iron, .. } = *self;
+        [north, east, down, barometer, hard_iron, hard_iron, hard_iron]
+    }
 }
 
 /// Record of one source.
@@ -215,9 +227,9 @@ impl Filter {
         self.state = before.moved(imu, dt_s, self.g_mps2);
         let faster = self.state.velocity_mps - before.velocity_mps;
         self.pace = [(imu.rates_radps - before.rates_bias_radps).norm(), faster.norm() / dt_s];
-        let Noise { drift, barometer, .. } = &self.noise;
-        self.state.drift_m.iter_mut().zip(drift).for_each(|(drift_m, wander)| *drift_m *= wander.step(dt_s).0);
-        self.state.barometer_bias_m *= barometer.step(dt_s).0;
+        let State { drift_m, barometer_bias_m, hard_iron, .. } = &mut self.state;
+        let wandering = drift_m.iter_mut().chain([barometer_bias_m]).chain(hard_iron);
+        wandering.zip(self.noise.wandering()).for_each(|(error, wander)| *error *= wander.step(dt_s).0);
         self.records.iter_mut().for_each(|record| record.silent_s += dt_s);
     }
 
@@ -239,8 +251,7 @@ impl Filter {
                 covariance[(i, i)] += deviation * deviation;
             }
         }
-        let [north, east, down] = self.noise.drift;
-        for (i, wander) in (DRIFT..).zip([north, east, down, self.noise.barometer]) {
+        for (i, wander) in (DRIFT..).zip(self.noise.wandering()) {
             let (left, new) = wander.step(dt_s * samples);
             covariance.row_mut(i).scale_mut(left);
             covariance.column_mut(i).scale_mut(left);
@@ -291,23 +302,25 @@ impl Filter {
     /// Measurement of the heading by a `field` without the vehicle's own, levelled by the estimated attitude. An error of
     /// the tilt turns the level field by its vertical part over its horizontal one.
     ///
-    /// The Jacobian is that of the field where it is expected, not where it was measured: there it would go together with
-    /// the innovation, and noise would tilt the estimate by degrees in minutes, always in the same direction.
+    /// The Jacobian is that of the field of the map and not of the one that was measured. The noise in that one goes
+    /// together with the innovation, which would tilt the estimate by degrees in minutes, always in the same direction, and
+    /// it changes from sample to sample, as if the vehicle's own field could be told from a wrong heading.
     pub(crate) fn heading(&self, field: &Vector3<f64>) -> Option<Measured<1>> {
         let level = self.state.attitude * (field - self.state.hard_iron);
         let horizontal = hypot(level.x, level.y);
-        if horizontal < MIN_HORIZONTAL {
+        if horizontal < MIN_HORIZONTAL || libm::cos(self.noise.inclination_rad) < MIN_HORIZONTAL {
             return None;
         }
         let axes = *self.state.attitude.to_rotation_matrix().matrix();
-        let declination_rad = self.state.declination_rad;
-        let along = Vector2::new(libm::cos(declination_rad), libm::sin(declination_rad)) / horizontal;
-        let dip = along * level.z;
+        let (declination_rad, inclination_rad) = (self.state.declination_rad, self.noise.inclination_rad);
+        let north = Vector2::new(libm::cos(declination_rad), libm::sin(declination_rad));
+        let along = north / libm::cos(inclination_rad);
+        let dip = north * libm::tan(inclination_rad);
         let mut jacobian = SMatrix::<f64, 1, ERRORS>::zeros();
         jacobian.fixed_columns_mut::<3>(ATTITUDE).copy_from(&(RowVector3::new(-dip.x, -dip.y, 1.0) * axes));
         jacobian.fixed_columns_mut::<3>(HARD_IRON).copy_from(&(RowVector3::new(along.y, -along.x, 0.0) * axes));
         jacobian[DECLINATION] = -1.0;
-        let deviation = self.noise.field / horizontal;
+        let deviation = self.noise.field / libm::cos(inclination_rad);
         Some(Measured {
             innovation: scalar(wrapped(declination_rad - libm::atan2(level.y, level.x))),
             jacobian,
@@ -389,11 +402,6 @@ impl Filter {
         self.covariance.fixed_rows_mut::<3>(ATTITUDE).copy_from(&rows);
         let columns = self.covariance.fixed_columns::<3>(ATTITUDE) * reset.transpose();
         self.covariance.fixed_columns_mut::<3>(ATTITUDE).copy_from(&columns);
-        let reset = turned(-turn);
-        let rows = reset * self.covariance.fixed_rows::<3>(HARD_IRON);
-        self.covariance.fixed_rows_mut::<3>(HARD_IRON).copy_from(&rows);
-        let columns = self.covariance.fixed_columns::<3>(HARD_IRON) * reset.transpose();
-        self.covariance.fixed_columns_mut::<3>(HARD_IRON).copy_from(&columns);
         self.symmetrise();
         self.state = self.state.plus(error);
     }
@@ -419,7 +427,7 @@ impl Filter {
     }
 }
 
-/// Standard deviations of the error at the start; those of drift and barometer are in [`Noise`].
+/// Standard deviations of the error at the start; those of what wanders are in [`Noise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
     /// Position, each axis \[m\].
@@ -430,7 +438,7 @@ pub struct Start {
     pub tilt_rad: f64,
     /// Heading \[rad\].
     pub heading_rad: f64,
-    /// Constant errors of IMU and magnetometer.
+    /// Constant errors.
     pub constants: Constants,
 }
 
@@ -441,8 +449,6 @@ pub struct Constants {
     pub acceleration_bias_mps2: Vector3<f64>,
     /// Bias of the gyros, body \[rad/s\].
     pub rates_bias_radps: Vector3<f64>,
-    /// The vehicle's own field on each body axis, as a share of the earth's.
-    pub hard_iron: f64,
     /// Declination \[rad\].
     pub declination_rad: f64,
 }
@@ -467,13 +473,13 @@ impl Start {
 impl Constants {
     /// Covariance of a filter that knows the motion, and of the sensors' errors how large they are.
     pub(crate) fn covariance(&self, noise: &Noise) -> Covariance {
-        let Self { acceleration_bias_mps2, rates_bias_radps, hard_iron, declination_rad } = self;
+        let Self { acceleration_bias_mps2, rates_bias_radps, declination_rad } = self;
         let mut deviations = Error::zeros();
         for (from, part) in [
             (ACCELERATION_BIAS, *acceleration_bias_mps2),
             (RATES_BIAS, *rates_bias_radps),
             (DRIFT, noise.drift.map(|wander| wander.start).into()),
-            (HARD_IRON, Vector3::repeat(*hard_iron)),
+            (HARD_IRON, Vector3::repeat(noise.hard_iron.start)),
         ] {
             deviations.fixed_rows_mut::<3>(from).copy_from(&part);
         }
@@ -504,10 +510,6 @@ fn direct<const N: usize>(
         jacobian.fixed_columns_mut::<N>(error).copy_from(&(SMatrix::identity() * own));
     }
     Measured { innovation, jacobian, variance: deviation.component_mul(&deviation) }
-}
-
-fn turned(by: Vector3<f64>) -> Matrix3<f64> {
-    *UnitQuaternion::from_scaled_axis(by).to_rotation_matrix().matrix()
 }
 
 fn scalar(value: f64) -> SVector<f64, 1> {

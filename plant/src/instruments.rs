@@ -32,8 +32,10 @@ use crate::sensor::Sensor;
 /// divide by.
 const MIN_DEVIATION: f64 = 1e-4;
 
-/// Airspeed and time over which the filter is told that the wind's pressure changes \[m/s, s\].
+/// Airspeed, share of the thrust, and time over which the filter is told that they change: with them do the wind's
+/// pressure, and what an accelerometer that is not aligned measures of the thrust \[m/s, 1, s\].
 const AIRSPEED_MPS: f64 = 5.0;
+const THRUST_SHARE: f64 = 0.1;
 const LEG_S: f64 = 10.0;
 
 /// Sensors of a navigation unit.
@@ -141,31 +143,35 @@ impl Instruments {
         let of = |sensor: &Option<Sensor>| least(sensor.as_ref().map_or(0.0, |sensor| sensor.deviation()[0]));
         let line = imu.vibration_line_mps2 * mean_of_sine(0.0, trim_speed(scenario) * self.period_s).abs();
         let vibration = hypot(imu.vibration_mps2, line / 2_f64.sqrt());
+        let turned = imu.misalignment_deg.to_radians() * THRUST_SHARE * self.g_mps2;
         let Settings { bias, bias_walk, bias_s, .. } = settings.position;
         let time_s = if bias_s > 0.0 { bias_s } else { f64::INFINITY };
         let wind_m = barometer.wind_pressure * AIRSPEED_MPS * AIRSPEED_MPS / (2.0 * self.g_mps2);
         Noise {
             specific_force_mps2: least(hypot(along(&self.accelerometer).max(), vibration)),
             rates_radps: least(along(&self.gyros).max()),
-            acceleration_bias_walk: least(imu.acceleration_bias_walk),
+            acceleration_bias_walk: least(hypot(imu.acceleration_bias_walk, turned * (2.0 / LEG_S).sqrt())),
             rates_bias_walk: Vector3::from(settings.rates.bias_walk).max().to_radians(),
             position_m: along(&self.position).map(least),
             velocity_mps: along(&self.velocity).map(least),
             height_m: of(&self.barometer),
             field: of(&self.magnetometer),
+            inclination_rad: settings.magnetometer.inclination_deg.to_radians(),
             flow_mps: of(&self.flow),
             antenna_m: receiver.antenna_m,
             clock_s: receiver.clock_ms / 1e3,
-            drift: std::array::from_fn(|axis| Wander {
-                start: hypot(bias[axis], receiver.antenna_m),
-                walk: bias_walk[axis],
-                time_s,
+            drift: std::array::from_fn(|axis| {
+                // The place of the antenna stays, and a drift forgets: as large as both, it does not forget both.
+                let start = hypot(bias[axis], receiver.antenna_m);
+                let share = if bias_s > 0.0 && bias[axis] > 0.0 { start / bias[axis] } else { 1.0 };
+                Wander { start, walk: bias_walk[axis] * share, time_s }
             }),
             barometer: Wander {
                 start: hypot(wind_m, barometer.rotor_pressure_m),
                 walk: hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt()),
                 time_s: f64::INFINITY,
             },
+            hard_iron: Wander::stationary(settings.magnetometer.disturbance, f64::INFINITY),
         }
     }
 
@@ -180,7 +186,6 @@ impl Instruments {
             acceleration_bias_mps2: Vector3::new(turned, turned, hypot(bias, imu.scale * g_mps2))
                 .map(|deviation| deviation.max(MIN_DEVIATION)),
             rates_bias_radps: Vector3::from(settings.rates.bias).map(|bias| bias.to_radians().max(MIN_DEVIATION)),
-            hard_iron: magnetometer.disturbance,
             declination_rad: magnetometer.declination_error_deg.to_radians(),
         }
     }

@@ -17,11 +17,11 @@ DT, DELAY, G = 0.005, 20, np.array([0.0, 0.0, 9.81])
 START = np.repeat(
     [0.1, 0.05, 0.01, 0.03, 0.05, 0.02, 0.01, 0.5, 0.0, 0.2, 0.02, 0.01], [3, 3, 2, 1, 2, 1, 3, 2, 1, 1, 3, 1]
 )
-WALK = np.concatenate([np.zeros(15), [0.1, 0.1, 0.05, 0.05], np.zeros(4)])
-TIME = np.concatenate([np.full(15, np.inf), [50.0, 50.0, np.inf, 30.0], np.full(4, np.inf)])
+WALK = np.concatenate([np.zeros(15), [0.1, 0.1, 0.05, 0.05], np.full(3, 0.004), [0.0]])
+TIME = np.concatenate([np.full(15, np.inf), [50.0, 50.0, np.inf, 30.0], np.full(3, 40.0), [np.inf]])
 PROCESS = np.repeat([0.0, 0.3 * DT, 0.001 * DT, 0.002 * DT**0.5, 0.0002 * DT**0.5, 0.0], [3, 3, 3, 3, 3, 8]) ** 2
 LEFT, PROCESS = np.exp(-DT / TIME), PROCESS + WALK**2 * DT
-ANTENNA, CLOCK = 0.05, 0.01
+ANTENNA, CLOCK, DIP = 0.05, 0.01, 1.1383
 SOURCES = {"position": 3, "velocity": 3, "height": 1, "field": 3, "flow": 2}
 NOISE = {
     "position": np.array([0.15, 0.15, 0.25]),
@@ -88,7 +88,7 @@ class Filter:
         before = self.v
         self.p, self.v, self.r = self.moved(self.p, self.v, self.r, force, rates)
         self.pace = np.linalg.norm(rates - self.bg), np.linalg.norm(self.v - before) / DT
-        self.drift, self.baro = self.drift * LEFT[15:18], self.baro * LEFT[18]
+        self.drift, self.baro, self.iron = self.drift * LEFT[15:18], self.baro * LEFT[18], self.iron * LEFT[19:22]
         for name in GROUPS:
             self.silent[name] += DT
 
@@ -116,11 +116,11 @@ class Filter:
                 return
             y = self.declination - np.arctan2(east, north)
             y = np.array([(y + np.pi) % (2 * np.pi) - np.pi])
-            north, east = np.cos(self.declination) / level, np.sin(self.declination) / level  # where it is expected
-            h[0, 6:9] = np.array([-north * down, -east * down, 1.0]) @ self.r
-            h[0, 19:22] = np.array([east, -north, 0.0]) @ self.r
+            north, east = np.cos(self.declination), np.sin(self.declination)  # of the map
+            h[0, 6:9] = np.array([-north * np.tan(DIP), -east * np.tan(DIP), 1.0]) @ self.r
+            h[0, 19:22] = np.array([east, -north, 0.0]) / np.cos(DIP) @ self.r
             h[0, 22] = -1.0
-            deviation = deviation / level
+            deviation = deviation / np.cos(DIP)
         if name not in SPLIT:
             self.update(name, y, h, deviation)
             return

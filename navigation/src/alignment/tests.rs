@@ -19,7 +19,7 @@ fn stand(seed: u64) -> (State, State, Covariance) {
         rates_bias_radps: draw(random) * 0.01,
         drift_m: draw(random),
         barometer_bias_m: draw(random).x,
-        hard_iron: draw(random) * START.constants.hard_iron,
+        hard_iron: draw(random) * NOISE.hard_iron.start,
         declination_rad: draw(random).x * START.constants.declination_rad,
         velocity_mps: draw(random) * STILL_MPS,
     };
