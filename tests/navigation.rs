@@ -78,6 +78,7 @@ const NOISE: Noise = Noise {
     position_m: Vector3::new(0.15, 0.15, 0.25),
     velocity_mps: Vector3::new(0.05, 0.05, 0.1),
     height_m: 0.1,
+    wind_pressure: 0.5,
     field: 0.02,
     inclination_rad: 1.138_3, // of a field (0.42, 0, 0.91)
     flow_mps: 0.1,

@@ -125,7 +125,8 @@ impl Standstill {
         covariance.fixed_view_mut::<3, 1>(ATTITUDE, DECLINATION).copy_from(&(down * of_declination));
         covariance.fixed_view_mut::<1, 3>(DECLINATION, ATTITUDE).copy_from(&(down * of_declination).transpose());
         if self.height.count > 0.0 {
-            covariance[(BAROMETER_BIAS, BAROMETER_BIAS)] =
+            // What the pressure of rotors and wind adds begins with the flight.
+            covariance[(BAROMETER_BIAS, BAROMETER_BIAS)] +=
                 since(noise.height_m, &noise.barometer, &self.height, time_s);
         }
         Some((state, covariance))

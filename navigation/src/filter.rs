@@ -137,6 +137,8 @@ pub struct Noise {
     pub velocity_mps: Vector3<f64>,
     /// Barometer \[m\].
     pub height_m: f64,
+    /// Share of the dynamic pressure of its own velocity that the barometer takes for static pressure.
+    pub wind_pressure: f64,
     /// Magnetometer, as a share of the field.
     pub field: f64,
     /// Angle of the earth's field below the horizon, of the map \[rad\].
@@ -283,7 +285,8 @@ impl Filter {
     /// Fuses a height above the origin \[m\].
     pub fn fuse_height(&mut self, height_m: f64) {
         let innovation = self.state.barometer_bias_m - height_m - self.state.position_m.z;
-        let noise = scalar(self.noise.height_m);
+        let fast_m = self.noise.wind_pressure * self.state.velocity_mps.norm_squared() / (2.0 * self.g_mps2);
+        let noise = scalar(hypot(self.noise.height_m, fast_m));
         self.fuse(Source::Height, &direct(Source::Height, scalar(innovation), -1.0, noise));
     }
 

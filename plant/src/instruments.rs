@@ -155,6 +155,7 @@ impl Instruments {
             position_m: along(&self.position).map(least),
             velocity_mps: along(&self.velocity).map(least),
             height_m: of(&self.barometer),
+            wind_pressure: barometer.wind_pressure,
             field: of(&self.magnetometer),
             inclination_rad: settings.magnetometer.inclination_deg.to_radians(),
             flow_mps: of(&self.flow),

@@ -21,7 +21,7 @@ WALK = np.concatenate([np.zeros(15), [0.1, 0.1, 0.05, 0.05], np.full(3, 0.004), 
 TIME = np.concatenate([np.full(15, np.inf), [50.0, 50.0, np.inf, 30.0], np.full(3, 40.0), [np.inf]])
 PROCESS = np.repeat([0.0, 0.3 * DT, 0.001 * DT, 0.002 * DT**0.5, 0.0002 * DT**0.5, 0.0], [3, 3, 3, 3, 3, 8]) ** 2
 LEFT, PROCESS = np.exp(-DT / TIME), PROCESS + WALK**2 * DT
-ANTENNA, CLOCK, DIP = 0.05, 0.01, 1.1383
+ANTENNA, CLOCK, DIP, WIND = 0.05, 0.01, 1.1383, 0.5
 SOURCES = {"position": 3, "velocity": 3, "height": 1, "field": 3, "flow": 2}
 NOISE = {
     "position": np.array([0.15, 0.15, 0.25]),
@@ -106,6 +106,7 @@ class Filter:
             deviation = np.sqrt(deviation**2 + (ANTENNA * self.pace[0]) ** 2 + (CLOCK * self.pace[1]) ** 2)
         elif name == "height":
             y, h[0, 2], h[0, 18] = self.baro - measured - self.p[2], 1.0, -1.0
+            deviation = np.hypot(deviation, WIND * self.v @ self.v / (2 * G[2]))
         elif name == "flow":
             body = self.r.T @ self.v
             y, h[:, 3:6], h[:, 6:9] = measured - body[:2], self.r.T[:2], cross(body)[:2]

@@ -50,7 +50,7 @@ fn stand(seed: u64) -> (State, State, Covariance) {
 
 /// Errors of sensors that do not wander while the vehicle stands.
 fn still(noise: &Noise) -> Noise {
-    let constant = Wander::stationary(1.0, f64::INFINITY);
+    let constant = Wander::stationary(0.0, f64::INFINITY);
     Noise { drift: [constant; 3], barometer: constant, ..*noise }
 }
 
