@@ -107,8 +107,8 @@ const SAMPLE_S: f64 = 0.005;
 const DELAY: usize = 20;
 
 /// Sample `k` of a vehicle that turns in its place from `attitude` on, which becomes that of the end of the sample. The
-/// receiver is silent from 6 to 10 s, and has it 3 m away then, and once before; the field turns at 12 s, and the height
-/// jumps at 13 s.
+/// receiver is silent from 6 to 10 s, and has it 3 m away then, and once before; the field turns at 12 s, and the
+/// height jumps at 13 s.
 fn turning(k: u32, attitude: &mut UnitQuaternion<f64>, random: &mut ChaCha8Rng) -> (Imu, Aiding) {
     let t_s = f64::from(k) * SAMPLE_S;
     let mut noisy = |size: f64, value: Vector3<f64>| value.map(|value| value + size * (random.random::<f64>() - 0.5));

@@ -149,7 +149,9 @@ mod tests {
             let is_there = help.split([' ', ':', ';']).any(|word| word == name);
             assert_eq!(is_there, !matches!(target, FaultTarget::Clock | FaultTarget::Host), "{name}: {help}");
         }
-        for group in ["acceleration height flow (off ", "wind (step gust)", "state (drop burst ", "iteration-cap)"] {
+        for group in
+            ["acceleration height field flow (off ", "wind (step gust)", "state (drop burst ", "iteration-cap)"]
+        {
             assert!(help.contains(group), "{group}: {help}");
         }
         assert!(!help.contains("second-publisher"), "an intruder is of a scenario: {help}");

@@ -64,9 +64,9 @@ impl Standstill {
         aiding.height_m.iter().for_each(|height_m| self.height.add(&Vector3::repeat(*height_m)));
     }
 
-    /// Returns state and covariance after an alignment at `position_m`, NED, over `time_s`, of sensors with `constants`.
-    /// `None` without a fix, a field or a specific force. The less horizontal the field is, the larger is the deviation
-    /// of the heading.
+    /// Returns state and covariance after an alignment at `position_m`, NED, over `time_s`, of sensors with
+    /// `constants`. `None` without a fix, a field or a specific force. The less horizontal the field is, the larger is
+    /// the deviation of the heading.
     pub fn aligned(
         &self,
         position_m: Vector3<f64>,

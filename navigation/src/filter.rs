@@ -10,13 +10,13 @@
 //!
 //! A measurement is refused if its normalised innovation `y' / S y` is above the chi-square quantile of 0.999; the
 //! receiver's is gated level and along the vertical apart. A source of which nothing was accepted for `RESET_AFTER_S`
-//! disagrees for good, and the less trusted one is reset: if it disagrees alone, its own error (drift, bias, own field);
-//! if another one that tells of the same motion is refused too, the motion. The covariance of what is reset grows by the
-//! innovation, `H' y^2 H`, so that it takes the innovation up. Resets are counted.
+//! disagrees for good, and the less trusted one is reset: if it disagrees alone, its own error (drift, bias, own
+//! field); if another one that tells of the same motion is refused too, the motion. The covariance of what is reset
+//! grows by the innovation, `H' y^2 H`, so that it takes the innovation up. Resets are counted.
 //!
 //! What a sensor measures too much is a first-order Gauss-Markov process ([`Wander`]), as in section 3.6 of Groves,
-//! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013): drift of the receiver, bias of the
-//! barometer, and the vehicle's own field (hard iron). The declination is a constant.
+//! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013): drift of the receiver, bias of
+//! the barometer, and the vehicle's own field (hard iron). The declination is a constant.
 
 use libm::hypot;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
@@ -302,12 +302,12 @@ impl Filter {
         self.fuse(Source::Flow, &self.flow(velocity_mps));
     }
 
-    /// Measurement of the heading by a `field` without the vehicle's own, levelled by the estimated attitude. An error of
-    /// the tilt turns the level field by its vertical part over its horizontal one.
+    /// Measurement of the heading by a `field` without the vehicle's own, levelled by the estimated attitude. An error
+    /// of the tilt turns the level field by its vertical part over its horizontal one.
     ///
     /// The Jacobian is that of the field of the map and not of the one that was measured. The noise in that one goes
-    /// together with the innovation, which would tilt the estimate by degrees in minutes, always in the same direction, and
-    /// it changes from sample to sample, as if the vehicle's own field could be told from a wrong heading.
+    /// together with the innovation, which would tilt the estimate by degrees in minutes, always in the same direction,
+    /// and it changes from sample to sample, as if the vehicle's own field could be told from a wrong heading.
     pub(crate) fn heading(&self, field: &Vector3<f64>) -> Option<Measured<1>> {
         let level = self.state.attitude * (field - self.state.hard_iron);
         let horizontal = hypot(level.x, level.y);

@@ -6,7 +6,8 @@
 //!
 //! The noise is white: of a standard deviation (`plant.noise`), or of a density, one-sided as in data sheets, whose
 //! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a random value and
-//! walks from there, or back to 0 by its time constant (first-order Gauss-Markov). Between two measurements a sensor repeats the last one that arrived; the first has no latency.
+//! walks from there, or back to 0 by its time constant (first-order Gauss-Markov). Between two measurements a sensor
+//! repeats the last one that arrived; the first has no latency.
 
 use std::collections::VecDeque;
 

@@ -73,8 +73,8 @@ pub struct Sensor {
     pub bias: [f64; 3],
     /// Random walk of the bias \[unit / sqrt(s)\].
     pub bias_walk: [f64; 3],
-    /// Time constant of the bias \[s\], which walks back to 0 by it (first-order Gauss-Markov); 0 = it stays where it is.
-    /// The bias is stationary if `bias_walk` is `bias` times the root of 2 / `bias_s`.
+    /// Time constant of the bias \[s\], which walks back to 0 by it (first-order Gauss-Markov); 0 = it stays where it
+    /// is. The bias is stationary if `bias_walk` is `bias` times the root of 2 / `bias_s`.
     pub bias_s: f64,
     /// Quantisation step of the values \[unit\]; 0 = none.
     pub quantum: [f64; 3],
@@ -103,8 +103,8 @@ pub struct ImuSettings {
     /// Standard deviation of the vibration in a sample of the specific force, with rotors at trim speed; it is
     /// proportional to the mean rotor speed, and white because sampling folds it down \[m/s2\].
     pub vibration_mps2: f64,
-    /// Amplitude of the vibration at the speed of each rotor at trim, in a direction that is drawn; it is proportional to
-    /// the square of the speed \[m/s2\]. What is left in the mean over a sample is an alias of it.
+    /// Amplitude of the vibration at the speed of each rotor at trim, in a direction that is drawn; it is proportional
+    /// to the square of the speed \[m/s2\]. What is left in the mean over a sample is an alias of it.
     pub vibration_line_mps2: f64,
 }
 
@@ -217,8 +217,19 @@ impl From<SensorPreset> for Sensors {
     /// Returns a preset. `typical` and `good` are in the order of the parts that docs/navigation.md names;
     /// without the EKF `attitude` stands for its estimate.
     fn from(preset: SensorPreset) -> Self {
-        let ideal = Self {
-            preset,
+        let sensors = match preset {
+            SensorPreset::Ideal => Self::ideal(),
+            SensorPreset::Good => Self::good(),
+            SensorPreset::Typical => Self::typical(),
+        };
+        Self { preset, ..sensors }
+    }
+}
+
+impl Sensors {
+    fn ideal() -> Self {
+        Self {
+            preset: SensorPreset::Ideal,
             position: Sensor::default(),
             velocity: Sensor::default(),
             attitude: Sensor::default(),
@@ -232,11 +243,11 @@ impl From<SensorPreset> for Sensors {
             flow: Flow::default(),
             alignment: Alignment::default(),
             telemetry: Telemetry::default(),
-        };
-        if preset == SensorPreset::Ideal {
-            return ideal;
         }
-        let good = Self {
+    }
+
+    fn good() -> Self {
+        Self {
             position: Sensor {
                 noise_density: [0.0045, 0.0045, 0.0067],
                 bias: [0.01, 0.01, 0.015],
@@ -245,7 +256,6 @@ impl From<SensorPreset> for Sensors {
                 quantum: [0.001; 3],
                 rate_hz: 10.0,
                 latency_ms: 60.0,
-                ..Sensor::default()
             },
             velocity: Sensor { noise_density: [0.022; 3], rate_hz: 10.0, latency_ms: 60.0, ..Sensor::default() },
             attitude: Sensor {
@@ -294,40 +304,41 @@ impl From<SensorPreset> for Sensors {
                 standing_s: 0.0,
             },
             telemetry: Telemetry { rotor_speed_noise: 0.005, tilt_noise_deg: 0.3, latency_ms: 0.0 },
-            ..ideal
-        };
-        match preset {
-            SensorPreset::Ideal | SensorPreset::Good => good,
-            SensorPreset::Typical => Self {
-                position: Sensor {
-                    noise_density: [0.067, 0.067, 0.11],
-                    bias: [1.3, 1.3, 2.6],
-                    bias_walk: [0.184, 0.184, 0.368],
-                    latency_ms: 100.0,
-                    ..good.position
-                },
-                velocity: Sensor { noise_density: [0.022, 0.022, 0.045], latency_ms: 100.0, ..good.velocity },
-                rates: Sensor { bias: [0.5; 3], bias_walk: [0.005; 3], ..good.rates },
-                imu: ImuSettings {
-                    acceleration_bias_mps2: 0.03,
-                    scale: 0.001,
-                    misalignment_deg: 0.2,
-                    vibration_mps2: 0.5,
-                    vibration_line_mps2: 5.0,
-                    ..good.imu
-                },
-                receiver: Receiver { antenna_m: 0.03, clock_ms: 10.0 },
-                barometer: Barometer { wind_pressure: 0.2, rotor_pressure_m: 0.3, ..good.barometer },
-                magnetometer: Magnetometer { disturbance: 0.02, declination_error_deg: 0.5, ..good.magnetometer },
-                alignment: Alignment {
-                    position_m: 0.1,
-                    velocity_mps: 0.05,
-                    tilt_deg: 0.5,
-                    heading_deg: 2.0,
-                    standing_s: 0.0,
-                },
-                ..good
+            ..Self::ideal()
+        }
+    }
+
+    fn typical() -> Self {
+        let good = Self::good();
+        Self {
+            position: Sensor {
+                noise_density: [0.067, 0.067, 0.11],
+                bias: [1.3, 1.3, 2.6],
+                bias_walk: [0.184, 0.184, 0.368],
+                latency_ms: 100.0,
+                ..good.position
             },
+            velocity: Sensor { noise_density: [0.022, 0.022, 0.045], latency_ms: 100.0, ..good.velocity },
+            rates: Sensor { bias: [0.5; 3], bias_walk: [0.005; 3], ..good.rates },
+            imu: ImuSettings {
+                acceleration_bias_mps2: 0.03,
+                scale: 0.001,
+                misalignment_deg: 0.2,
+                vibration_mps2: 0.5,
+                vibration_line_mps2: 5.0,
+                ..good.imu
+            },
+            receiver: Receiver { antenna_m: 0.03, clock_ms: 10.0 },
+            barometer: Barometer { wind_pressure: 0.2, rotor_pressure_m: 0.3, ..good.barometer },
+            magnetometer: Magnetometer { disturbance: 0.02, declination_error_deg: 0.5, ..good.magnetometer },
+            alignment: Alignment {
+                position_m: 0.1,
+                velocity_mps: 0.05,
+                tilt_deg: 0.5,
+                heading_deg: 2.0,
+                standing_s: 0.0,
+            },
+            ..good
         }
     }
 }

@@ -3,8 +3,7 @@
 //! The vehicle hovers for 20 s, in process. The work of a call is the same in every round, so its time is the median
 //! over the rounds. The calls follow each other without a pause: caches are warm, unlike in a flight at 100 Hz.
 //!
-//! With `--seeds` it flies ten minutes of hover in gusts with each, and says whether the filter errs as it says
-//! ([`consistency`]).
+//! With `--seeds` it flies ten minutes of hover in gusts with each, and says whether the filter errs as it says.
 
 mod consistency;
 

@@ -87,6 +87,7 @@ const PURE: &[&str] = &[
     "mission.limits.share",
     "plant.rotor_speed_max_ratio",
     "plant.rotor_effectiveness",
+    "plant.sensors.barometer.wind_pressure",
     "plant.sensors.imu.scale",
     "plant.sensors.magnetometer.disturbance",
     "plant.sensors.telemetry.rotor_speed_noise",
