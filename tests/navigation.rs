@@ -140,7 +140,8 @@ fn a_second_implementation_of_the_filter_estimates_the_same() {
     let Some(python) = python_with(&["numpy"]) else { return };
     let state = navigation::State::default();
     let covariance = START.covariance(&state.attitude, &NOISE);
-    let mut unit = navigation::Navigation::new(Filter::new(state, covariance, NOISE, 9.81), SAMPLE_S, DELAY);
+    let mut unit =
+        navigation::Navigation::new([Filter::new(state, covariance, NOISE, 9.81)], START.constants, SAMPLE_S, DELAY);
     let (mut random, mut attitude) = (ChaCha8Rng::seed_from_u64(1), state.attitude);
     let (mut inputs, mut outputs) = (String::new(), String::new());
     for k in 0..4000 {
@@ -159,7 +160,7 @@ fn a_second_implementation_of_the_filter_estimates_the_same() {
             told(aiding.flow_mps.as_ref().map(Vector2::as_slice), 2),
         ];
         let _ = writeln!(inputs, "{}", cells.join(","));
-        unit.update(&imu, &aiding);
+        unit.update(&[imu; navigation::IMUS], &aiding);
         let (estimate, _) = unit.estimate(0.0);
         let turned = estimate.attitude.to_rotation_matrix().matrix().transpose(); // row by row
         let mut numbers =

@@ -9,6 +9,8 @@ use crate::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
 
 /// Longest delay of a sensor that can be given in flight \[ms\]: the plant keeps its measurements for this long.
 pub const MAX_SENSOR_DELAY_MS: f64 = 1000.0;
+/// Longest delay of a sensor, in samples: the memory of the plant has room for as many.
+pub const MAX_SENSOR_DELAY_TICKS: u64 = 1000;
 /// Largest number of faults that can be given in flight: the room in shared memory and in every schedule.
 pub const MAX_LIVE_FAULTS: usize = 128;
 

@@ -16,8 +16,10 @@ use crate::integrity::checksum_of;
 /// Words of a snapshot: room for the largest memory, that of attitude-mpc, and the two words before it.
 pub const SNAPSHOT_WORDS: usize = 240;
 
-/// Largest number of words in the memory of the plant; their meaning is private to the plant.
-pub const PLANT_WORDS: usize = 1024;
+/// Largest number of words in the memory of the plant; their meaning is private to the plant. It has room for what the
+/// settings allow: the samples of an IMU of 1000 Hz over the latency of a receiver of 500 ms, and the readings that a
+/// delayed sensor needs.
+pub const PLANT_WORDS: usize = 48 * 1024;
 
 /// Packed memory of a node.
 pub type Snapshot = [u64; SNAPSHOT_WORDS];

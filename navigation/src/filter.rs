@@ -221,6 +221,38 @@ impl Filter {
         self.records[source as usize]
     }
 
+    /// Largest normalised innovation squared of the last measurements, as a share of its gate, up to 1.
+    pub fn surprise(&self) -> f64 {
+        Source::ALL.iter().fold(0.0, |most: f64, source| most.max(self.record(*source).nis / source.gate())).min(1.0)
+    }
+
+    /// Returns whether a source disagrees for more than a moment.
+    pub fn is_contradicted(&self) -> bool {
+        self.records.iter().any(|record| record.disputed_s() >= TOGETHER_S)
+    }
+
+    /// Begins anew at the estimate of another filter, of an IMU with errors of its own like `constants`. Records are
+    /// kept.
+    pub fn begin_at(&mut self, other: &Self, constants: &Constants) {
+        let zero = Vector3::zeros();
+        self.state = State { acceleration_bias_mps2: zero, rates_bias_radps: zero, ..other.state };
+        self.covariance = other.covariance;
+        for (from, deviations) in
+            [(ACCELERATION_BIAS, constants.acceleration_bias_mps2), (RATES_BIAS, constants.rates_bias_radps)]
+        {
+            self.covariance.fixed_rows_mut::<3>(from).fill(0.0);
+            self.covariance.fixed_columns_mut::<3>(from).fill(0.0);
+            for (i, deviation) in deviations.iter().enumerate() {
+                self.covariance[(from + i, from + i)] = deviation * deviation;
+            }
+        }
+        self.pace = other.pace;
+        for (record, from) in self.records.iter_mut().zip(&other.records) {
+            let Record { silent_s, spell, outage_s, nis, .. } = *from;
+            *record = Record { silent_s, spell, outage_s, nis, ..*record };
+        }
+    }
+
     /// Moves over a sample of the IMU.
     pub fn predict(&mut self, imu: &Imu, dt_s: f64) {
         self.covariance = self.covariance_after(imu, dt_s, 1.0);

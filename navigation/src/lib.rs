@@ -4,12 +4,13 @@
 //! |---|---|
 //! | [`state`] | nominal state, and its motion over a sample of the IMU |
 //! | [`filter`] | error-state Kalman filter: covariance, measurements, gates, resets |
+//! | `lane` | an IMU with its filter, and the choice among lanes |
 //! | [`alignment`] | start of a unit that stands still |
 //!
 //! ```text
-//! IMU, position, velocity, height, field -> [ frames of the last `delay` ] -> filter at the horizon
-//!                                               |                               |
-//!                                               +----- State::moved, each ------+--> estimate of now
+//! IMUs, position, velocity, height, field -> [ frames of the last `delay` ] -> a filter for each IMU, at the horizon
+//!                                                |                               |
+//!                                                +----- State::moved, each ------+--> estimate of now, of the best one
 //! ```
 //!
 //! The filter lags by the delay of the latest sensor, as in PX4's ECL: at its horizon every measurement has arrived and
@@ -17,8 +18,8 @@
 //! of an undelayed filter. The estimate of now is the state at the horizon moved over the samples of the IMU since. A
 //! buffer of past states to return to would give the same estimates for more memory: a covariance for each sample.
 //!
-//! The estimate is finite whatever the sensors give: values of the IMU that are no numbers are replaced by the last
-//! ones, those beyond its range are clipped, and other measurements that cannot be true are left out.
+//! The estimate is finite whatever the sensors give: values of an IMU that are no numbers or beyond its range are
+//! replaced by the last ones, and other measurements that cannot be true are left out.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -28,15 +29,16 @@ use nalgebra::{SVector, Vector2, Vector3};
 
 pub mod alignment;
 pub mod filter;
+mod lane;
 pub mod state;
 
 pub use filter::{Constants, Filter, Noise, Record, Source, Start, Wander};
+use lane::Lane;
 pub use state::{Covariance, Imu, State};
 
-/// Range of the accelerometer, 16 g \[m/s2\].
-const MAX_SPECIFIC_FORCE_MPS2: f64 = 157.0;
-/// Range of the gyros, 2000 deg/s \[rad/s\].
-const MAX_RATES_RADPS: f64 = 34.9;
+/// Most IMUs of a unit.
+pub const IMUS: usize = 2;
+
 /// Largest position, velocity and share of the field that are taken for measurements, far beyond every flight: a
 /// covariance that a reset makes as large still holds the smallest biases in its digits.
 const MAX_POSITION_M: f64 = 5000.0;
@@ -77,117 +79,139 @@ impl Aiding {
     }
 }
 
+/// Samples of all IMUs, and what was measured at their end.
+type Frame = ([Imu; IMUS], Aiding);
+
 /// Estimator with the frames since its horizon.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Navigation {
-    filter: Filter,
-    /// Frames that the filter has not reached, oldest first.
-    frames: VecDeque<(Imu, Aiding)>,
+    /// One for each IMU.
+    lanes: Vec<Lane>,
+    /// Lane that flies, and the number of times that another one took over.
+    flown: usize,
+    changes: u64,
+    /// Constant errors of the IMUs.
+    constants: Constants,
+    /// Frames that the filters have not reached, oldest first.
+    frames: VecDeque<Frame>,
     /// Number of frames from the horizon to now.
     delay: usize,
-    /// Last sample of the IMU.
-    last: Imu,
     period_s: f64,
 }
 
 impl Navigation {
-    /// Builds an estimator from a `filter` at the start, for samples of the IMU `period_s` apart. The horizon is
-    /// `delay` samples ago.
-    pub fn new(filter: Filter, period_s: f64, delay: usize) -> Self {
-        let last = Imu { specific_force_mps2: Vector3::new(0.0, 0.0, -filter.g_mps2()), ..Imu::default() };
-        Self { filter, frames: VecDeque::with_capacity(delay + 1), delay, last, period_s }
+    /// Builds an estimator from filters at the start, one for each IMU, at most [`IMUS`]; the first one flies. Samples
+    /// of the IMUs, which have errors of `constants`, are `period_s` apart. The horizon is `delay` samples ago.
+    pub fn new(filters: impl IntoIterator<Item = Filter>, constants: Constants, period_s: f64, delay: usize) -> Self {
+        let lanes = filters.into_iter().take(IMUS).map(Lane::new).collect();
+        Self { lanes, flown: 0, changes: 0, constants, frames: VecDeque::with_capacity(delay + 1), delay, period_s }
     }
 
-    /// Returns the filter, whose state is that of the horizon.
+    /// Returns the filter that flies, whose state is that of the horizon.
     pub fn filter(&self) -> &Filter {
-        &self.filter
+        &self.lane().filter
     }
 
-    /// Receives a sample of the IMU and what was measured at its end.
-    pub fn update(&mut self, imu: &Imu, aiding: &Aiding) {
-        self.last = Imu {
-            specific_force_mps2: in_range(
-                &imu.specific_force_mps2,
-                &self.last.specific_force_mps2,
-                MAX_SPECIFIC_FORCE_MPS2,
-            ),
-            rates_radps: in_range(&imu.rates_radps, &self.last.rates_radps, MAX_RATES_RADPS),
-        };
-        self.frames.push_back((self.last, *aiding));
+    /// Number of the IMU whose filter flies, from 0, and how often this changed.
+    pub fn imu(&self) -> (usize, u64) {
+        (self.flown, self.changes)
+    }
+
+    /// Number of IMUs that can be trusted: they give news, and no source contradicts their filter.
+    pub fn sound(&self) -> usize {
+        self.lanes.iter().filter(|lane| !lane.is_ill() && !lane.filter.is_contradicted()).count()
+    }
+
+    fn lane(&self) -> &Lane {
+        &self.lanes[self.flown]
+    }
+
+    /// Receives a sample of each IMU, and what was measured at their end.
+    pub fn update(&mut self, imus: &[Imu; IMUS], aiding: &Aiding) {
+        let Self { lanes, period_s, .. } = self;
+        let mut taken = [Imu::default(); IMUS];
+        for ((taken, lane), imu) in taken.iter_mut().zip(&mut *lanes).zip(imus) {
+            *taken = lane.receive(imu, *period_s);
+        }
+        self.frames.push_back((taken, *aiding));
         while self.frames.len() > self.delay
-            && let Some((imu, aiding)) = self.frames.pop_front()
+            && let Some((imus, aiding)) = self.frames.pop_front()
         {
-            self.filter.predict(&imu, self.period_s);
-            self.fuse(&aiding);
+            for (lane, imu) in self.lanes.iter_mut().zip(&imus) {
+                lane.filter.predict(imu, self.period_s);
+                fuse(&mut lane.filter, &aiding);
+            }
         }
-    }
-
-    /// Fuses what was measured at the horizon, except what is no number.
-    fn fuse(&mut self, aiding: &Aiding) {
-        let Self { filter, .. } = self;
-        if let Some(position_m) = aiding.position_m.filter(|position| is_within(position, MAX_POSITION_M)) {
-            filter.fuse_position(position_m);
-        }
-        if let Some(velocity_mps) = aiding.velocity_mps.filter(|velocity| is_within(velocity, MAX_VELOCITY_MPS)) {
-            filter.fuse_velocity(velocity_mps);
-        }
-        if let Some(height_m) = aiding.height_m.filter(|height| height.abs() < MAX_POSITION_M) {
-            filter.fuse_height(height_m);
-        }
-        if let Some(field) = aiding.field.filter(|field| is_within(field, MAX_FIELD)) {
-            filter.fuse_field(&field);
-        }
-        if let Some(flow_mps) = aiding.flow_mps.filter(|flow| is_within(flow, MAX_VELOCITY_MPS)) {
-            filter.fuse_flow(&flow_mps);
-        }
+        let chosen = lane::choose(&mut self.lanes, self.flown, &self.constants, self.period_s);
+        self.changes += u64::from(chosen != self.flown);
+        self.flown = chosen;
     }
 
     /// Estimates the state `ahead_s` after the last sample of the IMU, and the body rates \[rad/s\].
     pub fn estimate(&self, ahead_s: f64) -> (State, Vector3<f64>) {
-        let moved = |state: State, imu: &Imu, dt_s| state.moved(imu, dt_s, self.filter.g_mps2());
-        let newest = self.frames.iter().fold(self.filter.state, |state, (imu, _)| moved(state, imu, self.period_s));
-        let state = if ahead_s > 0.0 { moved(newest, &self.last, ahead_s) } else { newest };
-        (state, self.last.rates_radps - state.rates_bias_radps)
+        let Lane { filter, last, .. } = self.lane();
+        let moved = |state: State, imu: &Imu, dt_s| state.moved(imu, dt_s, filter.g_mps2());
+        let newest = self.samples().fold(filter.state, |state, imu| moved(state, imu, self.period_s));
+        let state = if ahead_s > 0.0 { moved(newest, last, ahead_s) } else { newest };
+        (state, last.rates_radps - state.rates_bias_radps)
     }
 
     /// Covariance of the error of [`estimate`](Self::estimate).
     pub fn covariance(&self, ahead_s: f64) -> Covariance {
+        let Lane { filter, last, .. } = self.lane();
         let samples = self.frames.len() as f64;
         let mean = |of: fn(&Imu) -> Vector3<f64>| {
-            let sum = self.frames.iter().fold(Vector3::zeros(), |sum, (imu, _)| sum + of(imu));
-            if self.frames.is_empty() { of(&self.last) } else { sum / samples }
+            let sum = self.samples().fold(Vector3::zeros(), |sum, imu| sum + of(imu));
+            if self.frames.is_empty() { of(last) } else { sum / samples }
         };
         let imu =
             Imu { specific_force_mps2: mean(|imu| imu.specific_force_mps2), rates_radps: mean(|imu| imu.rates_radps) };
-        self.filter.covariance_after(&imu, self.period_s, samples + ahead_s / self.period_s)
+        filter.covariance_after(&imu, self.period_s, samples + ahead_s / self.period_s)
+    }
+
+    /// Samples of the IMU that flies, from the horizon on.
+    fn samples(&self) -> impl Iterator<Item = &Imu> {
+        self.frames.iter().map(|(imus, _)| &imus[self.flown])
     }
 
     /// Passes every number of the memory to `visit`, to be read or written.
     pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        self.filter.visit(visit);
-        visit_imu(&mut self.last, visit);
-        let mut length = self.frames.len() as f64;
-        visit(&mut length);
-        self.frames.resize((length as usize).min(self.delay), Default::default());
-        for (imu, aiding) in &mut self.frames {
-            visit_imu(imu, visit);
+        let Self { lanes, flown, changes, frames, delay, .. } = self;
+        lanes.iter_mut().for_each(|lane| lane.visit(visit));
+        let mut counts = [*flown as f64, *changes as f64, frames.len() as f64];
+        counts.iter_mut().for_each(&mut *visit);
+        *flown = (counts[0] as usize).min(lanes.len() - 1);
+        *changes = counts[1] as u64;
+        frames.resize((counts[2] as usize).min(*delay), Default::default());
+        for (imus, aiding) in frames {
+            imus.iter_mut().take(lanes.len()).for_each(|imu| imu.visit(visit));
             aiding.visit(visit);
         }
     }
 }
 
-/// Values of a sensor within `range`, with those of the `last` sample where they are no numbers.
-fn in_range(values: &Vector3<f64>, last: &Vector3<f64>, range: f64) -> Vector3<f64> {
-    values.zip_map(last, |value, last| if value.is_nan() { last } else { value.clamp(-range, range) })
+/// Fuses what was measured at the horizon, except what is no number.
+fn fuse(filter: &mut Filter, aiding: &Aiding) {
+    if let Some(position_m) = aiding.position_m.filter(|position| is_within(position, MAX_POSITION_M)) {
+        filter.fuse_position(position_m);
+    }
+    if let Some(velocity_mps) = aiding.velocity_mps.filter(|velocity| is_within(velocity, MAX_VELOCITY_MPS)) {
+        filter.fuse_velocity(velocity_mps);
+    }
+    if let Some(height_m) = aiding.height_m.filter(|height| height.abs() < MAX_POSITION_M) {
+        filter.fuse_height(height_m);
+    }
+    if let Some(field) = aiding.field.filter(|field| is_within(field, MAX_FIELD)) {
+        filter.fuse_field(&field);
+    }
+    if let Some(flow_mps) = aiding.flow_mps.filter(|flow| is_within(flow, MAX_VELOCITY_MPS)) {
+        filter.fuse_flow(&flow_mps);
+    }
 }
 
 /// Returns whether every number is one, and below `range`.
 fn is_within<const N: usize>(values: &SVector<f64, N>, range: f64) -> bool {
     values.iter().all(|value| value.abs() < range)
-}
-
-fn visit_imu(imu: &mut Imu, visit: &mut impl FnMut(&mut f64)) {
-    imu.specific_force_mps2.iter_mut().chain(&mut imu.rates_radps).for_each(visit);
 }
 
 #[cfg(test)]

@@ -45,6 +45,13 @@ pub struct Imu {
     pub rates_radps: Vector3<f64>,
 }
 
+impl Imu {
+    /// Passes every number to `visit`, to be read or written.
+    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
+        self.specific_force_mps2.iter_mut().chain(&mut self.rates_radps).for_each(visit);
+    }
+}
+
 /// Estimate of the motion and of what the sensors measure too much.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct State {

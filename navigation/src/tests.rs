@@ -98,7 +98,7 @@ impl Flight {
             ..State::default()
         };
         let filter = Filter::new(state, start.covariance(&state.attitude, &NOISE), NOISE, G_MPS2);
-        let navigation = Navigation::new(filter, DT_S, DELAY);
+        let navigation = Navigation::new([filter], start.constants, DT_S, DELAY);
         Self { path, random, flown: VecDeque::from([flown]), sample: 0, navigation }
     }
 
@@ -153,12 +153,12 @@ impl Flight {
 
     fn step(&mut self) {
         let (imu, aiding) = self.measure();
-        self.navigation.update(&imu, &aiding);
+        self.navigation.update(&[imu; IMUS], &aiding);
     }
 
     /// Error of the filter at its horizon.
     fn error(&self) -> Error {
-        self.navigation.filter.state.error_to(self.flown.front().expect("the horizon"))
+        self.navigation.filter().state.error_to(self.flown.front().expect("the horizon"))
     }
 }
 
@@ -279,7 +279,7 @@ fn check_consistency(seeds: u64) {
         let mut seen = [0.0; SOURCES];
         for sample in 1..=checks[2] {
             flight.step();
-            let filter = &flight.navigation.filter;
+            let filter = flight.navigation.filter();
             for (source, (sum, n)) in Source::ALL.into_iter().zip(&mut nis) {
                 let record = filter.record(source);
                 let count = record.accepted + record.refused;
@@ -294,9 +294,9 @@ fn check_consistency(seeds: u64) {
                 nees[check] += error.dot(&weighed) / seeds as f64;
             }
         }
-        refused += Source::ALL.iter().map(|source| flight.navigation.filter.record(*source).refused).sum::<f64>();
-        assert!(Source::ALL.iter().all(|source| flight.navigation.filter.record(*source).resets == 0.0));
-        assert!((flight.navigation.filter.state.attitude.norm() - 1.0).abs() < 1e-12);
+        refused += Source::ALL.iter().map(|source| flight.navigation.filter().record(*source).refused).sum::<f64>();
+        assert!(Source::ALL.iter().all(|source| flight.navigation.filter().record(*source).resets == 0.0));
+        assert!((flight.navigation.filter().state.attitude.norm() - 1.0).abs() < 1e-12);
     }
     for (check, nees) in checks.iter().zip(nees) {
         check_mean(&format!("NEES at {check}"), nees, ERRORS as f64, seeds as f64);
@@ -369,15 +369,15 @@ fn without_fixes_the_deviation_grows_with_the_error_and_the_next_fix_is_accepted
         if (1500..3500).contains(&sample) {
             (aiding.position_m, aiding.velocity_mps, aiding.flow_mps) = (None, None, None);
         }
-        flight.navigation.update(&imu, &aiding);
+        flight.navigation.update(&[imu; IMUS], &aiding);
         if sample == 3490 {
             let error = flight.error();
-            let deviation = flight.navigation.filter.covariance[(0, 0)].sqrt();
+            let deviation = flight.navigation.filter().covariance[(0, 0)].sqrt();
             assert!(deviation > 0.5 && error[0].abs() < 4.0 * deviation, "{} and {deviation}", error[0]);
         }
     }
     assert!(flight.error().fixed_rows::<3>(POSITION).norm() < 0.3);
-    assert!(Source::ALL.iter().all(|source| flight.navigation.filter.record(*source).resets == 0.0));
+    assert!(Source::ALL.iter().all(|source| flight.navigation.filter().record(*source).resets == 0.0));
 }
 
 /// Flies a hover of 20 s in which `spoil` changes what is measured, by the time since 10 s; `look` sees each sample.
@@ -389,7 +389,7 @@ fn spoiled(spoil: impl Fn(f64, &mut Aiding), mut look: impl FnMut(&Flight)) -> F
             spoil(f64::from(sample - 2000) * DT_S, &mut aiding);
             look(&flight);
         }
-        flight.navigation.update(&imu, &aiding);
+        flight.navigation.update(&[imu; IMUS], &aiding);
     }
     flight
 }
@@ -403,7 +403,7 @@ fn a_source_that_disagrees_alone_has_an_error_of_its_own() {
         aiding.field = aiding.field.map(|field| turned * field);
     };
     let flight = spoiled(|_, aiding| away(aiding), |flight| assert!(flight.error().fixed_rows::<9>(0).norm() < 1.5));
-    let records = Source::ALL.map(|source| flight.navigation.filter.record(source).resets);
+    let records = Source::ALL.map(|source| flight.navigation.filter().record(source).resets);
     assert_eq!(records, [1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]);
     let error = flight.error();
     assert!((error[DRIFT] + 30.0).abs() < 5.0, "the drift takes it up, and forgets it: {}", error[DRIFT]);
@@ -441,13 +441,13 @@ fn no_input_makes_an_estimate_that_is_no_number() {
                     _ => (aiding.velocity_mps, aiding.flow_mps) = (Some(bad), Some(bad.xy())),
                 }
             }
-            flight.navigation.update(&imu, &aiding);
+            flight.navigation.update(&[imu; IMUS], &aiding);
             let (state, rates) = flight.navigation.estimate(0.001);
             let mut all_finite = rates.iter().all(|rate| rate.is_finite());
             { state }.visit(&mut |number| all_finite &= number.is_finite());
             assert!(all_finite, "seed {seed}, sample {sample}: {state:?}");
         }
-        let covariance = flight.navigation.filter.covariance;
+        let covariance = flight.navigation.filter().covariance;
         assert!(covariance.cholesky().is_some(), "seed {seed}: {covariance}");
     }
 }
@@ -463,11 +463,11 @@ fn an_estimator_with_the_memory_of_another_continues_bit_by_bit() {
     assert!(words.next().is_none());
     for _ in 0..500 {
         let (imu, aiding) = first.measure();
-        first.navigation.update(&imu, &aiding);
-        second.navigation.update(&imu, &aiding);
+        first.navigation.update(&[imu; IMUS], &aiding);
+        second.navigation.update(&[imu; IMUS], &aiding);
     }
     assert_eq!(first.navigation, second.navigation);
-    assert!(first.navigation.filter.covariance[(ACCELERATION_BIAS, RATES_BIAS)].is_finite());
+    assert!(first.navigation.filter().covariance[(ACCELERATION_BIAS, RATES_BIAS)].is_finite());
 }
 
 #[test]
@@ -477,7 +477,7 @@ fn val_in_a_long_hover_the_errors_are_as_large_as_the_covariance_says() {
     for seed in 0..seeds {
         let mut flight = Flight::new(seed, hover, START);
         (0..24_000).for_each(|_| flight.step());
-        let weighed = flight.navigation.filter.covariance.cholesky().expect("a positive covariance");
+        let weighed = flight.navigation.filter().covariance.cholesky().expect("a positive covariance");
         nees += flight.error().dot(&weighed.solve(&flight.error())) / seeds as f64;
     }
     check_mean("NEES after 120 s", nees, ERRORS as f64, seeds as f64);

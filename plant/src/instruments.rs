@@ -20,10 +20,11 @@ use contract::scenario::{Magnetometer, Sensor as Settings};
 use libm::hypot;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use navigation::alignment::Standstill;
-use navigation::{Aiding, Constants, Imu, Noise, State, Wander, state::turn};
+use navigation::{Aiding, Constants, IMUS, Imu, Noise, State, Wander, state::turn};
 use rand_chacha::ChaCha8Rng;
 
 use crate::faults::memory::{Readings, SENSORS};
+use crate::faults::sensors::{ACCELERATION_READINGS, RATES_READINGS};
 use crate::memory::Tape;
 use crate::random::normal;
 use crate::sensor::Sensor;
@@ -38,19 +39,25 @@ const AIRSPEED_MPS: f64 = 5.0;
 const THRUST_SHARE: f64 = 0.1;
 const LEG_S: f64 = 10.0;
 
+/// Accelerometers and gyros.
+#[derive(Debug, Clone)]
+struct InertialSensors {
+    accelerometer: Sensor,
+    gyros: Sensor,
+    /// Scale and misalignment of accelerometers and of gyros.
+    shapes: [Matrix3<f64>; 2],
+}
+
 /// Sensors of a navigation unit.
 #[derive(Debug, Clone)]
 pub struct Instruments {
-    accelerometer: Sensor,
-    gyros: Sensor,
+    imus: Vec<InertialSensors>,
     position: Sensor,
     velocity: Sensor,
     /// `None` if absent, like the two after it.
     barometer: Option<Sensor>,
     magnetometer: Option<Sensor>,
     flow: Option<Sensor>,
-    /// Scale and misalignment of accelerometers and of gyros.
-    shapes: [Matrix3<f64>; 2],
     /// Vibration at trim \[m/s2\].
     vibration: f64,
     /// Vibration at the speed of each rotor: amplitude at trim, body \[m/s2\], and phase \[rad\].
@@ -94,18 +101,7 @@ impl Instruments {
             let scale = Matrix3::from_diagonal(&draw(imu.scale, random));
             Matrix3::identity() + scale + draw(imu.misalignment_deg * degree, random).cross_matrix()
         };
-        let shapes = [shape(), shape()];
-        let dip = turn(Vector3::y() * (-inclination_deg * degree));
-        let declination = turn(Vector3::z() * (draw(declination_error_deg, random).z * degree));
-        let field = draw(disturbance, random);
-        let lines = std::array::from_fn(|_| {
-            let direction = draw(1.0, random).try_normalize(0.0).unwrap_or_default();
-            (direction * imu.vibration_line_mps2, 0.0)
-        });
-        let antenna_m = draw(receiver.antenna_m, random);
-        let rest = draw(1.0, random);
-        let truth = state_of(motion);
-        Self {
+        let mut imu = || InertialSensors {
             accelerometer: plain(
                 0.0,
                 imu.acceleration_noise_density,
@@ -113,13 +109,27 @@ impl Instruments {
                 imu.acceleration_bias_walk,
             ),
             gyros: sensor(&settings.rates, white.rates_dps, degree),
+            shapes: [shape(), shape()],
+        };
+        let imus = (0..settings.imu.count).map(|_| imu()).collect();
+        let dip = turn(Vector3::y() * (-inclination_deg * degree));
+        let declination = turn(Vector3::z() * (draw(declination_error_deg, random).z * degree));
+        let field = draw(disturbance, random);
+        let lines = std::array::from_fn(|_| {
+            let direction = draw(1.0, random).try_normalize(0.0).unwrap_or_default();
+            (direction * settings.imu.vibration_line_mps2, 0.0)
+        });
+        let antenna_m = draw(receiver.antenna_m, random);
+        let rest = draw(1.0, random);
+        let truth = state_of(motion);
+        Self {
+            imus,
             position: sensor(&settings.position, white.position_m, 1.0),
             velocity: sensor(&settings.velocity, white.velocity_mps, 1.0),
             barometer: optional(barometer.rate_hz, barometer.noise_density, barometer.bias_walk),
             magnetometer: optional(rate_hz, noise_density, 0.0),
             flow: optional(flow.rate_hz, flow.noise_density, 0.0),
-            shapes,
-            vibration: imu.vibration_mps2,
+            vibration: settings.imu.vibration_mps2,
             lines,
             trim_speed: trim_speed(scenario),
             antenna_m,
@@ -148,8 +158,8 @@ impl Instruments {
         let time_s = if bias_s > 0.0 { bias_s } else { f64::INFINITY };
         let wind_m = barometer.wind_pressure * AIRSPEED_MPS * AIRSPEED_MPS / (2.0 * self.g_mps2);
         Noise {
-            specific_force_mps2: least(hypot(along(&self.accelerometer).max(), vibration)),
-            rates_radps: least(along(&self.gyros).max()),
+            specific_force_mps2: least(hypot(along(&self.imus[0].accelerometer).max(), vibration)),
+            rates_radps: least(along(&self.imus[0].gyros).max()),
             acceleration_bias_walk: least(hypot(imu.acceleration_bias_walk, turned * (2.0 / LEG_S).sqrt())),
             rates_bias_walk: Vector3::from(settings.rates.bias_walk).max().to_radians(),
             position_m: along(&self.position).map(least),
@@ -200,15 +210,15 @@ impl Instruments {
         wind_mps: &[f64; 3],
         inject: impl FnOnce(&mut Readings),
         random: &mut ChaCha8Rng,
-    ) -> (Imu, Aiding) {
+    ) -> ([Imu; IMUS], Aiding) {
         let truth = state_of(motion);
         let (attitude, velocity) = std::mem::replace(&mut self.before, (truth.attitude, truth.velocity_mps));
         let turned = (attitude.inverse() * truth.attitude).scaled_axis();
         let gravity = Vector3::new(0.0, 0.0, self.g_mps2);
         let acceleration = (truth.velocity_mps - velocity) / self.period_s;
         let force = (attitude * turn(turned * 0.5)).inverse_transform_vector(&(acceleration - gravity));
-        let white = draw(self.vibration * mean_speed(actuators) / self.trim_speed, random);
-        let shaken = self.shapes[0] * force + white + self.vibrate(actuators);
+        let shakes = self.vibration * mean_speed(actuators) / self.trim_speed;
+        let lines = self.vibrate(actuators);
         let rates_radps = turned / self.period_s;
         let antenna_m = truth.position_m + truth.attitude * self.antenna_m + truth.velocity_mps * self.clock_s;
         let antenna_mps =
@@ -219,21 +229,31 @@ impl Instruments {
         let field = back * self.fields[0] + self.fields[1];
         let body = back * truth.velocity_mps;
 
+        let mut measured = [None; SENSORS];
+        for (i, InertialSensors { accelerometer, gyros, shapes }) in self.imus.iter_mut().enumerate() {
+            let shaken = shapes[0] * force + draw(shakes, random) + lines;
+            let turning = shapes[1] * rates_radps;
+            measured[ACCELERATION_READINGS[i]] = accelerometer.measure(now_ns, shaken.into(), true, random);
+            measured[RATES_READINGS[i]] = gyros.measure(now_ns, turning.into(), true, random);
+        }
         let mut measure = |sensor: &mut Sensor, truth: Vector3<f64>| sensor.measure(now_ns, truth.into(), true, random);
-        let specific_force = measure(&mut self.accelerometer, shaken);
-        let rates = measure(&mut self.gyros, self.shapes[1] * rates_radps);
         let position = measure(&mut self.position, antenna_m);
         let velocity = measure(&mut self.velocity, antenna_mps);
         let height = self.barometer.as_mut().and_then(|sensor| measure(sensor, Vector3::repeat(height_m)));
         let field = self.magnetometer.as_mut().and_then(|sensor| measure(sensor, field));
         let flow = self.flow.as_mut().and_then(|sensor| measure(sensor, body));
 
-        let measured = [position, velocity, field, rates, specific_force, height, flow];
+        for (i, new) in [(0, position), (1, velocity), (2, field), (5, height), (6, flow)] {
+            measured[i] = new;
+        }
         self.readings.iter_mut().zip(&measured).for_each(|(last, new)| *last = new.unwrap_or(*last));
         let mut readings = self.readings;
         inject(&mut readings);
         let new = |i: usize| measured[i].map(|_| Vector3::from(readings[i]));
-        let imu = Imu { specific_force_mps2: readings[4].into(), rates_radps: readings[3].into() };
+        let imus = std::array::from_fn(|imu| Imu {
+            specific_force_mps2: readings[ACCELERATION_READINGS[imu]].into(),
+            rates_radps: readings[RATES_READINGS[imu]].into(),
+        });
         let aiding = Aiding {
             position_m: new(0),
             velocity_mps: new(1),
@@ -241,7 +261,7 @@ impl Instruments {
             field: new(2),
             flow_mps: new(6).map(|flow| flow.xy()),
         };
-        (imu, aiding)
+        (imus, aiding)
     }
 
     /// Vibration in the specific force at the speeds of the rotors: the mean over a sample, body \[m/s2\].
@@ -262,23 +282,23 @@ impl Instruments {
         self.rotor_pressure_m * share * share - self.wind_pressure * airflow_mps.norm_squared() / (2.0 * self.g_mps2)
     }
 
-    /// Measures a vehicle that has stood with `motion` for `samples` of the IMU, out of the wind; then the time of the
-    /// flight begins.
-    pub fn stand(&mut self, motion: &Kinematics, samples: u64, random: &mut ChaCha8Rng) -> Standstill {
+    /// Measures a vehicle that has stood with `motion` for `samples` of the IMUs, out of the wind; then the time of the
+    /// flight begins. Returns what each IMU and the other sensors have measured.
+    pub fn stand(&mut self, motion: &Kinematics, samples: u64, random: &mut ChaCha8Rng) -> Vec<Standstill> {
         let (period_ns, still) = ((self.period_s * 1e9).round() as u64, Actuation::default());
-        let mut standstill = Standstill::default();
+        let mut standstills = vec![Standstill::default(); self.imus.len()];
         for sample in 1..=samples {
-            let (imu, aiding) = self.measure(sample * period_ns, motion, &still, &[0.0; 3], |_| {}, random);
-            standstill.add(&imu, &aiding);
+            let (imus, aiding) = self.measure(sample * period_ns, motion, &still, &[0.0; 3], |_| {}, random);
+            standstills.iter_mut().zip(&imus).for_each(|(standstill, imu)| standstill.add(imu, &aiding));
         }
         self.sensors().for_each(Sensor::rewind);
-        standstill
+        standstills
     }
 
     fn sensors(&mut self) -> impl Iterator<Item = &mut Sensor> {
-        let Self { accelerometer, gyros, position, velocity, .. } = self;
-        let aiding = [&mut self.barometer, &mut self.magnetometer, &mut self.flow].into_iter().flatten();
-        [accelerometer, gyros, position, velocity].into_iter().chain(aiding)
+        let Self { imus, position, velocity, barometer, magnetometer, flow, .. } = self;
+        let inertial = imus.iter_mut().flat_map(|imu| [&mut imu.accelerometer, &mut imu.gyros]);
+        inertial.chain([position, velocity]).chain([barometer, magnetometer, flow].into_iter().flatten())
     }
 
     /// Writes or reads the memory.

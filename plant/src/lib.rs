@@ -131,32 +131,26 @@ impl<V: Vehicle + ?Sized> Plant<V> {
         self.vehicle.apply_fault(number, fault);
     }
 
-    /// Writes the memory after the newest sample into `words`. Returns `false` if it does not fit, if the vehicle has
-    /// diverged or keeps no memory, or if a sensor fault has changed measurements of the recent past that a delayed
-    /// sensor may need.
-    pub fn memory(&mut self, words: &mut [u64; PLANT_WORDS]) -> bool {
+    /// Writes the memory after the newest sample to the beginning of `words`, and returns its length, at most
+    /// [`PLANT_WORDS`]. `None` if it does not fit, or if the vehicle has diverged or keeps no memory.
+    pub fn memory(&mut self, words: &mut [u64]) -> Option<usize> {
         if self.vehicle.diverged().is_some() {
-            return false;
+            return None;
         }
-        *words = [0; PLANT_WORDS];
         let mut tape = Tape::to_write(words);
         self.remember(&mut tape);
-        tape.fits()
+        tape.length()
     }
 
     /// Continues from a memory of a plant of the same scenario after sample `tick`. Returns `false` if `words` is not
-    /// such a memory; the plant can then only be restored again. [Recalled](Self::recall) samples are kept.
-    pub fn restore(&mut self, tick: u64, words: &[u64; PLANT_WORDS]) -> bool {
-        let mut words = *words;
+    /// such a memory; the plant can then only be restored again.
+    pub fn restore(&mut self, tick: u64, words: &[u64]) -> bool {
+        let mut words = words.to_vec();
+        words.resize(PLANT_WORDS.max(words.len()), 0); // a log leaves out the zeros at the end
         let mut tape = Tape::to_read(&mut words);
         self.tick = tick;
         self.remember(&mut tape);
-        tape.fits() && self.tick == tick && self.vehicle.diverged().is_none()
-    }
-
-    /// Stores a sample that was published before the memory to continue from; delayed sensors need it.
-    pub fn recall(&mut self, returned: &State) {
-        self.sensor_faults.recall(returned.stamp.tick, &returned.measured);
+        tape.length().is_some() && self.tick == tick && self.vehicle.diverged().is_none()
     }
 
     fn remember(&mut self, tape: &mut Tape) {
@@ -175,12 +169,8 @@ impl<V: Vehicle + ?Sized> Plant<V> {
         self.sensors.remember(tape);
         if let Some(navigation) = &mut self.navigation {
             navigation.remember(tape);
-            // Published samples do not tell what its sensors measured.
-            if self.sensor_faults.needs_past() {
-                tape.refuse();
-            }
         }
-        self.sensor_faults.remember(tape, self.tick);
+        self.sensor_faults.remember(tape);
     }
 
     /// Measures STATE at the present instant; every call draws new noise.

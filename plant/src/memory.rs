@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 
 /// First word of a memory: its type, and the version of its layout.
-const NAME: u64 = u64::from_be_bytes(*b"vehicle3");
+const NAME: u64 = u64::from_be_bytes(*b"vehicle4");
 
 /// Cursor over the words of a memory.
 pub struct Tape<'a> {
@@ -35,9 +35,9 @@ impl<'a> Tape<'a> {
         tape
     }
 
-    /// Returns whether there was room for all words so far, and all values read were valid.
-    pub fn fits(&self) -> bool {
-        self.fits
+    /// Returns the number of words so far; `None` if there was no room for all, or a value that was read is not valid.
+    pub fn length(&self) -> Option<usize> {
+        self.fits.then_some(self.at)
     }
 
     /// Returns whether values are read from the words.

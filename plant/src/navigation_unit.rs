@@ -14,6 +14,7 @@ use contract::Scenario;
 use contract::message::{Kinematics, Navigation as Account};
 use contract::scenario::{Filter as Choice, Sensors};
 use nalgebra::Vector3;
+use navigation::alignment::Standstill;
 use navigation::state::{ATTITUDE, Covariance, POSITION, VELOCITY, turn};
 use navigation::{Constants, Filter, Navigation, Noise, Source, Start, State};
 use rand_chacha::ChaCha8Rng;
@@ -61,22 +62,24 @@ impl NavigationUnit {
         let mut instruments = Instruments::new(scenario, motion, period_ns, &mut random);
         let (noise, constants) = (instruments.noise(scenario), Instruments::constants(scenario));
         let standing = (settings.alignment.standing_s * settings.imu.rate_hz).round() as u64;
-        let (state, covariance) = if standing > 0 {
-            let standstill = instruments.stand(motion, standing, &mut random);
-            let g_mps2 = scenario.airframe.g_mps2;
+        let g_mps2 = scenario.airframe.g_mps2;
+        let starts = if standing > 0 {
             let time_s = settings.alignment.standing_s;
-            let aligned = standstill.aligned(motion.position_m.into(), time_s, &noise, &constants, g_mps2);
-            aligned.expect("the check refuses a unit without a magnetometer that tells the heading")
+            let aligned = |standstill: &Standstill| {
+                let aligned = standstill.aligned(motion.position_m.into(), time_s, &noise, &constants, g_mps2);
+                aligned.expect("the check refuses a unit without a magnetometer that tells the heading")
+            };
+            instruments.stand(motion, standing, &mut random).iter().map(aligned).collect()
         } else {
-            near(motion, settings, &noise, constants, &mut random)
+            vec![near(motion, settings, &noise, constants, &mut random); settings.imu.count]
         };
-        let filter = Filter::new(state, covariance, noise, scenario.airframe.g_mps2);
+        let filters = starts.into_iter().map(|(state, covariance)| Filter::new(state, covariance, noise, g_mps2));
 
         let latency_ns = settings.position.latency_ms.max(settings.velocity.latency_ms) * 1e6;
         let delay = (latency_ns as u64).div_ceil(period_ns) as usize;
         Some(Self {
             instruments,
-            navigation: Navigation::new(filter, period_ns as f64 / 1e9, delay),
+            navigation: Navigation::new(filters, constants, period_ns as f64 / 1e9, delay),
             random,
             sample_ns: scenario.sample_ns(),
             period_ns,
@@ -105,8 +108,8 @@ impl NavigationUnit {
         let Self { instruments, navigation, random, sample_ns, period_ns, due_ns, .. } = self;
         let tick = *due_ns / *sample_ns;
         let inject = |readings: &mut Readings| faults.inject_all(tick, readings);
-        let (imu, aiding) = instruments.measure(*due_ns, motion, actuators, wind_mps, inject, random);
-        navigation.update(&imu, &aiding);
+        let (imus, aiding) = instruments.measure(*due_ns, motion, actuators, wind_mps, inject, random);
+        navigation.update(&imus, &aiding);
         *due_ns += *period_ns;
     }
 
@@ -131,6 +134,7 @@ impl NavigationUnit {
         let variances = self.navigation.covariance(ahead_s).diagonal();
         let deviations = |from: usize| std::array::from_fn(|i| variances[from + i].max(0.0).sqrt());
         let of = |source: &Source| self.navigation.filter().record(*source);
+        let (imu, imu_changes) = self.navigation.imu();
         Account {
             position_m: deviations(POSITION),
             velocity_mps: deviations(VELOCITY),
@@ -139,6 +143,9 @@ impl NavigationUnit {
                 .map(|group| group.iter().map(|source| of(source).nis / source.gate()).fold(0.0, f64::max)),
             refused: GROUPS.map(|group| group.iter().map(|source| of(source).refused).sum::<f64>() as u64),
             resets: Source::ALL.iter().map(|source| of(source).resets).sum::<f64>() as u64,
+            imu: imu as u64 + 1,
+            imu_changes,
+            imus_sound: self.navigation.sound() as u64,
         }
     }
 

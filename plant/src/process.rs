@@ -25,7 +25,7 @@ pub fn run_with<V: Vehicle + ?Sized>(mut session: NodeSession, vehicle: Box<V>) 
     let scenario = session.scenario.clone();
     let mut cycles = session.ready_to_sample()?;
     let mut before = 0;
-    let mut memory = [0; PLANT_WORDS];
+    let mut memory = vec![0; PLANT_WORDS];
     while let Some(tick) = cycles.next(&mut commands, |command, arrival_ns| plant.command(command, arrival_ns))? {
         plant.advance(tick - before)?;
         before = tick;
@@ -36,8 +36,10 @@ pub fn run_with<V: Vehicle + ?Sized>(mut session: NodeSession, vehicle: Box<V>) 
         }
         states.send(state, cycles.provenance(tick));
         cycles.done(tick);
-        if scenario.is_remembered(tick) && plant.memory(&mut memory) {
-            cycles.remember(tick, &memory);
+        if scenario.is_remembered(tick)
+            && let Some(length) = plant.memory(&mut memory)
+        {
+            cycles.remember(tick, &memory[..length]);
         }
     }
     Ok(())

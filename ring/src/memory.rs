@@ -2,7 +2,7 @@
 
 use contract::Topic;
 use runtime::realtime::ControlPage;
-use runtime::shared_role::Origin;
+use runtime::shared_role::{Origin, SnapshotCell};
 
 /// Snapshot of one node's internal state.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,13 +26,16 @@ impl Memory {
 
     /// Reads the snapshots of all nodes from the page of a stack; `None` if the plant has none of sample `tick`.
     pub fn of_all(page: &ControlPage, tick: u64) -> Option<Vec<Self>> {
-        let (origin, words) = page.plant_memory.read_whole().filter(|(origin, _)| origin.done == tick + 1)?;
-        let mut all = vec![Self::new(tick, Topic::State, origin, &words)];
-        for topic in [Topic::Reference, Topic::Controls, Topic::Actuators] {
-            let memory = page.role(topic).memory.read_whole();
-            all.extend(memory.map(|(origin, words)| Self::new(tick, topic, origin, &words)));
-        }
-        Some(all)
+        let vehicle =
+            Self::of(Topic::State, &page.plant_memory, tick).filter(|memory| memory.origin.done == tick + 1)?;
+        let others = [Topic::Reference, Topic::Controls, Topic::Actuators];
+        let others = others.iter().filter_map(|topic| Self::of(*topic, &page.role(*topic).memory, tick));
+        Some(std::iter::once(vehicle).chain(others).collect())
+    }
+
+    fn of<const WORDS: usize>(topic: Topic, cell: &SnapshotCell<WORDS>, tick: u64) -> Option<Self> {
+        let (origin, words) = cell.read_whole()?;
+        Some(Self::new(tick, topic, origin, &words))
     }
 
     /// Returns its words with the zeros at the end; `None` if there are more than `WORDS`.

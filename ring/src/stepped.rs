@@ -167,11 +167,12 @@ impl Stepped {
     /// memory to continue from.
     pub fn memories(&mut self) -> Vec<Memory> {
         let tick = self.sample.1.tick;
-        let mut words = [0; PLANT_WORDS];
-        if !self.scenario.is_remembered(tick) || !self.plant.memory(&mut words) {
+        if !self.scenario.is_remembered(tick) {
             return vec![];
         }
-        let vehicle = Memory::new(tick, Topic::State, Origin { epoch: 1, done: tick + 1 }, &words);
+        let mut words = vec![0; PLANT_WORDS];
+        let Some(length) = self.plant.memory(&mut words) else { return vec![] };
+        let vehicle = Memory::new(tick, Topic::State, Origin { epoch: 1, done: tick + 1 }, &words[..length]);
         let of_node = |workers: &Workers| {
             let (origin, memory) = workers.memory()?;
             Some(Memory::new(tick, workers.topic, origin, &memory))

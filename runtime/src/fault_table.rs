@@ -5,8 +5,8 @@
 //! entry is never removed. Only its end changes, which is one word, so that no reader sees half of a change.
 //!
 //! ```text
-//! word  0       1                   2     3      4   5      6 7 8   9            10
-//!       number  target, kind, how   at_s  for_s  ms  value  vector  probability  count      absent: NaN, or count 0
+//! word  0       1                       2     3      4   5      6 7 8   9            10
+//!       number  target, kind, how, imu  at_s  for_s  ms  value  vector  probability  count      absent: NaN or 0
 //! ```
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -95,11 +95,12 @@ impl FaultUpdates {
 fn pack(number: usize, fault: &Fault) -> [u64; WORDS] {
     let kind = fault.target.kinds().iter().position(|kind| *kind == fault.kind).unwrap_or(usize::MAX);
     let how = fault.how.map_or(0, |how| 1 + how as u64);
+    let imu = fault.imu.unwrap_or(0);
     let bits = |number: Option<f64>| number.unwrap_or(f64::NAN).to_bits();
     let [north, east, down] = fault.vector.map_or([None; 3], |vector| vector.map(Some));
     [
         number as u64,
-        u64::from_le_bytes([fault.target as u8, kind as u8, how as u8, 0, 0, 0, 0, 0]),
+        u64::from_le_bytes([fault.target as u8, kind as u8, how as u8, imu as u8, 0, 0, 0, 0]),
         fault.at_s.to_bits(),
         bits(fault.for_s),
         bits(fault.ms),
@@ -114,7 +115,7 @@ fn pack(number: usize, fault: &Fault) -> [u64; WORDS] {
 
 /// Reads a fault and its number; `None` if the words are no valid fault.
 fn unpack(words: &[u64; WORDS]) -> Option<(usize, Fault)> {
-    let [target, kind, how, ..] = words[1].to_le_bytes();
+    let [target, kind, how, imu, ..] = words[1].to_le_bytes();
     let (target, _) = *FaultTarget::ALL.get(usize::from(target))?;
     let kind = *target.kinds().get(usize::from(kind))?;
     let how = match how {
@@ -129,6 +130,7 @@ fn unpack(words: &[u64; WORDS]) -> Option<(usize, Fault)> {
         target,
         kind,
         process: None,
+        imu: Some(u64::from(imu)).filter(|imu| *imu > 0),
         ms: given(4),
         value: given(5),
         vector: given(6).zip(given(7)).zip(given(8)).map(|((north, east), down)| [north, east, down]),
@@ -157,6 +159,7 @@ mod tests {
             kind: prop::sample::Index,
             at_s in 0.0..MAX_FAULT_S,
             for_s in prop::option::of(0.0..MAX_FAULT_S),
+            imu in prop::option::of(1..=2_u64),
             ms in prop::option::of(0.0..MAX_FAULT_MS),
             value in prop::option::of(-1e300..1e300),
             vector in prop::option::of(prop::array::uniform3(-1e3..1e3)),
@@ -164,7 +167,7 @@ mod tests {
             count in prop::option::of(1u64..),
             how in prop::option::of(prop::sample::select(vec![Wrong::Bias, Wrong::Scale, Wrong::Sign])),
         ) -> Fault {
-            Fault { at_s, for_s, target, kind: *kind.get(target.kinds()), process: None, ms, value, vector, probability, count, how }
+            Fault { at_s, for_s, target, kind: *kind.get(target.kinds()), process: None, imu, ms, value, vector, probability, count, how }
         }
     }
 

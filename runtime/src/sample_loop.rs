@@ -19,7 +19,6 @@
 
 use contract::message::{Message, Stamp};
 use contract::scenario::Fault;
-use contract::snapshot::PLANT_WORDS;
 use contract::topic::Topic;
 
 use crate::cycle_timing::warm_up_ns;
@@ -101,7 +100,7 @@ impl SampleLoop {
     }
 
     /// Stores the plant's `memory` after STATE of `tick`, for the recorder.
-    pub fn remember(&self, tick: u64, memory: &[u64; PLANT_WORDS]) {
+    pub fn remember(&self, tick: u64, memory: &[u64]) {
         self.member.page.plant_memory.write(Origin { epoch: u64::from(self.member.epoch), done: tick + 1 }, memory);
     }
 

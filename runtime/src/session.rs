@@ -87,7 +87,9 @@ impl NodeSession {
         let memory = &self.member.page.role(self.member.topic).memory;
         let written = (self.member.epoch > 1).then(|| memory.read_whole()).flatten();
         let written = written.filter(|(origin, _)| *origin != Origin::default());
-        if let Some((origin, _)) = written.filter(|(_, snapshot)| restore(snapshot)) {
+        if let Some((origin, words)) = written
+            && words.as_slice().try_into().is_ok_and(restore)
+        {
             self.member.continues.set(origin);
         }
     }

@@ -300,7 +300,7 @@ impl Word {
     }
 }
 
-/// Snapshot of a node's memory, which one process writes and others read, whole or not at all.
+/// Snapshot of a node's memory of up to `WORDS`, which one process writes and others read, whole or not at all.
 ///
 /// There are two copies, written alternately: a writer that dies while writing leaves the other one intact.
 #[repr(C, align(64))]
@@ -314,6 +314,8 @@ pub struct SnapshotCell<const WORDS: usize> {
 #[repr(C)]
 struct Copied<const WORDS: usize> {
     origin: [AtomicU64; 2],
+    /// Number of words that were written.
+    length: AtomicU64,
     words: [AtomicU64; WORDS],
 }
 
@@ -335,30 +337,33 @@ impl Origin {
 
 impl<const WORDS: usize> Default for SnapshotCell<WORDS> {
     fn default() -> Self {
-        let copy = || Copied { origin: Default::default(), words: std::array::from_fn(|_| AtomicU64::default()) };
+        let words = || std::array::from_fn(|_| AtomicU64::default());
+        let copy = || Copied { origin: Default::default(), length: AtomicU64::default(), words: words() };
         Self { written: AtomicU64::default(), copies: [copy(), copy()] }
     }
 }
 
 impl<const WORDS: usize> SnapshotCell<WORDS> {
-    /// Stores `snapshot`. Only one process may write at a time.
-    pub fn write(&self, origin: Origin, snapshot: &[u64; WORDS]) {
+    /// Stores `snapshot`, up to `WORDS` of it. Only one process may write at a time.
+    pub fn write(&self, origin: Origin, snapshot: &[u64]) {
         let count = self.written.load(Ordering::Relaxed) + 1;
         fence(Ordering::Release); // a reader that sees a word of this copy sees that the other one was finished
         let copy = &self.copies[count as usize % 2];
-        let places = copy.origin.iter().chain(&copy.words);
-        for (place, value) in places.zip([origin.epoch, origin.done].iter().chain(snapshot)) {
+        let length = snapshot.len() as u64;
+        let places = copy.origin.iter().chain([&copy.length]).chain(&copy.words);
+        for (place, value) in places.zip([origin.epoch, origin.done, length].iter().chain(snapshot)) {
             place.store(*value, Ordering::Relaxed);
         }
         self.written.store(count, Ordering::Release);
     }
 
     /// Reads the newest snapshot; `None` if there is none, or if it was overwritten while it was read.
-    pub fn read(&self) -> Option<(Origin, [u64; WORDS])> {
+    pub fn read(&self) -> Option<(Origin, Vec<u64>)> {
         let count = self.written.load(Ordering::Acquire);
-        let Copied { origin: [epoch, done], words } = &self.copies[count as usize % 2];
+        let Copied { origin: [epoch, done], length, words } = &self.copies[count as usize % 2];
         let origin = Origin { epoch: epoch.load(Ordering::Relaxed), done: done.load(Ordering::Relaxed) };
-        let snapshot = words.each_ref().map(|word| word.load(Ordering::Relaxed));
+        let length = WORDS.min(length.load(Ordering::Relaxed) as usize);
+        let snapshot = words[..length].iter().map(|word| word.load(Ordering::Relaxed)).collect();
         fence(Ordering::Acquire);
         // The next write goes to the other copy; the one after it, to this copy, begins when the count is one higher.
         (count > 0 && self.written.load(Ordering::Relaxed) == count).then_some((origin, snapshot))
@@ -366,7 +371,7 @@ impl<const WORDS: usize> SnapshotCell<WORDS> {
 
     /// Reads the newest snapshot, up to [`MEMORY_READS`] times if it was overwritten; `None` if that fails or there is
     /// none.
-    pub fn read_whole(&self) -> Option<(Origin, [u64; WORDS])> {
+    pub fn read_whole(&self) -> Option<(Origin, Vec<u64>)> {
         (0..MEMORY_READS).find_map(|_| self.read())
     }
 }

@@ -32,6 +32,10 @@ pub struct Fault {
     /// Process whose clock is off (offset), or whose segments are removed (shm-removed).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<FaultTarget>,
+    /// Number of the IMU that has a fault of rates or acceleration, 1 or 2; absent = every IMU.
+    #[schemars(range(min = 1, max = 2))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub imu: Option<u64>,
     /// Time \[ms\]: delay (slow process, delay, delayed), age (stale), time constant (slow sensor or actuator),
     /// duration of the rise (step), or lead of the clock (offset; negative = it is behind).
     #[schemars(range(min = -MAX_FAULT_MS, max = MAX_FAULT_MS))]
@@ -67,6 +71,7 @@ impl Fault {
             target,
             kind,
             process: None,
+            imu: None,
             ms: None,
             value: None,
             vector: None,

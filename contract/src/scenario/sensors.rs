@@ -88,6 +88,9 @@ pub struct Sensor {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ImuSettings {
+    /// Number of IMUs, 1 or 2, with errors of their own: the EKF runs once for each, and the one that fits the other
+    /// sensors flies.
+    pub count: usize,
     /// Samples per second \[Hz\]: the vehicle is integrated up to each, also between two samples of the run.
     pub rate_hz: f64,
     /// One-sided density of the white noise of the specific force \[m/s2 / sqrt(Hz)\].
@@ -111,6 +114,7 @@ pub struct ImuSettings {
 impl Default for ImuSettings {
     fn default() -> Self {
         Self {
+            count: 1,
             rate_hz: 250.0,
             acceleration_noise_density: 0.0,
             acceleration_bias_mps2: 0.0,
@@ -273,6 +277,7 @@ impl Sensors {
             },
             filter: Filter::Ekf,
             imu: ImuSettings {
+                count: 2,
                 acceleration_noise_density: 0.0007,
                 acceleration_bias_mps2: 0.01,
                 acceleration_bias_walk: 0.0005,

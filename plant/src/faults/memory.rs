@@ -7,9 +7,10 @@ use crate::memory::Tape;
 /// Reading of one sensor on its three axes, in SI units.
 pub type Reading = [f64; 3];
 /// Number of sensors.
-pub const SENSORS: usize = 7;
+pub const SENSORS: usize = 9;
 /// Readings of all sensors: position, velocity, attitude, rates, and of the EKF specific force, height and velocity
-/// over the ground. Of the last two only the first one and the first two numbers count.
+/// over the ground, of which only the first one and the first two numbers count, then rates and specific force of the
+/// second IMU.
 pub type Readings = [Reading; SENSORS];
 
 /// First-order low-pass, exact for readings that are constant from sample to sample.
@@ -71,6 +72,14 @@ impl Past {
     /// Number of ticks that are kept.
     pub fn ticks(&self) -> u64 {
         self.ticks
+    }
+
+    /// Writes or reads all readings.
+    pub fn visit(&mut self, tape: &mut Tape) {
+        tape.queue(&mut self.readings, self.ticks as usize + 1, |tape, (tick, readings)| {
+            tape.word(tick);
+            tape.numbers(readings.as_flattened_mut());
+        });
     }
 
     /// Stores the `readings` of sample `tick`.

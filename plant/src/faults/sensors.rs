@@ -11,18 +11,19 @@
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
 //!
-//! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates on the gyros.
-//! The measurement m includes the scenario's noise
-//! and the effects of earlier faults of the same sensor.
+//! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates and
+//! acceleration on one IMU or on every one. The measurement m includes the scenario's noise and the effects of earlier
+//! faults of the same sensor.
 
 use contract::Scenario;
-use contract::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS};
+use contract::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS, MAX_SENSOR_DELAY_TICKS};
 use contract::message::Kinematics;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Wrong};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Filter as Choice, Mode, Wrong};
+use navigation::IMUS;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::memory::{Filter, Past, Reading, Readings};
+use super::memory::{Filter, Past, Reading, Readings, SENSORS};
 use crate::memory::Tape;
 use crate::random::{Stream, begin_tick, normal};
 
@@ -54,9 +55,13 @@ const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
 const ACCELERATION: Sizes = Sizes { bias: 1.0, noise: 1.0 };
 /// Sizes for the height \[m\].
 const HEIGHT: Sizes = Sizes { bias: 1.0, noise: 0.3 };
-
 /// Sizes for the magnetic field \[share of the earth's\].
 const FIELD: Sizes = Sizes { bias: 0.1, noise: 0.05 };
+
+/// Rates of each IMU in [`Readings`].
+pub const RATES_READINGS: [usize; IMUS] = [3, 7];
+/// Specific force of each IMU in [`Readings`].
+pub const ACCELERATION_READINGS: [usize; IMUS] = [4, 8];
 
 /// Reading without a measurement.
 const NONE: Reading = [f64::NAN; 3];
@@ -66,16 +71,30 @@ const NONE: Reading = [f64::NAN; 3];
 pub struct SensorFaults {
     faults: FaultSchedule<SensorFault>,
     past: Past,
-    seed: u64,
-    sample_s: f64,
+    sampled: Sampled,
 }
 
+/// What the effects of faults depend on beside the fault.
+#[derive(Debug, Clone, Copy)]
+struct Sampled {
+    seed: u64,
+    sample_s: f64,
+    /// Number of IMUs.
+    imus: usize,
+}
+
+/// Fault of a sensor, or of the same sensor of every IMU.
 #[derive(Debug, Clone)]
 struct SensorFault {
-    /// Index in [`Readings`].
+    places: [Option<Place>; IMUS],
+    random: ChaCha8Rng,
+}
+
+/// Reading that has the fault: its index in [`Readings`].
+#[derive(Debug, Clone)]
+struct Place {
     sensor: usize,
     effect: Effect,
-    random: ChaCha8Rng,
 }
 
 /// Effect of a fault, in SI units.
@@ -100,43 +119,37 @@ enum Effect {
 impl SensorFaults {
     /// Builds the sensor faults of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let (seed, sample_s) = (scenario.run.seed, scenario.sample_s());
-        let faults = FaultSchedule::new(scenario, |number, fault| SensorFault::new(seed, sample_s, number, fault));
-        let delays =
-            faults.all().iter().map(|fault| if let Effect::Delayed(by) = fault.effect.effect { by } else { 0 });
-        let of_live = if scenario.run.mode == Mode::Realtime { ticks(MAX_SENSOR_DELAY_MS, sample_s) } else { 0 };
-        Self { past: Past::new(delays.fold(of_live, u64::max)), faults, seed, sample_s }
+        let sampled = Sampled {
+            seed: scenario.run.seed,
+            sample_s: scenario.sample_s(),
+            imus: if scenario.plant.sensors.filter == Choice::Ekf { scenario.plant.sensors.imu.count } else { 1 },
+        };
+        let faults = FaultSchedule::new(scenario, |number, fault| SensorFault::new(sampled, number, fault));
+        let places = faults.all().iter().flat_map(|fault| fault.effect.places.iter().flatten());
+        let delays = places.map(|place| if let Effect::Delayed(by) = place.effect { by } else { 0 });
+        let of_live =
+            if scenario.run.mode == Mode::Realtime { ticks(MAX_SENSOR_DELAY_MS, sampled.sample_s) } else { 0 };
+        let longest = delays.fold(of_live, u64::max).min(MAX_SENSOR_DELAY_TICKS);
+        Self { past: Past::new(longest), faults, sampled }
     }
 
     /// Updates fault `number` if it is a fault of a sensor.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
-        self.faults.apply_fault(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
+        self.faults.apply_fault(number, fault, SensorFault::new(self.sampled, number, fault));
     }
 
-    /// Returns whether a fault may need measurements of the recent past.
-    pub fn needs_past(&self) -> bool {
-        self.past.ticks() > 0
-    }
-
-    /// Writes or reads the memory at sample `tick` except the recent past, which [`recall`](Self::recall) restores from
-    /// the published samples. Refuses if a fault may have changed these.
-    pub fn remember(&mut self, tape: &mut Tape, tick: u64) {
-        let since = tick.saturating_sub(self.past.ticks());
-        for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
-            match &mut fault.effect {
-                Effect::Stuck(last) => tape.option(last, |tape, last| tape.numbers(last)),
-                Effect::Slow(filter) => filter.remember(tape),
-                _ => {}
-            }
-            if self.past.ticks() > 0 && ticks.start <= tick && since < ticks.end {
-                tape.refuse();
+    /// Writes or reads the memory.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        for fault in self.faults.all_mut() {
+            for place in fault.effect.places.iter_mut().flatten() {
+                match &mut place.effect {
+                    Effect::Stuck(last) => tape.option(last, |tape, last| tape.numbers(last)),
+                    Effect::Slow(filter) => filter.remember(tape),
+                    _ => {}
+                }
             }
         }
-    }
-
-    /// Stores the sample that the vehicle published at `tick` as the reading of the sensors.
-    pub fn recall(&mut self, tick: u64, returned: &Kinematics) {
-        self.past.remember(tick, readings(returned));
+        self.past.visit(tape);
     }
 
     /// Applies the faults at sample `tick` to a `measured` motion.
@@ -150,12 +163,15 @@ impl SensorFaults {
     /// Applies the faults at sample `tick` to the `readings` of all sensors.
     pub fn inject_all(&mut self, tick: u64, readings: &mut Readings) {
         self.past.remember(tick, *readings);
-        for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
-            let reading = &mut readings[fault.sensor];
-            if ticks.contains(&tick) {
-                *reading = fault.read(tick, *reading, &self.past);
-            } else {
-                fault.watch(tick, *reading);
+        for Entry { ticks, effect: SensorFault { places, random }, .. } in self.faults.all_mut() {
+            begin_tick(random, tick);
+            for Place { sensor, effect } in places.iter_mut().flatten() {
+                let reading = &mut readings[*sensor];
+                if ticks.contains(&tick) {
+                    *reading = effect.read(tick, *reading, |by| self.past.before(tick, by)[*sensor], random);
+                } else {
+                    effect.watch(tick, *reading);
+                }
             }
         }
     }
@@ -163,59 +179,83 @@ impl SensorFaults {
 
 impl SensorFault {
     /// Builds the fault; `None` if it is not a fault of a sensor.
-    fn new(seed: u64, sample_s: f64, number: usize, fault: &Fault) -> Option<Self> {
+    fn new(sampled: Sampled, number: usize, fault: &Fault) -> Option<Self> {
+        let of_imus = |sensors: [usize; IMUS]| {
+            let has = |imu: usize| imu < sampled.imus && fault.imu.is_none_or(|only| only == imu as u64 + 1);
+            std::array::from_fn(|imu| has(imu).then_some(sensors[imu]))
+        };
+        let sensors = match fault.target {
+            FaultTarget::Position => [Some(0), None],
+            FaultTarget::Velocity => [Some(1), None],
+            FaultTarget::Attitude | FaultTarget::Field => [Some(2), None],
+            FaultTarget::Height => [Some(5), None],
+            FaultTarget::Flow => [Some(6), None],
+            FaultTarget::Rates => of_imus(RATES_READINGS),
+            FaultTarget::Acceleration => of_imus(ACCELERATION_READINGS),
+            _ => return None,
+        };
+        let effect = Effect::new(sampled.sample_s, fault)?;
+        let place = |sensor: Option<usize>| Some(Place { sensor: sensor?, effect: effect.clone() });
+        Some(Self { places: sensors.map(place), random: Stream::Fault(number).open(sampled.seed) })
+    }
+}
+
+impl Effect {
+    /// Builds the effect of a fault of a sensor; `None` if a sensor has no such kind.
+    fn new(sample_s: f64, fault: &Fault) -> Option<Self> {
         let degree = 1f64.to_radians();
-        let (sensor, unit, sizes) = match fault.target {
-            FaultTarget::Position => (0, 1.0, POSITION),
-            FaultTarget::Velocity => (1, 1.0, VELOCITY),
-            FaultTarget::Attitude => (2, degree, ATTITUDE),
-            FaultTarget::Field => (2, 1.0, FIELD),
-            FaultTarget::Rates => (3, degree, RATES),
-            FaultTarget::Acceleration => (4, 1.0, ACCELERATION),
-            FaultTarget::Height => (5, 1.0, HEIGHT),
-            FaultTarget::Flow => (6, 1.0, VELOCITY),
-            _ => return None,
+        let (unit, sizes) = match fault.target {
+            FaultTarget::Position => (1.0, POSITION),
+            FaultTarget::Attitude => (degree, ATTITUDE),
+            FaultTarget::Field => (1.0, FIELD),
+            FaultTarget::Rates => (degree, RATES),
+            FaultTarget::Acceleration => (1.0, ACCELERATION),
+            FaultTarget::Height => (1.0, HEIGHT),
+            _ => (1.0, VELOCITY),
         };
-        let effect = match (fault.kind, fault.wrong()) {
-            (FaultKind::Off, _) => Effect::Off,
-            (FaultKind::Stuck, _) => Effect::Stuck(None),
-            (FaultKind::Garbage, _) => Effect::Garbage(fault.probability.unwrap_or(GARBAGE_SHARE)),
-            (FaultKind::Wrong, Wrong::Bias) => Effect::Bias(fault.value.unwrap_or(sizes.bias) * unit),
-            (FaultKind::Wrong, Wrong::Scale) => Effect::Scale(fault.value.unwrap_or(SCALE)),
-            (FaultKind::Wrong, Wrong::Sign) => Effect::Scale(-1.0),
-            (FaultKind::Slow, _) => Effect::Slow(Filter::new(fault.ms.unwrap_or(SLOW_MS) / 1e3, sample_s)),
-            (FaultKind::Delayed, _) => Effect::Delayed(ticks(fault.ms.unwrap_or(DELAYED_MS), sample_s)),
-            (FaultKind::Intermittent, _) => Effect::Intermittent(fault.probability.unwrap_or(OFF_SHARE)),
-            (FaultKind::Noise, _) => Effect::Noise(fault.value.unwrap_or(sizes.noise) * unit),
+        Some(match (fault.kind, fault.wrong()) {
+            (FaultKind::Off, _) => Self::Off,
+            (FaultKind::Stuck, _) => Self::Stuck(None),
+            (FaultKind::Garbage, _) => Self::Garbage(fault.probability.unwrap_or(GARBAGE_SHARE)),
+            (FaultKind::Wrong, Wrong::Bias) => Self::Bias(fault.value.unwrap_or(sizes.bias) * unit),
+            (FaultKind::Wrong, Wrong::Scale) => Self::Scale(fault.value.unwrap_or(SCALE)),
+            (FaultKind::Wrong, Wrong::Sign) => Self::Scale(-1.0),
+            (FaultKind::Slow, _) => Self::Slow(Filter::new(fault.ms.unwrap_or(SLOW_MS) / 1e3, sample_s)),
+            (FaultKind::Delayed, _) => Self::Delayed(ticks(fault.ms.unwrap_or(DELAYED_MS), sample_s)),
+            (FaultKind::Intermittent, _) => Self::Intermittent(fault.probability.unwrap_or(OFF_SHARE)),
+            (FaultKind::Noise, _) => Self::Noise(fault.value.unwrap_or(sizes.noise) * unit),
             _ => return None,
-        };
-        Some(Self { sensor, effect, random: Stream::Fault(number).open(seed) })
+        })
     }
 
     /// Stores a reading while the fault is not active.
     fn watch(&mut self, tick: u64, measured: Reading) {
-        match &mut self.effect {
-            Effect::Stuck(last) => *last = Some(measured),
-            Effect::Slow(filter) => filter.settle(tick, measured),
+        match self {
+            Self::Stuck(last) => *last = Some(measured),
+            Self::Slow(filter) => filter.settle(tick, measured),
             _ => {}
         }
     }
 
-    /// Computes the reading of the sensor while the fault is active.
-    fn read(&mut self, tick: u64, measured: Reading, past: &Past) -> Reading {
-        begin_tick(&mut self.random, tick);
-        let random = &mut self.random;
-        match &mut self.effect {
-            Effect::Off => NONE,
-            Effect::Stuck(last) => *last.get_or_insert(measured),
-            Effect::Garbage(share) if random.random::<f64>() < *share => measured.map(|_| garbage(random)),
-            Effect::Intermittent(share) if random.random::<f64>() < *share => NONE,
-            Effect::Garbage(_) | Effect::Intermittent(_) => measured,
-            Effect::Bias(by) => measured.map(|value| value + *by),
-            Effect::Scale(factor) => measured.map(|value| value * *factor),
-            Effect::Slow(filter) => filter.follow(tick, measured),
-            Effect::Delayed(by) => past.before(tick, *by)[self.sensor],
-            Effect::Noise(deviation) => measured.map(|value| value + *deviation * normal(random)),
+    /// Computes the reading of the sensor while the fault is active; `before` has its readings a number of ticks ago.
+    fn read(
+        &mut self,
+        tick: u64,
+        measured: Reading,
+        before: impl FnOnce(u64) -> Reading,
+        random: &mut ChaCha8Rng,
+    ) -> Reading {
+        match self {
+            Self::Off => NONE,
+            Self::Stuck(last) => *last.get_or_insert(measured),
+            Self::Garbage(share) if random.random::<f64>() < *share => measured.map(|_| garbage(random)),
+            Self::Intermittent(share) if random.random::<f64>() < *share => NONE,
+            Self::Garbage(_) | Self::Intermittent(_) => measured,
+            Self::Bias(by) => measured.map(|value| value + *by),
+            Self::Scale(factor) => measured.map(|value| value * *factor),
+            Self::Slow(filter) => filter.follow(tick, measured),
+            Self::Delayed(by) => before(*by),
+            Self::Noise(deviation) => measured.map(|value| value + *deviation * normal(random)),
         }
     }
 }
@@ -223,7 +263,9 @@ impl SensorFault {
 /// Readings of the sensors of a motion; the others are 0.
 fn readings(motion: &Kinematics) -> Readings {
     let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = *motion;
-    [position_m, velocity_mps, attitude_rad, rates_radps, [0.0; 3], [0.0; 3], [0.0; 3]]
+    let mut readings = [[0.0; 3]; SENSORS];
+    readings[..4].copy_from_slice(&[position_m, velocity_mps, attitude_rad, rates_radps]);
+    readings
 }
 
 /// Converts a time to whole samples, rounded up.

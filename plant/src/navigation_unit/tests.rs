@@ -92,9 +92,9 @@ fn vibration_grows_with_the_rotor_speed() {
         let mut instruments = Instruments::new(&scenario, &motion, 4_000_000, &mut random);
         let n = 2000;
         let squares = (1..=n).map(|k| {
-            let (imu, _) = instruments.measure(k * 4_000_000, &motion, &actuators, &[0.0; 3], |_| {}, &mut random);
+            let (imus, _) = instruments.measure(k * 4_000_000, &motion, &actuators, &[0.0; 3], |_| {}, &mut random);
             let at_rest = state_of(&motion).attitude.inverse() * Vector3::new(0.0, 0.0, -scenario.airframe.g_mps2);
-            (imu.specific_force_mps2 - at_rest).norm_squared() / 3.0
+            (imus[0].specific_force_mps2 - at_rest).norm_squared() / 3.0
         });
         (squares.sum::<f64>() / n as f64).sqrt()
     };

@@ -31,7 +31,7 @@ fn by_the_barrier_a_node_answers_once_to_each_sample() {
     assert_eq!(cycles.next(&mut states).unwrap(), Some(0));
     cycles.done(0, &MEMORY);
     assert_eq!(ring.page.role(Topic::Reference).done(1).get(), 1);
-    assert_eq!(ring.page.role(Topic::Reference).memory.read(), Some((Origin { epoch: 1, done: 1 }, MEMORY)));
+    assert_eq!(ring.page.role(Topic::Reference).memory.read(), Some((Origin { epoch: 1, done: 1 }, MEMORY.to_vec())));
     let next = only_after(|| sample(&ring.page, 1), || cycles.next(&mut states));
     assert_eq!(next.unwrap(), Some(1));
 }

@@ -4,6 +4,7 @@ use toml::Value;
 
 use super::found::Found;
 use super::idle;
+use crate::fault_schedule::MAX_SENSOR_DELAY_TICKS;
 use crate::scenario::{
     Constraints, Fault, FaultKind, FaultTarget, Filter, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, ProgramKind,
     Scenario, Sensors,
@@ -26,6 +27,14 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     check_air(fault, &scenario.plant, found);
     check_vehicle(fault, scenario, found);
     check_unit(fault, &scenario.plant.sensors, found);
+    check_imu(fault, &scenario.plant.sensors, found);
+    let delay_ms = MAX_SENSOR_DELAY_TICKS as f64 * scenario.sample_s() * 1e3;
+    found.require(
+        fault.kind != FaultKind::Delayed || fault.ms.is_none_or(|ms| ms <= delay_ms),
+        &["fault", "run.rate_hz"],
+        "a sensor whose past is longer than the memory of the plant".into(),
+        &format!("`ms` of 0 to {delay_ms}, {MAX_SENSOR_DELAY_TICKS} samples"),
+    );
     check_surroundings(fault, scenario.run.mode, found);
     let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
     found.require(
@@ -160,6 +169,19 @@ fn check_unit(fault: &Fault, sensors: &Sensors, found: &mut Found) {
         &["fault", key],
         format!("a fault of {name} where no sensor measures it"),
         &format!("`{key}` above 0"),
+    );
+}
+
+/// Requires the IMU that has the fault.
+fn check_imu(fault: &Fault, sensors: &Sensors, found: &mut Found) {
+    let Some(imu) = fault.imu else { return };
+    let is_of_one = matches!(fault.target, FaultTarget::Rates | FaultTarget::Acceleration);
+    let count = if sensors.filter == Filter::Ekf { sensors.imu.count } else { 0 };
+    found.require(
+        is_of_one && (1..=count as u64).contains(&imu),
+        &["fault", "plant.sensors.imu.count"],
+        format!("a fault of IMU {imu} where {} has {count}", if is_of_one { "the unit" } else { fault.target.name() }),
+        "`imu` of 1 to `plant.sensors.imu.count`, with a fault of rates or acceleration",
     );
 }
 

@@ -95,6 +95,7 @@ const RANGES: &[(&str, Range)] = &[
     ("plant.sensors.velocity.latency_ms", LATENCY_MS),
     ("plant.sensors.attitude.latency_ms", LATENCY_MS),
     ("plant.sensors.rates.latency_ms", LATENCY_MS),
+    ("plant.sensors.imu.count", (Included(1.0), Included(2.0))),
     ("plant.sensors.imu.rate_hz", (Included(200.0), Included(1000.0))),
     ("plant.sensors.imu.scale", (Included(0.0), Included(0.1))),
     ("plant.sensors.imu.misalignment_deg", (Included(0.0), Included(10.0))),

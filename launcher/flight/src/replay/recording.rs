@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use contract::Topic;
-use contract::fault_schedule::MAX_SENSOR_DELAY_MS;
-use contract::scenario::{Fault, FaultKind, NodeProgram, ProgramKind, Scenario, candidate};
+use contract::scenario::{Fault, NodeProgram, ProgramKind, Scenario, candidate};
 use runtime::limits::HELD_MESSAGES;
 use runtime::shared_role::Origin;
 
@@ -127,7 +126,7 @@ impl Recording {
 
     /// Creates a script, without messages, that begins at the last memories of the nodes in the log before tick `from`,
     /// or else at tick 0, as in a flight with a core that keeps no memory. It also takes in what was sent before:
-    /// messages that may be under way, and samples for delayed sensors.
+    /// messages that may be under way.
     ///
     /// # Errors
     /// The log cannot be read.
@@ -142,10 +141,7 @@ impl Recording {
         if !memories.iter().any(of_vehicle) || memories.iter().any(unfit) {
             memories.clear();
         }
-        let delays = self.scenario.fault.iter().filter(|fault| fault.kind == FaultKind::Delayed);
-        let longest_ms = delays.filter_map(|fault| fault.ms).fold(MAX_SENSOR_DELAY_MS, f64::max);
-        let before = 2 * HELD_MESSAGES as u64 + (longest_ms / 1e3 / self.scenario.sample_s()).ceil() as u64;
-        Ok(Script::beginning_with(memories, before))
+        Ok(Script::beginning_with(memories, 2 * HELD_MESSAGES as u64))
     }
 
     /// Returns the log time of `tick` \[ns\].

@@ -153,7 +153,7 @@ impl Worker {
                 faults.update();
                 timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
                 faults.new_faults(|number, fault| plant.apply_fault(number, fault));
-                let state = known.inspect(|state| plant.recall(state)).unwrap_or_else(|| plant.sample());
+                let state = known.unwrap_or_else(|| plant.sample());
                 output.send(state, provenance);
             }
             Core::Node(node) => {
@@ -180,9 +180,7 @@ impl Worker {
     /// Continues from what the process remembered in the flight; returns false if `memory` does not fit it.
     pub fn restore(&mut self, memory: &Memory) -> bool {
         match &mut self.core {
-            Core::Plant(sampler) => {
-                memory.padded().is_some_and(|words| sampler.plant.restore(memory.origin.done - 1, &words))
-            }
+            Core::Plant(sampler) => sampler.plant.restore(memory.origin.done - 1, &memory.words),
             Core::Node(node) => memory.padded().is_some_and(|words| node.restore(&words) && node.memory() == words),
         }
     }

@@ -13,9 +13,8 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, mmap_anonymous, munmap};
 use crate::domain::allocate;
 use crate::realtime::control_page::Page;
 
-const PAGE_BYTES: usize = 4096 * 14;
-const MAGIC: u32 = 0x7EF0_110A;
-const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
+const PAGE_BYTES: usize = size_of::<Page>().next_multiple_of(4096);
+const MAGIC: u32 = 0x7EF0_110B;
 
 /// Mapping of the control page, unmapped when it is dropped.
 pub struct ControlPage {

@@ -1,0 +1,112 @@
+//! Lane: one IMU with a filter of its own, and the choice among lanes.
+//!
+//! ```text
+//! worse = integral of (surprise - surprise of the lane that flies), forgotten with FORGET_S, where they differ by more
+//!         than HYSTERESIS;     surprise = the largest y' / S y of the last measurements, as a share of its gate, below 1
+//! ```
+//!
+//! All lanes get the same measurements of the other sensors, so that only their IMUs make them differ. An IMU that
+//! gives nothing new, whether it is silent or stuck, is known by the age of its last news, before its lane errs. One
+//! that lies is known by what its lane does not expect. This is what PX4's `EKF2Selector` does, which takes sums of test
+//! ratios; there a lane that has lost its way keeps it, here it begins anew from the lane that flies.
+
+use nalgebra::Vector3;
+
+use crate::filter::{Constants, Filter};
+use crate::state::Imu;
+
+/// Range of the accelerometer, 16 g \[m/s2\].
+const MAX_SPECIFIC_FORCE_MPS2: f64 = 157.0;
+/// Range of the gyros, 2000 deg/s \[rad/s\].
+const MAX_RATES_RADPS: f64 = 34.9;
+
+/// Age of its last news above which an IMU is ill \[s\]: an error of the attitude of a degree at 50 deg/s.
+const STALE_S: f64 = 0.02;
+/// Time for which an IMU must give news until it is well again \[s\]: longer than the delay of every sensor.
+const WELL_AFTER_S: f64 = 1.0;
+/// Difference of two lanes' surprises that tells one from the other.
+const HYSTERESIS: f64 = 0.2;
+/// Time constant with which differences are forgotten \[s\].
+const FORGET_S: f64 = 2.0;
+/// Differences over time above which a better lane flies, and a worse one begins anew \[s\].
+const CHANGE_S: f64 = 0.1;
+const ANEW_S: f64 = 1.0;
+
+/// IMU with its filter.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Lane {
+    /// Filter at the horizon.
+    pub filter: Filter,
+    /// Last sample that was taken.
+    pub last: Imu,
+    /// Age of the last sample that told something new \[s\].
+    stale_s: f64,
+    /// Time for which the IMU has been well, up to [`WELL_AFTER_S`] \[s\].
+    well_s: f64,
+    /// How much worse than the lane that flies \[s\].
+    worse_s: f64,
+}
+
+impl Lane {
+    /// Builds the lane of an IMU that has been well.
+    pub fn new(filter: Filter) -> Self {
+        let last = Imu { specific_force_mps2: Vector3::new(0.0, 0.0, -filter.g_mps2()), ..Imu::default() };
+        Self { filter, last, stale_s: 0.0, well_s: WELL_AFTER_S, worse_s: 0.0 }
+    }
+
+    /// Receives a sample of the IMU, and returns what is taken for it. What cannot be true, because it is no number or
+    /// beyond the range, is replaced by the last value.
+    pub fn receive(&mut self, measured: &Imu, period_s: f64) -> Imu {
+        let (force, of_force) =
+            in_range(&measured.specific_force_mps2, &self.last.specific_force_mps2, MAX_SPECIFIC_FORCE_MPS2);
+        let (rates, of_rates) = in_range(&measured.rates_radps, &self.last.rates_radps, MAX_RATES_RADPS);
+        self.stale_s = if of_force && of_rates { 0.0 } else { self.stale_s + period_s };
+        self.well_s = if self.stale_s > STALE_S { 0.0 } else { (self.well_s + period_s).min(WELL_AFTER_S) };
+        self.last = Imu { specific_force_mps2: force, rates_radps: rates };
+        self.last
+    }
+
+    /// Returns whether the IMU gives nothing new, or has only begun to.
+    pub fn is_ill(&self) -> bool {
+        self.well_s < WELL_AFTER_S
+    }
+
+    /// Passes every number of the memory to `visit`, to be read or written.
+    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
+        self.filter.visit(visit);
+        self.last.visit(visit);
+        [&mut self.stale_s, &mut self.well_s, &mut self.worse_s].into_iter().for_each(visit);
+    }
+}
+
+/// Values of a sensor, with those of the `last` sample where they are no numbers within `range`; and whether they tell
+/// something new.
+fn in_range(values: &Vector3<f64>, last: &Vector3<f64>, range: f64) -> (Vector3<f64>, bool) {
+    let taken = values.zip_map(last, |value, last| if value.abs() <= range { value } else { last });
+    (taken, taken == *values && taken != *last)
+}
+
+/// Chooses among `lanes` after a sample, where `flown` flies, and returns the one that flies now. The others begin anew
+/// from it when their IMU is well again, or when they are much worse; their IMUs have biases of `constants`.
+pub(crate) fn choose(lanes: &mut [Lane], flown: usize, constants: &Constants, period_s: f64) -> usize {
+    let of_flown = lanes[flown].filter.surprise();
+    for lane in &mut *lanes {
+        let worse = lane.filter.surprise() - of_flown;
+        let tells = if worse.abs() > HYSTERESIS { worse * period_s } else { 0.0 };
+        let worse_s = (lane.worse_s * (1.0 - period_s / FORGET_S) + tells).min(ANEW_S);
+        lane.worse_s = if lane.is_ill() { ANEW_S } else { worse_s };
+    }
+    let is_better = |lane: &Lane| !lane.is_ill() && (lanes[flown].is_ill() || lane.worse_s < -CHANGE_S);
+    let chosen = lanes.iter().position(is_better).unwrap_or(flown);
+    if chosen != flown {
+        lanes.iter_mut().for_each(|lane| lane.worse_s = 0.0);
+    }
+    for i in 0..lanes.len() {
+        if i != chosen && lanes[i].worse_s >= ANEW_S && !lanes[i].is_ill() {
+            let best = lanes[chosen].filter.clone();
+            lanes[i].filter.begin_at(&best, constants);
+            lanes[i].worse_s = 0.0;
+        }
+    }
+    chosen
+}
