@@ -3,8 +3,8 @@
 //! ```text
 //! d = -f / |f|,   e = d x m / |d x m|,   n = e x d        down, east and north in body axes (TRIAD)
 //! e_t = -(G x e_f) / g^2,   G = -f                        error of the tilt by that of the specific force f
-//! e_h = (m_z n . e_t + e . e_m) / m_x + e_d               error of the heading by those of the field m = (m_x, 0, m_z)
-//!                                                         and of the declination
+//! e_h = (m_z n . e_t + e . e_m) / m_x + e_d               error of the heading by those of the map's field
+//!                                                         m = (m_x, 0, m_z) and of the declination
 //! ```
 //!
 //! The rows of `R` are n, e and d: three vectors from two, Shuster and Oh, *Three-axis attitude determination from
@@ -78,7 +78,10 @@ impl Standstill {
         let (force, field) = (self.specific_force.value()?, self.field.value()?);
         let down = -force.try_normalize(0.0)?;
         let level = down.cross(&field);
-        let (east, horizontal) = (level.try_normalize(0.0)?, level.norm().max(MIN_HORIZONTAL));
+        let east = level.try_normalize(0.0)?;
+        // As the filter's: a Jacobian at the measured field would differ from it, and standing would tell the heading.
+        let inclination_rad = noise.inclination_rad;
+        let horizontal = libm::cos(inclination_rad).max(MIN_HORIZONTAL);
         let north = east.cross(&down);
         let axes = Matrix3::from_rows(&[north.transpose(), east.transpose(), down.transpose()]);
         let height_m = self.height.value().map_or(-position_m.z, |height| height.x);
@@ -99,7 +102,7 @@ impl Standstill {
         let of_field = white(noise.field, &self.field) + of_iron;
         let of_declination = constants.declination_rad * constants.declination_rad;
         let tilt = down.cross_matrix() * (-1.0 / g_mps2);
-        let turned: RowVector3<f64> = north.transpose() * tilt * (field.dot(&down) / horizontal);
+        let turned: RowVector3<f64> = north.transpose() * tilt * libm::tan(inclination_rad);
         let by_force = tilt + down * turned;
         let by_field = down * east.transpose() / horizontal;
 

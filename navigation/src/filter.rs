@@ -11,8 +11,9 @@
 //! A measurement is refused if its normalised innovation `y' / S y` is above the chi-square quantile of 0.999; the
 //! receiver's is gated level and along the vertical apart. A source of which nothing was accepted for `RESET_AFTER_S`
 //! disagrees for good, and the less trusted one is reset: if it disagrees alone, its own error (drift, bias, own
-//! field); if another one that tells of the same motion is refused too, the motion. The covariance of what is reset
-//! grows by the innovation, `H' y^2 H`, so that it takes the innovation up. Resets are counted.
+//! field); if another one that tells of the same motion is refused too, the motion. A velocity that disagrees alone is
+//! refused as long as it does. The covariance of what is reset grows by the innovation, `H' y^2 H`, so that it takes
+//! the innovation up. Resets are counted.
 //!
 //! What a sensor measures too much is a first-order Gauss-Markov process ([`Wander`]), as in section 3.6 of Groves,
 //! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013): drift of the receiver, bias of
@@ -30,6 +31,8 @@ use crate::state::{
 const RESET_AFTER_S: f64 = 2.0;
 /// Time for which two sources must disagree at once so that what they have in common is reset \[s\].
 const TOGETHER_S: f64 = 1.0;
+/// Time after which the drift has followed an antenna that turned away \[s\].
+const LASTS_S: f64 = 1.0;
 /// Smallest horizontal share of the magnetic field that tells a heading.
 pub(crate) const MIN_HORIZONTAL: f64 = 0.1;
 
@@ -77,7 +80,10 @@ impl Source {
             Self::Position => &[Self::Velocity, Self::Flow],
             Self::Depth => &[Self::Sink, Self::Height],
             Self::Height => &[Self::Sink, Self::Depth],
-            Self::Velocity | Self::Sink | Self::Heading | Self::Flow => &[],
+            Self::Velocity => &[Self::Position, Self::Flow],
+            Self::Sink => &[Self::Depth, Self::Height],
+            Self::Flow => &[Self::Position, Self::Velocity],
+            Self::Heading => &[Self::Velocity, Self::Flow],
         }
     }
 
@@ -298,7 +304,8 @@ impl Filter {
     pub fn fuse_position(&mut self, position_m: Vector3<f64>) {
         let off = |state: &State| position_m - state.position_m - state.drift_m;
         let Noise { antenna_m, clock_s, .. } = self.noise;
-        let late_m = hypot(antenna_m, clock_s * self.state.velocity_mps.norm());
+        let turned_m = antenna_m * (self.pace[0] * LASTS_S).min(1.0);
+        let late_m = hypot(turned_m, clock_s * self.state.velocity_mps.norm());
         let noise = self.noise.position_m.map(|white| hypot(white, late_m));
         self.fuse(Source::Position, &direct(Source::Position, off(&self.state).xy(), 1.0, noise.xy()));
         self.fuse(Source::Depth, &direct(Source::Depth, scalar(off(&self.state).z), 1.0, scalar(noise.z)));
@@ -390,11 +397,11 @@ impl Filter {
                 record.outage_s = record.silent_s;
             }
             record.spell += 1.0;
-            if record.disputed_s() < RESET_AFTER_S {
-                record.refused += 1.0;
+            if record.disputed_s() < RESET_AFTER_S || self.is_outvoted(source) {
+                self.records[source as usize].refused += 1.0;
                 return;
             }
-            record.resets += 1.0;
+            self.records[source as usize].resets += 1.0;
             self.open(source, innovation, jacobian);
             let Some(opened) = spread(&self.covariance) else { return };
             (seen, expected) = opened;
@@ -406,6 +413,12 @@ impl Filter {
         let kept = self.covariance - gain * seen; // (I - K H) P
         self.covariance = kept - kept * jacobian.transpose() * gain.transpose() + gain * noise * gain.transpose();
         self.inject(&(gain * innovation));
+    }
+
+    /// Returns whether a `source` without an error of its own disagrees with fellows that have gone on to agree.
+    fn is_outvoted(&self, source: Source) -> bool {
+        let agrees = |fellow: &Source| self.record(*fellow).accepted > 0.0 && self.record(*fellow).silent_s < TOGETHER_S;
+        source.states().1.is_none() && source.fellows().iter().any(agrees)
     }
 
     /// Opens the covariance of what a `source` that disagrees for good has shown to be wrong: its own error, or the
@@ -427,6 +440,11 @@ impl Filter {
         let rows = gram.solve(&rows); // the shortest error that explains an innovation of 1
         let surprise = SMatrix::from_diagonal(&innovation.component_mul(innovation));
         self.covariance += rows.transpose() * surprise * rows;
+        if matches!(source, Source::Velocity | Source::Flow) && !was_silent {
+            // A velocity goes wrong under the eyes of its sensor by gravity along a wrong attitude.
+            let turned = innovation.norm() / (self.g_mps2 * RESET_AFTER_S);
+            (ATTITUDE..ATTITUDE + 3).for_each(|i| self.covariance[(i, i)] += turned * turned);
+        }
     }
 
     /// Adds an `error` to the state, and turns the covariance into the axes of the new attitude.
@@ -437,7 +455,6 @@ impl Filter {
         self.covariance.fixed_rows_mut::<3>(ATTITUDE).copy_from(&rows);
         let columns = self.covariance.fixed_columns::<3>(ATTITUDE) * reset.transpose();
         self.covariance.fixed_columns_mut::<3>(ATTITUDE).copy_from(&columns);
-        self.symmetrise();
         self.state = self.state.plus(error);
     }
 

@@ -38,6 +38,8 @@ const MIN_DEVIATION: f64 = 1e-4;
 const AIRSPEED_MPS: f64 = 5.0;
 const THRUST_SHARE: f64 = 0.1;
 const LEG_S: f64 = 10.0;
+/// Time over which the barometer's bias walks \[s\].
+const FLIGHT_S: f64 = 600.0;
 
 /// Accelerometers and gyros.
 #[derive(Debug, Clone)]
@@ -177,10 +179,12 @@ impl Instruments {
                 let share = if bias_s > 0.0 && bias[axis] > 0.0 { start / bias[axis] } else { 1.0 };
                 Wander { start, walk: bias_walk[axis] * share, time_s }
             }),
-            barometer: Wander {
-                start: hypot(wind_m, barometer.rotor_pressure_m),
-                walk: hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt()),
-                time_s: f64::INFINITY,
+            barometer: {
+                let start = hypot(wind_m, barometer.rotor_pressure_m);
+                let walk = hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt());
+                // The time constant with which it stays as large as it is after a flight.
+                let last = hypot(start, barometer.bias_walk * FLIGHT_S.sqrt());
+                Wander { start, walk, time_s: if walk > 0.0 { 2.0 * (last / walk) * (last / walk) } else { f64::INFINITY } }
             },
             hard_iron: Wander::stationary(settings.magnetometer.disturbance, f64::INFINITY),
         }

@@ -34,6 +34,8 @@ GATES = {1: 10.828, 2: 13.816}  # chi-square quantiles of 0.999
 SPLIT = {"position": ("position", "depth"), "velocity": ("velocity", "sink")}  # level and vertical have gates of their own
 GROUPS = ("position", "depth", "velocity", "sink", "height", "field", "flow")
 FELLOWS = {"position": ("velocity", "flow"), "depth": ("sink", "height"), "height": ("sink", "depth")}
+FELLOWS |= {"velocity": ("position", "flow"), "sink": ("depth", "height"), "flow": ("position", "velocity")}
+FELLOWS |= {"field": ("velocity", "flow")}
 STATES = {  # of the motion, and of the sensor's own error
     "position": (range(0, 2), range(15, 17)),
     "depth": (range(2, 3), range(17, 18)),
@@ -95,12 +97,17 @@ class Filter:
     def disputed(self, name):
         return 0.0 if self.outage[name] is None else self.silent[name] - self.outage[name]
 
+    def outvoted(self, name):
+        return any(self.counts[fellow][0] > 0 and self.silent[fellow] < TOGETHER for fellow in FELLOWS[name])
+
     def fuse(self, name, measured):
         h = np.zeros((len(NOISE[name]), 23))
         deviation = NOISE[name]
         if name == "position":
             y, h[:, 0:3], h[:, 15:18] = measured - self.p - self.drift, np.eye(3), np.eye(3)
-            deviation = np.sqrt(deviation**2 + ANTENNA**2 + (CLOCK * np.linalg.norm(self.v)) ** 2)
+            deviation = np.sqrt(
+                deviation**2 + (ANTENNA * min(self.pace[0], 1.0)) ** 2 + (CLOCK * np.linalg.norm(self.v)) ** 2
+            )
         elif name == "velocity":
             y, h[:, 3:6] = measured - self.v, np.eye(3)
             deviation = np.sqrt(deviation**2 + (ANTENNA * self.pace[0]) ** 2 + (CLOCK * self.pace[1]) ** 2)
@@ -137,17 +144,19 @@ class Filter:
         if y @ np.linalg.solve(expected, y) > GATES[len(y)]:
             if self.outage[name] is None:
                 self.outage[name] = self.silent[name]
-            if self.disputed(name) < SILENCE:
+            if self.disputed(name) < SILENCE or STATES[name][1] is None and self.outvoted(name):
                 self.counts[name][1] += 1
                 return
             self.counts[name][2] += 1
             motion, own = STATES[name]
-            alone = all(self.disputed(fellow) < TOGETHER for fellow in FELLOWS.get(name, ()))
+            alone = all(self.disputed(fellow) < TOGETHER for fellow in FELLOWS[name])
             states = own if own and alone and self.outage[name] <= SILENCE else motion
             part = np.zeros_like(h)
             part[:, list(states)] = h[:, list(states)]
             part = np.linalg.solve(part @ part.T, part)
             self.cov = self.cov + part.T @ np.diag(y**2) @ part
+            if name in ("velocity", "flow") and self.outage[name] <= SILENCE:
+                self.cov[6:9, 6:9] += np.eye(3) * (np.linalg.norm(y) / (G[2] * SILENCE)) ** 2
             expected = h @ self.cov @ h.T + noise
         self.counts[name][0] += 1
         self.silent[name], self.outage[name] = 0.0, None
