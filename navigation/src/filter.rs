@@ -24,8 +24,9 @@ use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, UnitQuaternion, Vector2, V
 
 use crate::state::{
     ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, ERRORS, Error, HARD_IRON, Imu,
-    POSITION, RATES_BIAS, State, VELOCITY,
+    POSITION, RATES_BIAS, State, VELOCITY, turn,
 };
+use crate::yaw::YawCheck;
 
 /// Time for which a source must disagree until a reset \[s\].
 const RESET_AFTER_S: f64 = 2.0;
@@ -33,6 +34,9 @@ const RESET_AFTER_S: f64 = 2.0;
 const TOGETHER_S: f64 = 1.0;
 /// Time after which the drift has followed an antenna that turned away \[s\].
 const LASTS_S: f64 = 1.0;
+/// Deviation of a heading that is hardly known, and smallest angle of one that is wrong \[rad\].
+const UNKNOWN_RAD: f64 = 0.8;
+const WRONG_RAD: f64 = 0.35;
 /// Smallest horizontal share of the magnetic field that tells a heading.
 pub(crate) const MIN_HORIZONTAL: f64 = 0.1;
 
@@ -209,12 +213,13 @@ pub struct Filter {
     /// Rates and acceleration in the last sample of the IMU \[rad/s, m/s2\].
     pace: [f64; 2],
     records: [Record; SOURCES],
+    yaw: YawCheck,
 }
 
 impl Filter {
     /// Builds a filter that starts at `state` with an error of `covariance`.
     pub fn new(state: State, covariance: Covariance, noise: Noise, g_mps2: f64) -> Self {
-        Self { state, covariance, noise, g_mps2, pace: [0.0; 2], records: [Record::default(); SOURCES] }
+        Self { state, covariance, noise, g_mps2, pace: [0.0; 2], records: [Record::default(); SOURCES], yaw: YawCheck::default() }
     }
 
     /// Gravity \[m/s2\].
@@ -252,7 +257,7 @@ impl Filter {
                 self.covariance[(from + i, from + i)] = deviation * deviation;
             }
         }
-        self.pace = other.pace;
+        (self.pace, self.yaw) = (other.pace, other.yaw);
         for (record, from) in self.records.iter_mut().zip(&other.records) {
             let Record { silent_s, spell, outage_s, nis, .. } = *from;
             *record = Record { silent_s, spell, outage_s, nis, ..*record };
@@ -266,6 +271,7 @@ impl Filter {
         let before = self.state;
         self.state = before.moved(imu, dt_s, self.g_mps2);
         let faster = self.state.velocity_mps - before.velocity_mps;
+        self.yaw.moved(&faster.xy(), dt_s);
         self.pace = [(imu.rates_radps - before.rates_bias_radps).norm(), faster.norm() / dt_s];
         let State { drift_m, barometer_bias_m, hard_iron, .. } = &mut self.state;
         let wandering = drift_m.iter_mut().chain([barometer_bias_m]).chain(hard_iron);
@@ -313,10 +319,12 @@ impl Filter {
 
     /// Fuses a velocity, NED \[m/s\].
     pub fn fuse_velocity(&mut self, velocity_mps: Vector3<f64>) {
+        self.yaw.fix(&velocity_mps.xy());
         let off = |state: &State| velocity_mps - state.velocity_mps;
         let Noise { antenna_m, clock_s, .. } = self.noise;
         let late_mps = hypot(antenna_m * self.pace[0], clock_s * self.pace[1]);
         let noise = self.noise.velocity_mps.map(|white| hypot(white, late_mps));
+        self.check_heading(&velocity_mps.xy());
         self.fuse(Source::Velocity, &direct(Source::Velocity, off(&self.state).xy(), 0.0, noise.xy()));
         self.fuse(Source::Sink, &direct(Source::Sink, scalar(off(&self.state).z), 0.0, scalar(noise.z)));
     }
@@ -331,7 +339,9 @@ impl Filter {
 
     /// Fuses the heading of a magnetic `field`, body, as shares of its strength; none if the field is vertical.
     pub fn fuse_field(&mut self, field: &Vector3<f64>) {
-        if let Some(measured) = self.heading(field) {
+        if self.heading_error().1 < UNKNOWN_RAD * UNKNOWN_RAD
+            && let Some(measured) = self.heading(field)
+        {
             self.fuse(Source::Heading, &measured);
         }
     }
@@ -409,10 +419,44 @@ impl Filter {
         let record = &mut self.records[source as usize];
         record.accepted += 1.0;
         (record.silent_s, record.spell) = (0.0, 0.0);
-        let gain = expected.solve(&seen).transpose();
+        let mut gain = expected.solve(&seen).transpose();
+        let (down, variance) = self.heading_error();
+        if variance > UNKNOWN_RAD * UNKNOWN_RAD {
+            // Far from the truth a Jacobian would turn it anywhere: it stays, as an error that is considered, and with it
+            // what goes together with it.
+            let along = down.transpose() * gain.fixed_rows::<3>(ATTITUDE);
+            let mut rows = gain.fixed_rows_mut::<3>(ATTITUDE);
+            rows -= down * along;
+            gain.fixed_rows_mut::<{ ERRORS - HARD_IRON }>(HARD_IRON).fill(0.0);
+        }
         let kept = self.covariance - gain * seen; // (I - K H) P
         self.covariance = kept - kept * jacobian.transpose() * gain.transpose() + gain * noise * gain.transpose();
         self.inject(&(gain * innovation));
+    }
+
+    /// Turns the attitude about the vertical to where the `velocity_mps` of the receiver says, if the heading is hardly
+    /// known, or if velocities are refused for good and it is wrong. The velocity is then not known either.
+    fn check_heading(&mut self, velocity_mps: &Vector2<f64>) {
+        let Some((angle, deviation)) = self.yaw.turn() else { return };
+        let (down, variance) = self.heading_error();
+        let is_wrong = angle.abs() > WRONG_RAD.max(3.0 * deviation)
+            && self.record(Source::Velocity).disputed_s() >= RESET_AFTER_S;
+        if !is_wrong && variance < UNKNOWN_RAD * UNKNOWN_RAD {
+            return;
+        }
+        self.state.attitude = turn(Vector3::z() * angle) * self.state.attitude;
+        let along = self.covariance.fixed_columns::<3>(ATTITUDE) * down / variance.max(f64::MIN_POSITIVE);
+        self.covariance += along * along.transpose() * (deviation * deviation - variance);
+        let off = velocity_mps - self.state.velocity_mps.xy();
+        (0..2).for_each(|i| self.covariance[(VELOCITY + i, VELOCITY + i)] += off[i] * off[i]);
+        self.records[Source::Velocity as usize].resets += 1.0;
+        self.yaw.forget();
+    }
+
+    /// Vertical in body axes, and the variance of the heading about it \[rad2\].
+    fn heading_error(&self) -> (Vector3<f64>, f64) {
+        let down = self.state.attitude.inverse() * Vector3::z();
+        (down, down.dot(&(self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE) * down)))
     }
 
     /// Returns whether a `source` without an error of its own disagrees with fellows that have gone on to agree.
@@ -467,6 +511,7 @@ impl Filter {
     pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
         self.state.visit(visit);
         self.pace.iter_mut().for_each(&mut *visit);
+        self.yaw.visit(visit);
         for i in 0..ERRORS {
             for j in 0..=i {
                 visit(&mut self.covariance[(i, j)]);

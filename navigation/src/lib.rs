@@ -5,6 +5,7 @@
 //! | [`state`] | nominal state, and its motion over a sample of the IMU |
 //! | [`filter`] | error-state Kalman filter: covariance, measurements, gates, resets |
 //! | `lane` | an IMU with its filter, and the choice among lanes |
+//! | `yaw` | check of the heading by the receiver's velocity |
 //! | [`alignment`] | start of a unit that stands still |
 //!
 //! ```text
@@ -31,6 +32,7 @@ pub mod alignment;
 pub mod filter;
 mod lane;
 pub mod state;
+mod yaw;
 
 pub use filter::{Constants, Filter, Noise, Record, Source, Start, Wander};
 use lane::Lane;

@@ -1,0 +1,80 @@
+//! Check of the heading by the receiver's velocity: how far the changes of velocity that the IMU tells are turned from
+//! those that the receiver measures.
+//!
+//! ```text
+//! a = change of the level velocity between two fixes by the IMU, with the estimated attitude;  b = by the receiver
+//! angle = atan2(sum a x b, sum a . b),   deviation = s / sqrt(sum a^2),   s^2 = residual / (2 n - 1)
+//! ```
+//!
+//! This is the turn of least squares between two sets of vectors (Wahba's problem in the plane). It needs no start and
+//! holds for any angle, as the bank of filters of PX4's `EKFGSF_yaw` does, where the error of the filter's own heading
+//! must be small. It tells nothing of a vehicle that does not accelerate, and says so by its deviation.
+
+use libm::{atan2, hypot};
+use nalgebra::Vector2;
+
+/// Time after which changes of velocity are forgotten \[s\].
+const FORGET_S: f64 = 10.0;
+/// Largest deviation of an angle that is told \[rad\].
+const MAX_DEVIATION: f64 = 0.2;
+/// Least changes of velocity for an angle.
+const MIN_COUNT: f64 = 10.0;
+
+/// Sums over the changes of velocity in the last time.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct YawCheck {
+    /// Change since the last fix by the IMU, north and east, and the time since \[m/s, s\].
+    change_mps: Vector2<f64>,
+    since_s: f64,
+    /// Velocity of the last fix; none before the first.
+    last_mps: Vector2<f64>,
+    dot: f64,
+    cross: f64,
+    of_imu: f64,
+    of_receiver: f64,
+    count: f64,
+    fixes: f64,
+}
+
+impl YawCheck {
+    /// Adds a change of velocity by the IMU over `dt_s`.
+    pub fn moved(&mut self, change_mps: &Vector2<f64>, dt_s: f64) {
+        self.change_mps += change_mps;
+        self.since_s += dt_s;
+    }
+
+    /// Receives a velocity of the receiver, north and east.
+    pub fn fix(&mut self, velocity_mps: &Vector2<f64>) {
+        let (a, b) = (self.change_mps, velocity_mps - self.last_mps);
+        if self.fixes > 0.0 && self.since_s < 1.0 {
+            let left = libm::exp(-self.since_s / FORGET_S);
+            let sums = [&mut self.dot, &mut self.cross, &mut self.of_imu, &mut self.of_receiver, &mut self.count];
+            let new = [a.dot(&b), a.perp(&b), a.norm_squared(), b.norm_squared(), 1.0];
+            sums.into_iter().zip(new).for_each(|(sum, new)| *sum = *sum * left + new);
+        }
+        (self.change_mps, self.since_s, self.last_mps) = (Vector2::zeros(), 0.0, *velocity_mps);
+        self.fixes = 1.0;
+    }
+
+    /// Angle by which the attitude must be turned about the vertical, and its standard deviation \[rad\]; `None` if it
+    /// is not known well.
+    pub fn turn(&self) -> Option<(f64, f64)> {
+        let Self { dot, cross, of_imu, of_receiver, count, .. } = *self;
+        let size = hypot(dot, cross);
+        let residual = (of_receiver - size * size / of_imu).max(0.0);
+        let deviation = (residual / (2.0 * count - 1.0) / of_imu).sqrt();
+        (count >= MIN_COUNT && deviation < MAX_DEVIATION).then(|| (atan2(cross, dot), deviation))
+    }
+
+    /// Forgets all changes, which an attitude told that is turned now.
+    pub fn forget(&mut self) {
+        *self = Self { last_mps: self.last_mps, fixes: self.fixes, ..Self::default() };
+    }
+
+    /// Passes every number of the memory to `visit`, to be read or written.
+    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
+        let Self { change_mps, since_s, last_mps, dot, cross, of_imu, of_receiver, count, fixes } = self;
+        change_mps.iter_mut().chain(last_mps).for_each(&mut *visit);
+        [since_s, dot, cross, of_imu, of_receiver, count, fixes].into_iter().for_each(visit);
+    }
+}
