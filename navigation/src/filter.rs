@@ -437,7 +437,7 @@ impl Filter {
     /// Turns the attitude about the vertical to where the `velocity_mps` of the receiver says, if the heading is hardly
     /// known, or if velocities are refused for good and it is wrong. The velocity is then not known either.
     fn check_heading(&mut self, velocity_mps: &Vector2<f64>) {
-        let Some((angle, deviation)) = self.yaw.turn() else { return };
+        let Some((angle, deviation)) = self.yaw.turn(self.noise.velocity_mps.x) else { return };
         let (down, variance) = self.heading_error();
         let is_wrong = angle.abs() > WRONG_RAD.max(3.0 * deviation)
             && self.record(Source::Velocity).disputed_s() >= RESET_AFTER_S;

@@ -19,6 +19,8 @@
 //! of an undelayed filter. The estimate of now is the state at the horizon moved over the samples of the IMU since. A
 //! buffer of past states to return to would give the same estimates for more memory: a covariance for each sample.
 //!
+//! A measurement that equals the one before bit by bit is none: a sensor that is stuck is taken for a silent one.
+//!
 //! The estimate is finite whatever the sensors give: values of an IMU that are no numbers or beyond its range are
 //! replaced by the last ones, and other measurements that cannot be true are left out.
 
@@ -63,6 +65,22 @@ pub struct Aiding {
 }
 
 impl Aiding {
+    /// Returns the measurements that differ from the `last` of the same sensor, and makes them the last.
+    fn since(&self, last: &mut Self) -> Self {
+        fn news<T: PartialEq + Copy>(now: Option<T>, last: &mut Option<T>) -> Option<T> {
+            let news = now.filter(|_| now != *last);
+            *last = now.or(*last);
+            news
+        }
+        Self {
+            position_m: news(self.position_m, &mut last.position_m),
+            velocity_mps: news(self.velocity_mps, &mut last.velocity_mps),
+            height_m: news(self.height_m, &mut last.height_m),
+            field: news(self.field, &mut last.field),
+            flow_mps: news(self.flow_mps, &mut last.flow_mps),
+        }
+    }
+
     /// Passes to `visit` one number that tells which measurements there are, and the numbers of these.
     fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
         let Self { position_m, velocity_mps, height_m, field, flow_mps } = self;
@@ -94,6 +112,8 @@ pub struct Navigation {
     changes: u64,
     /// Constant errors of the IMUs.
     constants: Constants,
+    /// Last measurements of each sensor that were fused.
+    last: Aiding,
     /// Frames that the filters have not reached, oldest first.
     frames: VecDeque<Frame>,
     /// Number of frames from the horizon to now.
@@ -106,7 +126,8 @@ impl Navigation {
     /// of the IMUs, which have errors of `constants`, are `period_s` apart. The horizon is `delay` samples ago.
     pub fn new(filters: impl IntoIterator<Item = Filter>, constants: Constants, period_s: f64, delay: usize) -> Self {
         let lanes = filters.into_iter().take(IMUS).map(Lane::new).collect();
-        Self { lanes, flown: 0, changes: 0, constants, frames: VecDeque::with_capacity(delay + 1), delay, period_s }
+        let frames = VecDeque::with_capacity(delay + 1);
+        Self { lanes, flown: 0, changes: 0, constants, last: Aiding::default(), frames, delay, period_s }
     }
 
     /// Returns the filter that flies, whose state is that of the horizon.
@@ -139,6 +160,7 @@ impl Navigation {
         while self.frames.len() > self.delay
             && let Some((imus, aiding)) = self.frames.pop_front()
         {
+            let aiding = aiding.since(&mut self.last);
             for (lane, imu) in self.lanes.iter_mut().zip(&imus) {
                 lane.filter.predict(imu, self.period_s);
                 fuse(&mut lane.filter, &aiding);
@@ -178,8 +200,9 @@ impl Navigation {
 
     /// Passes every number of the memory to `visit`, to be read or written.
     pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        let Self { lanes, flown, changes, frames, delay, .. } = self;
+        let Self { lanes, flown, changes, last, frames, delay, .. } = self;
         lanes.iter_mut().for_each(|lane| lane.visit(visit));
+        last.visit(visit);
         let mut counts = [*flown as f64, *changes as f64, frames.len() as f64];
         counts.iter_mut().for_each(&mut *visit);
         *flown = (counts[0] as usize).min(lanes.len() - 1);

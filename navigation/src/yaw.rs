@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! a = change of the level velocity between two fixes by the IMU, with the estimated attitude;  b = by the receiver
-//! angle = atan2(sum a x b, sum a . b),   deviation = s / sqrt(sum a^2),   s^2 = residual / (2 n - 1)
+//! angle = atan2(sum a x b, sum a . b),   deviation = s / sqrt(sum a^2),   s^2 = max(residual / (2 n - 1), 2 noise^2)
 //! ```
 //!
 //! This is the turn of least squares between two sets of vectors (Wahba's problem in the plane). It needs no start and
@@ -57,12 +57,13 @@ impl YawCheck {
     }
 
     /// Angle by which the attitude must be turned about the vertical, and its standard deviation \[rad\]; `None` if it
-    /// is not known well.
-    pub fn turn(&self) -> Option<(f64, f64)> {
+    /// is not known well. The receiver's velocity has a noise of `noise_mps`.
+    pub fn turn(&self, noise_mps: f64) -> Option<(f64, f64)> {
         let Self { dot, cross, of_imu, of_receiver, count, .. } = *self;
         let size = hypot(dot, cross);
         let residual = (of_receiver - size * size / of_imu).max(0.0);
-        let deviation = (residual / (2.0 * count - 1.0) / of_imu).sqrt();
+        let variance = (residual / (2.0 * count - 1.0)).max(2.0 * noise_mps * noise_mps);
+        let deviation = (variance / of_imu).sqrt();
         (count >= MIN_COUNT && deviation < MAX_DEVIATION).then(|| (atan2(cross, dot), deviation))
     }
 

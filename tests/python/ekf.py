@@ -46,6 +46,7 @@ STATES = {  # of the motion, and of the sensor's own error
     "flow": (range(3, 6), None),
 }
 SILENCE, TOGETHER = 2.0, 1.0
+UNKNOWN, WRONG, KNOWN = 0.8, 0.35, 0.2  # headings [rad]
 
 
 def cross(v):
@@ -62,12 +63,42 @@ def rotation(v):
     return np.eye(3) + np.sin(angle) / angle * k + (1 - np.cos(angle)) / angle**2 * k @ k
 
 
+class YawCheck:
+    """Turn of the changes of velocity by the IMU to those by the receiver, as complex numbers."""
+
+    def __init__(self, last=None):
+        self.change, self.since, self.last = 0j, 0.0, last
+        self.product, self.imu, self.receiver, self.count = 0j, 0.0, 0.0, 0.0
+
+    def moved(self, change):
+        self.change += complex(*change[:2])
+        self.since += DT
+
+    def fix(self, velocity):
+        now = complex(*velocity[:2])
+        if self.last is not None and self.since < 1.0:
+            a, b = self.change, now - self.last
+            left = np.exp(-self.since / 10.0)
+            self.product = self.product * left + a.conjugate() * b
+            self.imu, self.receiver = self.imu * left + abs(a) ** 2, self.receiver * left + abs(b) ** 2
+            self.count = self.count * left + 1
+        self.change, self.since, self.last = 0j, 0.0, now
+
+    def turn(self, noise):
+        if self.count < 10:
+            return None
+        residual = max(self.receiver - abs(self.product) ** 2 / self.imu, 0.0)
+        deviation = np.sqrt(max(residual / (2 * self.count - 1), 2 * noise**2) / self.imu)
+        return (np.angle(self.product), deviation) if deviation < KNOWN else None
+
+
 class Filter:
     def __init__(self):
         self.p, self.v, self.r = np.zeros(3), np.zeros(3), np.eye(3)
         self.ba, self.bg, self.drift = np.zeros(3), np.zeros(3), np.zeros(3)
         self.baro, self.iron, self.declination = 0.0, np.zeros(3), 0.0
         self.pace = (0.0, 0.0)
+        self.yaw = YawCheck()
         self.cov = np.diag(START**2)
         self.silent = dict.fromkeys(GROUPS, 0.0)
         self.outage = dict.fromkeys(GROUPS)  # None while the source agrees
@@ -90,6 +121,7 @@ class Filter:
         before = self.v
         self.p, self.v, self.r = self.moved(self.p, self.v, self.r, force, rates)
         self.pace = np.linalg.norm(rates - self.bg), np.linalg.norm(self.v - before) / DT
+        self.yaw.moved(self.v - before)
         self.drift, self.baro, self.iron = self.drift * LEFT[15:18], self.baro * LEFT[18], self.iron * LEFT[19:22]
         for name in GROUPS:
             self.silent[name] += DT
@@ -100,6 +132,27 @@ class Filter:
     def outvoted(self, name):
         return any(self.counts[fellow][0] > 0 and self.silent[fellow] < TOGETHER for fellow in FELLOWS[name])
 
+    def heading_error(self):
+        down = self.r[2]
+        return down, down @ self.cov[6:9, 6:9] @ down
+
+    def check_heading(self, velocity):
+        self.yaw.fix(velocity)
+        found = self.yaw.turn(NOISE["velocity"][0])
+        if found is None:
+            return
+        angle, deviation = found
+        down, variance = self.heading_error()
+        wrong = abs(angle) > max(WRONG, 3 * deviation) and self.disputed("velocity") >= SILENCE
+        if not wrong and variance < UNKNOWN**2:
+            return
+        self.r = rotation(np.array([0, 0, angle])) @ self.r
+        along = self.cov[:, 6:9] @ down / variance
+        self.cov = self.cov + np.outer(along, along) * (deviation**2 - variance)
+        self.cov[3:5, 3:5] += np.diag((velocity[:2] - self.v[:2]) ** 2)
+        self.counts["velocity"][2] += 1
+        self.yaw = YawCheck(self.yaw.last)
+
     def fuse(self, name, measured):
         h = np.zeros((len(NOISE[name]), 23))
         deviation = NOISE[name]
@@ -109,6 +162,7 @@ class Filter:
                 deviation**2 + (ANTENNA * min(self.pace[0], 1.0)) ** 2 + (CLOCK * np.linalg.norm(self.v)) ** 2
             )
         elif name == "velocity":
+            self.check_heading(measured)
             y, h[:, 3:6] = measured - self.v, np.eye(3)
             deviation = np.sqrt(deviation**2 + (ANTENNA * self.pace[0]) ** 2 + (CLOCK * self.pace[1]) ** 2)
         elif name == "height":
@@ -120,7 +174,7 @@ class Filter:
         else:
             north, east, down = self.r @ (measured - self.iron)
             level = np.hypot(north, east)
-            if level < 0.1:
+            if level < 0.1 or self.heading_error()[1] >= UNKNOWN**2:
                 return
             y = self.declination - np.arctan2(east, north)
             y = np.array([(y + np.pi) % (2 * np.pi) - np.pi])
@@ -161,11 +215,17 @@ class Filter:
         self.counts[name][0] += 1
         self.silent[name], self.outage[name] = 0.0, None
         gain = self.cov @ h.T @ np.linalg.inv(expected)
-        self.cov = self.cov - gain @ expected @ gain.T
+        down, variance = self.heading_error()
+        if variance > UNKNOWN**2:
+            gain[6:9] -= np.outer(down, down @ gain[6:9])
+            gain[19:] = 0.0
+        kept = np.eye(23) - gain @ h
+        self.cov = kept @ self.cov @ kept.T + gain @ noise @ gain.T
         error = gain @ y
         reset = np.eye(23)
         reset[6:9, 6:9] -= cross(error[6:9] / 2)
         self.cov = reset @ self.cov @ reset.T
+        self.cov = (self.cov + self.cov.T) / 2
         self.p, self.v, self.r = self.p + error[0:3], self.v + error[3:6], self.r @ rotation(error[6:9])
         self.ba, self.bg, self.drift = self.ba + error[9:12], self.bg + error[12:15], self.drift + error[15:18]
         self.baro, self.iron = self.baro + error[18], self.iron + error[19:22]
@@ -177,30 +237,35 @@ def rows(name):
         yield from csv.reader(file)
 
 
-ekf, frames = Filter(), []
-apart, spread = 0.0, 0.0
-counts = None
-for given, told in zip(rows("inputs.csv"), rows("outputs.csv"), strict=True):
-    force, rates = np.array(given[0:3], float), np.array(given[3:6], float)
-    measured, at = {}, 6
-    for name, count in SOURCES.items():
-        if given[at]:
-            measured[name] = np.array(given[at : at + count], float)
-        at += count
-    frames.append((force, rates, measured))
-    if len(frames) > DELAY:
-        force, rates, measured = frames.pop(0)
-        ekf.predict(force, rates)
-        for name, value in measured.items():
-            ekf.fuse(name, value)
-    p, v, r = ekf.p, ekf.v, ekf.r
-    for force, rates, _ in frames:
-        p, v, r = ekf.moved(p, v, r, force, rates)
-    ours = np.concatenate([p, v, r.ravel(), ekf.ba, ekf.bg, ekf.drift, [ekf.baro], ekf.iron, [ekf.declination]])
-    told = np.array(told, float)
-    apart = max(apart, np.abs(ours - told[:29]).max())
-    spread = max(spread, np.abs(np.diag(ekf.cov) / told[29:52] - 1).max())
-    counts = told[52:].reshape(7, 3)
-missed = np.abs(counts - np.array(list(ekf.counts.values()))).max()
-refused, resets = counts[:, 1].sum(), counts[:, 2].sum()
-print(f"{apart:.1e} {spread:.1e} {missed:.0f} {refused:.0f} {resets:.0f}")
+def main():
+    ekf, frames = Filter(), []
+    apart, spread = 0.0, 0.0
+    counts = None
+    for given, told in zip(rows("inputs.csv"), rows("outputs.csv"), strict=True):
+        force, rates = np.array(given[0:3], float), np.array(given[3:6], float)
+        measured, at = {}, 6
+        for name, count in SOURCES.items():
+            if given[at]:
+                measured[name] = np.array(given[at : at + count], float)
+            at += count
+        frames.append((force, rates, measured))
+        if len(frames) > DELAY:
+            force, rates, measured = frames.pop(0)
+            ekf.predict(force, rates)
+            for name, value in measured.items():
+                ekf.fuse(name, value)
+        p, v, r = ekf.p, ekf.v, ekf.r
+        for force, rates, _ in frames:
+            p, v, r = ekf.moved(p, v, r, force, rates)
+        ours = np.concatenate([p, v, r.ravel(), ekf.ba, ekf.bg, ekf.drift, [ekf.baro], ekf.iron, [ekf.declination]])
+        told = np.array(told, float)
+        apart = max(apart, np.abs(ours - told[:29]).max())
+        spread = max(spread, np.abs(np.diag(ekf.cov) / told[29:52] - 1).max())
+        counts = told[52:].reshape(7, 3)
+    missed = np.abs(counts - np.array(list(ekf.counts.values()))).max()
+    refused, resets = counts[:, 1].sum(), counts[:, 2].sum()
+    print(f"{apart:.1e} {spread:.1e} {missed:.0f} {refused:.0f} {resets:.0f}")
+
+
+if __name__ == "__main__":
+    main()

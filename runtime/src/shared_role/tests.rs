@@ -120,7 +120,7 @@ fn a_snapshot_is_read_whole() {
             }
         }
     });
-    assert_eq!(cell.read(), Some((origin(200_000), [200_000; SNAPSHOT_WORDS])));
+    assert_eq!(cell.read(), Some((origin(200_000), vec![200_000; SNAPSHOT_WORDS])));
 }
 
 #[test]
