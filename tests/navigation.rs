@@ -69,6 +69,44 @@ fn without_the_kalman_filter_nothing_is_said_of_the_errors() {
     assert!(!log.states.is_empty() && log.states.iter().all(|state| state.navigation == Navigation::default()));
 }
 
+/// Flies `dryden` with `typical` and these faults, and returns the largest position error \[m\], the largest speed
+/// \[m/s\], and the last sample.
+fn flown_with(faults: &str) -> (f64, f64, State) {
+    let faults = format!("fault=[{faults}]");
+    let set = ["plant.sensors.preset=typical", "bounds.max_position_error_m=inf", "run.duration_s=40", &faults];
+    let set = set.iter().flat_map(|setting| ["--set", setting]);
+    let outcome = fly(&["scenarios/dryden.toml", "--mode", "inprocess"].into_iter().chain(set).collect::<Vec<_>>());
+    let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+    let speed = |state: &State| Vector3::from(state.actual.velocity_mps).norm();
+    let fastest = log.states.iter().map(speed).fold(0.0, f64::max);
+    (outcome.metric("max_position_error_m"), fastest, *log.states.last().expect("a flight"))
+}
+
+#[test]
+fn a_fix_that_jumps_and_stays_moves_neither_the_estimate_nor_the_vehicle() {
+    let (_, without_mps, _) = flown_with("");
+    let (most_m, fastest_mps, last) = flown_with("{at_s=10, target='position', kind='wrong', how='bias', value=100}");
+    assert!(most_m < 1.0 && fastest_mps < without_mps + 0.2, "{most_m} m, {fastest_mps} m/s of {without_mps}");
+    assert!(last.navigation.resets >= 1, "the drift was reset");
+}
+
+#[test]
+fn no_fault_of_one_imu_costs_much() {
+    for target in ["rates", "acceleration"] {
+        for kind in ["off", "stuck", "garbage", "wrong", "noise"] {
+            let (most_m, _, last) = flown_with(&format!("{{at_s=10, target='{target}', kind='{kind}', imu=1}}"));
+            assert!(most_m < 0.7, "{target} {kind}: {most_m} m");
+            assert!(last.navigation.imu == 2 || kind == "noise", "{target} {kind}: {:?}", last.navigation);
+        }
+    }
+}
+
+#[test]
+fn when_every_imu_is_ill_it_is_said() {
+    let (_, _, last) = flown_with("{at_s=10, target='acceleration', kind='stuck'}");
+    assert_eq!(last.navigation.imus_sound, 0);
+}
+
 /// Errors that the filter of the test expects; `tests/python/ekf.py` has the same numbers.
 const NOISE: Noise = Noise {
     specific_force_mps2: 0.3,

@@ -219,7 +219,15 @@ pub struct Filter {
 impl Filter {
     /// Builds a filter that starts at `state` with an error of `covariance`.
     pub fn new(state: State, covariance: Covariance, noise: Noise, g_mps2: f64) -> Self {
-        Self { state, covariance, noise, g_mps2, pace: [0.0; 2], records: [Record::default(); SOURCES], yaw: YawCheck::default() }
+        Self {
+            state,
+            covariance,
+            noise,
+            g_mps2,
+            pace: [0.0; 2],
+            records: [Record::default(); SOURCES],
+            yaw: YawCheck::default(),
+        }
     }
 
     /// Gravity \[m/s2\].
@@ -267,7 +275,6 @@ impl Filter {
     /// Moves over a sample of the IMU.
     pub fn predict(&mut self, imu: &Imu, dt_s: f64) {
         self.covariance = self.covariance_after(imu, dt_s, 1.0);
-        self.symmetrise();
         let before = self.state;
         self.state = before.moved(imu, dt_s, self.g_mps2);
         let faster = self.state.velocity_mps - before.velocity_mps;
@@ -439,8 +446,8 @@ impl Filter {
     fn check_heading(&mut self, velocity_mps: &Vector2<f64>) {
         let Some((angle, deviation)) = self.yaw.turn(self.noise.velocity_mps.x) else { return };
         let (down, variance) = self.heading_error();
-        let is_wrong = angle.abs() > WRONG_RAD.max(3.0 * deviation)
-            && self.record(Source::Velocity).disputed_s() >= RESET_AFTER_S;
+        let is_wrong =
+            angle.abs() > WRONG_RAD.max(3.0 * deviation) && self.record(Source::Velocity).disputed_s() >= RESET_AFTER_S;
         if !is_wrong && variance < UNKNOWN_RAD * UNKNOWN_RAD {
             return;
         }
@@ -461,7 +468,8 @@ impl Filter {
 
     /// Returns whether a `source` without an error of its own disagrees with fellows that have gone on to agree.
     fn is_outvoted(&self, source: Source) -> bool {
-        let agrees = |fellow: &Source| self.record(*fellow).accepted > 0.0 && self.record(*fellow).silent_s < TOGETHER_S;
+        let agrees =
+            |fellow: &Source| self.record(*fellow).accepted > 0.0 && self.record(*fellow).silent_s < TOGETHER_S;
         source.states().1.is_none() && source.fellows().iter().any(agrees)
     }
 
@@ -502,8 +510,8 @@ impl Filter {
         self.state = self.state.plus(error);
     }
 
-    /// Removes what rounding has added between an element and its mirror image.
-    fn symmetrise(&mut self) {
+    /// Removes what rounding has added between an element and its mirror image, of which a memory has one.
+    pub(crate) fn symmetrise(&mut self) {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
     }
 

@@ -110,3 +110,6 @@ pub(crate) fn choose(lanes: &mut [Lane], flown: usize, constants: &Constants, pe
     }
     chosen
 }
+
+#[cfg(test)]
+mod tests;

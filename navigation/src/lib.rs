@@ -164,6 +164,7 @@ impl Navigation {
             for (lane, imu) in self.lanes.iter_mut().zip(&imus) {
                 lane.filter.predict(imu, self.period_s);
                 fuse(&mut lane.filter, &aiding);
+                lane.filter.symmetrise();
             }
         }
         let chosen = lane::choose(&mut self.lanes, self.flown, &self.constants, self.period_s);

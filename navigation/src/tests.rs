@@ -8,11 +8,11 @@ use crate::filter::{Measured, SOURCES};
 use crate::state::{ACCELERATION_BIAS, Covariance, DRIFT, ERRORS, Error, POSITION, RATES_BIAS, VELOCITY, turn};
 
 pub(crate) const G_MPS2: f64 = 9.81;
-const DT_S: f64 = 0.005;
+pub(crate) const DT_S: f64 = 0.005;
 /// Samples of the IMU from one fix, and one height or heading, to the next.
 const FIX: u64 = 20;
 const SLOW: u64 = 10;
-const DELAY: usize = 20;
+pub(crate) const DELAY: usize = 20;
 
 pub(crate) const NOISE: Noise = Noise {
     specific_force_mps2: 0.3,
@@ -50,7 +50,7 @@ pub(crate) const START: Start = Start {
 };
 
 /// Motion that is given by formulas: turns, climbs and accelerations up to half a g.
-fn truth(t_s: f64) -> State {
+pub(crate) fn truth(t_s: f64) -> State {
     let wave = |size: f64, rate: f64, phase: f64| {
         let angle = rate * t_s + phase;
         (size * angle.sin(), size * rate * angle.cos())
@@ -66,17 +66,17 @@ fn truth(t_s: f64) -> State {
 }
 
 /// Flight with random errors along `path`, and its estimator.
-struct Flight {
+pub(crate) struct Flight {
     path: fn(f64) -> State,
-    random: ChaCha8Rng,
+    pub random: ChaCha8Rng,
     /// True motion and errors of the sensors since the horizon, oldest first.
     flown: VecDeque<State>,
     sample: u64,
-    navigation: Navigation,
+    pub navigation: Navigation,
 }
 
 impl Flight {
-    fn new(seed: u64, path: fn(f64) -> State, start: Start) -> Self {
+    pub fn new(seed: u64, path: fn(f64) -> State, start: Start) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let Start { position_m, velocity_mps, tilt_rad, heading_rad, constants } = start;
         let path_0 = path(0.0);
@@ -103,7 +103,7 @@ impl Flight {
     }
 
     /// Next sample of the IMU, with all that is measured at its end.
-    fn measure(&mut self) -> (Imu, Aiding) {
+    pub fn measure(&mut self) -> (Imu, Aiding) {
         let at = |sample: f64| (self.path)(sample * DT_S);
         let (before, middle) = (at(self.sample as f64), at(self.sample as f64 + 0.5));
         self.sample += 1;
@@ -157,7 +157,7 @@ impl Flight {
     }
 
     /// Error of the filter at its horizon.
-    fn error(&self) -> Error {
+    pub fn error(&self) -> Error {
         self.navigation.filter().state.error_to(self.flown.front().expect("the horizon"))
     }
 }
@@ -481,4 +481,22 @@ fn val_in_a_long_hover_the_errors_are_as_large_as_the_covariance_says() {
         nees += flight.error().dot(&weighed.solve(&flight.error())) / seeds as f64;
     }
     check_mean("NEES after 120 s", nees, ERRORS as f64, seeds as f64);
+}
+
+#[test]
+fn a_velocity_that_disagrees_alone_is_refused_as_long_as_it_does() {
+    let away = Vector3::new(1.0, 0.0, 0.0);
+    let spoil = |_: f64, aiding: &mut Aiding| aiding.velocity_mps = aiding.velocity_mps.map(|velocity| velocity + away);
+    let flight = spoiled(spoil, |flight| assert!(flight.error().fixed_rows::<6>(0).norm() < 1.0));
+    let record = flight.navigation.filter().record(Source::Velocity);
+    assert!(record.resets == 0.0 && record.refused > 90.0, "{record:?}");
+}
+
+#[test]
+fn a_receiver_that_is_stuck_is_silent() {
+    let at_m = Vector3::new(0.1, 0.0, 0.0);
+    let spoil = |_: f64, aiding: &mut Aiding| aiding.position_m = aiding.position_m.map(|_| at_m);
+    let flight = spoiled(spoil, |flight| assert!(flight.error().fixed_rows::<3>(0).norm() < 1.0));
+    let record = flight.navigation.filter().record(Source::Position);
+    assert!(record.silent_s > 9.0 && record.refused < 5.0, "{record:?}");
 }

@@ -79,3 +79,6 @@ impl YawCheck {
         [since_s, dot, cross, of_imu, of_receiver, count, fixes].into_iter().for_each(visit);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -184,7 +184,11 @@ impl Instruments {
                 let walk = hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt());
                 // The time constant with which it stays as large as it is after a flight.
                 let last = hypot(start, barometer.bias_walk * FLIGHT_S.sqrt());
-                Wander { start, walk, time_s: if walk > 0.0 { 2.0 * (last / walk) * (last / walk) } else { f64::INFINITY } }
+                Wander {
+                    start,
+                    walk,
+                    time_s: if walk > 0.0 { 2.0 * (last / walk) * (last / walk) } else { f64::INFINITY },
+                }
             },
             hard_iron: Wander::stationary(settings.magnetometer.disturbance, f64::INFINITY),
         }

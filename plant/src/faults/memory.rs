@@ -89,14 +89,14 @@ impl Past {
             self.readings.pop_back();
         }
         self.readings.push_back((tick, readings));
-        while self.readings.get(1).is_some_and(|(at, _)| at + self.ticks <= tick) {
+        while self.readings.get(1).is_some_and(|(at, _)| at.saturating_add(self.ticks) <= tick) {
             self.readings.pop_front();
         }
     }
 
     /// Newest readings that are at least `age` ticks old at sample `tick`, else the oldest ones; NaN if there are none.
     pub fn before(&self, tick: u64, age: u64) -> Readings {
-        let old_enough = self.readings.partition_point(|(at, _)| at + age <= tick);
+        let old_enough = self.readings.partition_point(|(at, _)| at.saturating_add(age) <= tick);
         self.readings.get(old_enough.saturating_sub(1)).map_or([[f64::NAN; 3]; SENSORS], |(_, readings)| *readings)
     }
 }

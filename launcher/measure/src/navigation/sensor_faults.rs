@@ -117,7 +117,8 @@ pub fn measure(targets: &mut Vec<Target>) -> anyhow::Result<Vec<Row>> {
                     scenario.fault = vec![Fault { imu, ..Fault::new(target, kind, AT_S, for_s) }];
                     *flown = fly(&scenario)?;
                 }
-                let every = if matches!(target, FaultTarget::Rates | FaultTarget::Acceleration) { ", all IMUs" } else { "" };
+                let every =
+                    if matches!(target, FaultTarget::Rates | FaultTarget::Acceleration) { ", all IMUs" } else { "" };
                 let of_imu = imu.map_or(every.to_owned(), |imu| format!(", IMU {imu}"));
                 let sensor = format!("{}{of_imu}", target.name());
                 Ok((i, Row { preset, sensor, kind: name, heading_deg, without, flown }))
@@ -158,7 +159,8 @@ pub fn table(rows: &[Row]) -> String {
         ]
     };
     let shown = rows.iter().filter(|row| row.heading_deg == 0.0).map(cells).collect();
-    let columns = ["preset", "sensor", "fault", "without [m]", "largest error [m]", "after 60 s [m]", "refused", "resets"];
+    let columns =
+        ["preset", "sensor", "fault", "without [m]", "largest error [m]", "after 60 s [m]", "refused", "resets"];
     Table::new("Faults for 1 s, for 10 s, and for good", &columns, shown).text()
 }
 
