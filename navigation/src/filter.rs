@@ -81,13 +81,12 @@ impl Source {
     /// Sources that tell of the same motion, to first order.
     const fn fellows(self) -> &'static [Self] {
         match self {
-            Self::Position => &[Self::Velocity, Self::Flow],
+            Self::Position | Self::Heading => &[Self::Velocity, Self::Flow],
             Self::Depth => &[Self::Sink, Self::Height],
             Self::Height => &[Self::Sink, Self::Depth],
             Self::Velocity => &[Self::Position, Self::Flow],
             Self::Sink => &[Self::Depth, Self::Height],
             Self::Flow => &[Self::Position, Self::Velocity],
-            Self::Heading => &[Self::Velocity, Self::Flow],
         }
     }
 

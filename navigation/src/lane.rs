@@ -99,7 +99,9 @@ pub(crate) fn choose(lanes: &mut [Lane], flown: usize, constants: &Constants, pe
     let is_better = |lane: &Lane| !lane.is_ill() && (lanes[flown].is_ill() || lane.worse_s < -CHANGE_S);
     let chosen = lanes.iter().position(is_better).unwrap_or(flown);
     if chosen != flown {
-        lanes.iter_mut().for_each(|lane| lane.worse_s = 0.0);
+        for lane in &mut *lanes {
+            lane.worse_s = 0.0;
+        }
     }
     for i in 0..lanes.len() {
         if i != chosen && lanes[i].worse_s >= ANEW_S && !lanes[i].is_ill() {

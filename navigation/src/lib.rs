@@ -107,9 +107,8 @@ type Frame = ([Imu; IMUS], Aiding);
 pub struct Navigation {
     /// One for each IMU.
     lanes: Vec<Lane>,
-    /// Lane that flies, and the number of times that another one took over.
+    /// Lane that flies.
     flown: usize,
-    changes: u64,
     /// Constant errors of the IMUs.
     constants: Constants,
     /// Last measurements of each sensor that were fused.
@@ -127,7 +126,7 @@ impl Navigation {
     pub fn new(filters: impl IntoIterator<Item = Filter>, constants: Constants, period_s: f64, delay: usize) -> Self {
         let lanes = filters.into_iter().take(IMUS).map(Lane::new).collect();
         let frames = VecDeque::with_capacity(delay + 1);
-        Self { lanes, flown: 0, changes: 0, constants, last: Aiding::default(), frames, delay, period_s }
+        Self { lanes, flown: 0, constants, last: Aiding::default(), frames, delay, period_s }
     }
 
     /// Returns the filter that flies, whose state is that of the horizon.
@@ -135,9 +134,9 @@ impl Navigation {
         &self.lane().filter
     }
 
-    /// Number of the IMU whose filter flies, from 0, and how often this changed.
-    pub fn imu(&self) -> (usize, u64) {
-        (self.flown, self.changes)
+    /// Number of the IMU whose filter flies, from 0.
+    pub fn imu(&self) -> usize {
+        self.flown
     }
 
     /// Number of IMUs that can be trusted: they give news, and no source contradicts their filter.
@@ -167,9 +166,7 @@ impl Navigation {
                 lane.filter.symmetrise();
             }
         }
-        let chosen = lane::choose(&mut self.lanes, self.flown, &self.constants, self.period_s);
-        self.changes += u64::from(chosen != self.flown);
-        self.flown = chosen;
+        self.flown = lane::choose(&mut self.lanes, self.flown, &self.constants, self.period_s);
     }
 
     /// Estimates the state `ahead_s` after the last sample of the IMU, and the body rates \[rad/s\].
@@ -201,14 +198,15 @@ impl Navigation {
 
     /// Passes every number of the memory to `visit`, to be read or written.
     pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        let Self { lanes, flown, changes, last, frames, delay, .. } = self;
-        lanes.iter_mut().for_each(|lane| lane.visit(visit));
+        let Self { lanes, flown, last, frames, delay, .. } = self;
+        for lane in &mut *lanes {
+            lane.visit(visit);
+        }
         last.visit(visit);
-        let mut counts = [*flown as f64, *changes as f64, frames.len() as f64];
+        let mut counts = [*flown as f64, frames.len() as f64];
         counts.iter_mut().for_each(&mut *visit);
         *flown = (counts[0] as usize).min(lanes.len() - 1);
-        *changes = counts[1] as u64;
-        frames.resize((counts[2] as usize).min(*delay), Default::default());
+        frames.resize((counts[1] as usize).min(*delay), Default::default());
         for (imus, aiding) in frames {
             imus.iter_mut().take(lanes.len()).for_each(|imu| imu.visit(visit));
             aiding.visit(visit);

@@ -134,7 +134,6 @@ impl NavigationUnit {
         let variances = self.navigation.covariance(ahead_s).diagonal();
         let deviations = |from: usize| std::array::from_fn(|i| variances[from + i].max(0.0).sqrt());
         let of = |source: &Source| self.navigation.filter().record(*source);
-        let (imu, imu_changes) = self.navigation.imu();
         Account {
             position_m: deviations(POSITION),
             velocity_mps: deviations(VELOCITY),
@@ -143,8 +142,7 @@ impl NavigationUnit {
                 .map(|group| group.iter().map(|source| of(source).nis / source.gate()).fold(0.0, f64::max)),
             refused: GROUPS.map(|group| group.iter().map(|source| of(source).refused).sum::<f64>() as u64),
             resets: Source::ALL.iter().map(|source| of(source).resets).sum::<f64>() as u64,
-            imu: imu as u64 + 1,
-            imu_changes,
+            imu: self.navigation.imu() as u64 + 1,
             imus_sound: self.navigation.sound() as u64,
         }
     }

@@ -387,7 +387,12 @@ fn a_vehicle_with_the_memory_of_another_continues_its_flight_bit_for_bit() {
             let state = plant.sample();
             for (since, successor) in &mut successors {
                 let successor: &mut Plant = successor;
-                assert!(successor.sample() == state, "{} {:?}: at {tick}, since {since}", scenario.name, scenario.run.mode);
+                assert!(
+                    successor.sample() == state,
+                    "{} {:?}: at {tick}, since {since}",
+                    scenario.name,
+                    scenario.run.mode
+                );
             }
             if [40, 100].contains(&tick)
                 && let Some(length) = plant.memory(&mut memory)

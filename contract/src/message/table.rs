@@ -96,8 +96,6 @@ macro_rules! messages {
                     resets: u64,
                     /// Number of the IMU whose filter flies, from 1.
                     imu: u64,
-                    /// Changes to the filter of another IMU so far.
-                    imu_changes: u64,
                     /// IMUs that can be trusted: they give news, and no source contradicts their filter.
                     imus_sound: u64,
                 }
@@ -122,7 +120,7 @@ macro_rules! messages {
             }
             messages {
                 /// STATE: the measured motion, the true motion, and the command in force.
-                State "trefoil.State.v9" 816 bytes {
+                State "trefoil.State.v9" 808 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim

@@ -425,10 +425,10 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
     bytes: *mut u8,
     count: usize,
 ) -> Status {
-    let write = |handle: &mut Handle| {
+    let write = |_: &mut Handle| {
         // SAFETY: the caller says so.
         let (state, bytes) = unsafe { (state.as_ref().ok_or("no state")?, taken(bytes, count)) };
-        handle.instance.serialise(state, bytes)
+        state.serialise(bytes)
     };
     // SAFETY: the caller says so.
     unsafe { with(handle, write) }

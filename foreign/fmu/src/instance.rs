@@ -130,20 +130,7 @@ impl Instance {
         self.saved = saved.clone();
     }
 
-    /// Writes a state as [`STATE_BYTES`].
-    pub fn serialise(&self, saved: &Saved, bytes: &mut [u8]) -> Result<(), String> {
-        let mut flown = saved.flown.clone().ok_or("a state before initialisation cannot be serialised")?;
-        let mut words = vec![0; PLANT_WORDS];
-        flown.plant.memory(&mut words).ok_or("the state cannot be serialised: the vehicle has diverged")?;
-        let parts = [bytes_of(&saved.command), bytes_of(&flown.sample), cast_slice(&words)].concat();
-        if parts.len() != bytes.len() {
-            return Err(format!("a state has {STATE_BYTES} byte"));
-        }
-        bytes.copy_from_slice(&parts);
-        Ok(())
-    }
-
-    /// Reads a state that [`serialise`](Self::serialise) has written with the same settings.
+    /// Reads a state that [`serialise`](Saved::serialise) has written with the same settings.
     pub fn deserialise(&self, bytes: &[u8]) -> Result<Saved, String> {
         if bytes.len() != STATE_BYTES || self.saved.flown.is_none() {
             return Err(format!("a state has {STATE_BYTES} byte, and is read after initialisation"));
@@ -157,6 +144,21 @@ impl Instance {
             return Err("the bytes are no state of this FMU with these settings".into());
         }
         Ok(Saved { command: pod_read_unaligned(command), flown: Some(Flown { plant, sample }) })
+    }
+}
+
+impl Saved {
+    /// Writes a state as [`STATE_BYTES`].
+    pub fn serialise(&self, bytes: &mut [u8]) -> Result<(), String> {
+        let mut flown = self.flown.clone().ok_or("a state before initialisation cannot be serialised")?;
+        let mut words = vec![0; PLANT_WORDS];
+        flown.plant.memory(&mut words).ok_or("the state cannot be serialised: the vehicle has diverged")?;
+        let parts = [bytes_of(&self.command), bytes_of(&flown.sample), cast_slice(&words)].concat();
+        if parts.len() != bytes.len() {
+            return Err(format!("a state has {STATE_BYTES} byte"));
+        }
+        bytes.copy_from_slice(&parts);
+        Ok(())
     }
 }
 

@@ -25,7 +25,7 @@ fn error_rad(off_rad: f64, deviation_rad: f64) -> (f64, f64) {
 
 #[test]
 fn val_a_heading_that_is_not_known_is_found_from_any_angle() {
-    for off_rad in [-3.1, -1.6, -0.5, 0.0, 0.7, 1.57, 2.5, 3.14] {
+    for off_rad in [-3.1, -1.6, -0.5, 0.0, 0.7, 1.6, 2.5, 3.1] {
         let (error, resets) = error_rad(off_rad, 2.0);
         assert!(error < 0.05 && resets >= 1.0, "{off_rad}: {error}, {resets}");
     }

@@ -64,7 +64,8 @@ struct Flown {
     last_m: f64,
     refused: u64,
     resets: u64,
-    imu_changes: u64,
+    /// IMU whose filter flew last.
+    imu: u64,
     /// Least IMUs that were sound.
     sound: u64,
     /// Largest error of the estimated position by its deviation.
@@ -88,7 +89,7 @@ impl Flown {
     fn is_silent(&self, without: &Self) -> bool {
         let says = self.refused > without.refused + FEW
             || self.resets > without.resets
-            || self.imu_changes > without.imu_changes
+            || self.imu != without.imu
             || self.sound == 0
             || self.told < TOLD;
         self.most_m - without.most_m > SILENT_M && !says
@@ -166,7 +167,7 @@ pub fn table(rows: &[Row]) -> String {
 
 /// Hover in the gusts of scenarios/dryden.toml, turned with the wind to a heading.
 fn hover(heading_deg: f64, seed: u64, sensors: SensorPreset) -> anyhow::Result<Scenario> {
-    let (sin, cos) = heading_deg.to_radians().sin_cos();
+    let (sin, cos) = libm::sincos(heading_deg.to_radians());
     let wind = format!("[[0.0, [{:?}, {:?}, 0.0]]]", 6.0 * cos, 6.0 * sin);
     let text = super::consistency::HOVER.replace("[[0.0, [6.0, 0.0, 0.0]]]", &wind);
     let set = [format!("mission.heading_deg={heading_deg:?}"), format!("run.duration_s={END_S:?}")];
@@ -195,7 +196,7 @@ fn fly(scenario: &Scenario) -> anyhow::Result<Flown> {
             last_m: off_m,
             refused: navigation.refused.iter().sum(),
             resets: navigation.resets,
-            imu_changes: navigation.imu_changes,
+            imu: navigation.imu,
             sound: flown.sound.min(navigation.imus_sound),
             told: told.fold(flown.told, f64::max),
         };
