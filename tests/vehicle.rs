@@ -203,8 +203,20 @@ fn a_landing_by_a_height_that_is_wrong_ends_on_the_ground() {
 fn ten_seconds_without_a_receiver_are_borne_in_gusts() {
     let lost = "fault=[{at_s=20, for_s=10, target='position', kind='off'}, {at_s=20, for_s=10, target='velocity', \
                 kind='off'}]";
-    let outcome = flown("dryden", &["plant.sensors.preset=typical", "bounds.max_position_error_m=1.5", lost]);
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
+    let of_seed = |seed: u32| {
+        let seed = format!("run.seed={seed}");
+        let outcome = flown(
+            "dryden",
+            &["plant.sensors.preset=typical", "bounds.max_position_error_m=5", "run.duration_s=50", &seed, lost],
+        );
+        assert_eq!(outcome.code(), Some(0), "{seed}: {}", outcome.run()["ended"]);
+        let back_m = outcome.metric("final_position_error_m");
+        assert!(back_m < 0.8, "{seed}: {back_m} m, 20 s after the receiver is back");
+        outcome.metric("max_position_error_m")
+    };
+    let mut most_m: Vec<f64> = (1..=5).map(of_seed).collect();
+    most_m.sort_by(f64::total_cmp);
+    assert!(most_m[2] < 2.5, "{most_m:?}");
 }
 
 #[test]

@@ -428,8 +428,8 @@ impl Filter {
         let mut gain = expected.solve(&seen).transpose();
         let (down, variance) = self.heading_error();
         if variance > UNKNOWN_RAD * UNKNOWN_RAD {
-            // Far from the truth a Jacobian would turn it anywhere: it stays, as an error that is considered, and with it
-            // what goes together with it.
+            // Far from the truth a Jacobian would turn it anywhere. It stays, as an error that is considered, and what
+            // goes together with it too.
             let along = down.transpose() * gain.fixed_rows::<3>(ATTITUDE);
             let mut rows = gain.fixed_rows_mut::<3>(ATTITUDE);
             rows -= down * along;

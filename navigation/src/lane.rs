@@ -1,14 +1,15 @@
 //! Lane: one IMU with a filter of its own, and the choice among lanes.
 //!
 //! ```text
-//! worse = integral of (surprise - surprise of the lane that flies), forgotten with FORGET_S, where they differ by more
-//!         than HYSTERESIS;     surprise = the largest y' / S y of the last measurements, as a share of its gate, below 1
+//! worse    = integral of (surprise - surprise of the lane that flies) where they differ by more than HYSTERESIS,
+//!            forgotten with FORGET_S
+//! surprise = largest y' / S y of the last measurements, as a share of its gate, up to 1
 //! ```
 //!
 //! All lanes get the same measurements of the other sensors, so that only their IMUs make them differ. An IMU that
 //! gives nothing new, whether it is silent or stuck, is known by the age of its last news, before its lane errs. One
-//! that lies is known by what its lane does not expect. This is what PX4's `EKF2Selector` does, which takes sums of test
-//! ratios; there a lane that has lost its way keeps it, here it begins anew from the lane that flies.
+//! that lies is known by what its lane does not expect. PX4's `EKF2Selector` does this with sums of test ratios.
+//! There a lane that has lost its way keeps it; here it begins anew from the lane that flies.
 
 use nalgebra::Vector3;
 
@@ -43,7 +44,7 @@ pub(crate) struct Lane {
     stale_s: f64,
     /// Time for which the IMU has been well, up to [`WELL_AFTER_S`] \[s\].
     well_s: f64,
-    /// How much worse than the lane that flies \[s\].
+    /// Integral of how much worse it is than the lane that flies \[s\].
     worse_s: f64,
 }
 

@@ -74,7 +74,7 @@ pub struct SensorFaults {
     sampled: Sampled,
 }
 
-/// What the effects of faults depend on beside the fault.
+/// Settings that the effects of faults depend on.
 #[derive(Debug, Clone, Copy)]
 struct Sampled {
     seed: u64,

@@ -56,7 +56,7 @@ const MOST_SILENT: f64 = 1.0;
 /// Largest distance of two distributions of as many errors, by Kolmogorov and Smirnov at 1 %, times the root of n / 2.
 const KOLMOGOROV: f64 = 1.63;
 
-/// What became of one flight.
+/// Outcome of one flight.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 struct Flown {
     /// Largest and last distance from where the vehicle shall be \[m\]; infinite if it was lost.
