@@ -5,6 +5,7 @@
 //! has said nothing of it: no more was refused, nothing was reset, no other IMU took over, one is sound, and the error
 //! of the position is beyond `TOLD` of the deviations that it tells.
 
+use anyhow::ensure;
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, SensorPreset, Sensors};
 use flight::inprocess;
@@ -90,7 +91,7 @@ impl Flown {
         let says = self.refused > without.refused + FEW
             || self.resets > without.resets
             || self.imu != without.imu
-            || self.sound == 0
+            || self.sound == 0 && without.sound > 0
             || self.told < TOLD;
         self.most_m - without.most_m > SILENT_M && !says
     }
@@ -112,6 +113,7 @@ pub fn measure(targets: &mut Vec<Target>) -> anyhow::Result<Vec<Row>> {
                 let (target, imu) = SENSORS[i];
                 let seed = case as u64 + 1;
                 let without = fly(&hover(heading_deg, seed, sensors)?)?;
+                ensure!(without.most_m.is_finite(), "the flight of {preset} without a fault is lost, seed {seed}");
                 let mut flown = [Flown::default(); FOR_S.len()];
                 for (flown, for_s) in flown.iter_mut().zip(FOR_S) {
                     let mut scenario = hover(heading_deg, seed, sensors)?;
@@ -165,12 +167,17 @@ pub fn table(rows: &[Row]) -> String {
     Table::new("Faults for 1 s, for 10 s, and for good", &columns, shown).text()
 }
 
-/// Hover in the gusts of scenarios/dryden.toml, turned with the wind to a heading.
+/// Hover in the gusts of scenarios/dryden.toml, turned to a heading: vehicle, mean wind and gusts.
 fn hover(heading_deg: f64, seed: u64, sensors: SensorPreset) -> anyhow::Result<Scenario> {
     let (sin, cos) = libm::sincos(heading_deg.to_radians());
     let wind = format!("[[0.0, [{:?}, {:?}, 0.0]]]", 6.0 * cos, 6.0 * sin);
     let text = super::consistency::HOVER.replace("[[0.0, [6.0, 0.0, 0.0]]]", &wind);
-    let set = [format!("mission.heading_deg={heading_deg:?}"), format!("run.duration_s={END_S:?}")];
+    let set = [
+        format!("mission.heading_deg={heading_deg:?}"),
+        format!("initial.attitude_deg=[0.0, 0.0, {heading_deg:?}]"),
+        format!("plant.turbulence.direction_deg={heading_deg:?}"),
+        format!("run.duration_s={END_S:?}"),
+    ];
     let mut scenario = contract::scenario::load_text(&text, "a hover in gusts", &set)?;
     scenario.run.seed = seed;
     scenario.plant.sensors = Sensors::from(sensors);
