@@ -13,7 +13,6 @@
 //! | [`coupling`] | change of w at speed, for the disturbance estimate | |
 //! | [`at_speed`] | the model at another flight condition | |
 //! | [`schedule`] | gain-scheduled MPC over the velocity | |
-//! | [`ltv`] | linearisation at every sample | |
 //! | [`constraints`] | set of admissible plans | (3), (49)-(51) |
 //! | [`condensed`] | cost over the horizon as a quadratic in the moves, its minimiser as a gain | (4) |
 //! | [`clearance`] | bound that shows a plan clear of its limits | |
@@ -49,7 +48,6 @@ pub mod geometric;
 pub mod goal;
 pub mod indi;
 pub mod level;
-pub mod ltv;
 pub mod memory;
 pub mod model;
 mod node;
@@ -81,7 +79,6 @@ use geometric::Geometric;
 use goal::Goal;
 use indi::{Indi, Stage};
 use level::Level;
-use ltv::Ltv;
 use memory::{Memory, WarmStart, Whole};
 use model::PredictionModel;
 use pid::Pid;
@@ -114,8 +111,6 @@ enum UnconstrainedLaw {
     Coupled(Gain, Coupling),
     /// One gain for each of several flight conditions.
     Scheduled(Box<Schedule>),
-    /// Problem of the model of this sample.
-    Ltv(Box<Ltv>),
     Pid(Pid),
     Geometric(Geometric),
     Indi(Indi),
@@ -127,7 +122,6 @@ impl UnconstrainedLaw {
         match self {
             Self::Coupled(_, coupling) => coupling.observe(measured),
             Self::Scheduled(schedule) => schedule.observe(measured),
-            Self::Ltv(ltv) => ltv.observe(measured),
             Self::Gain(_) | Self::Pid(_) | Self::Geometric(_) | Self::Indi(_) => {}
         }
     }
@@ -151,10 +145,6 @@ impl UnconstrainedLaw {
                 hover.predict(x, u, d, next);
             }
             Self::Scheduled(schedule) => schedule.predict(x, u, d, next),
-            Self::Ltv(ltv) => {
-                next.fill(0.0);
-                ltv.flight.add_prediction(1.0, x, u, d, next);
-            }
         }
     }
 }
@@ -201,7 +191,6 @@ impl AttitudeMpc {
                 let law = match weights.model {
                     Model::Hover | Model::Coupled => of_gain(problem.gain),
                     Model::Scheduled => UnconstrainedLaw::Scheduled(Box::new(Schedule::new(scenario)?)),
-                    Model::Ltv => UnconstrainedLaw::Ltv(Box::new(Ltv::new(scenario)?)),
                 };
                 (law, constrained)
             }
@@ -431,7 +420,6 @@ impl AttitudeMpc {
                 gain.write_plan(given, changes, unconstrained.rows_mut(0, *computed));
             }
             UnconstrainedLaw::Scheduled(schedule) => schedule.plan(given, changes, &attitude_rad, unconstrained),
-            UnconstrainedLaw::Ltv(ltv) => ltv.plan(given, changes, &attitude_rad, unconstrained),
             UnconstrainedLaw::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, unfollowed, integral)),
             UnconstrainedLaw::Geometric(geometric) => {
                 unconstrained.copy_from(&geometric.step(&start.as_view(), &r, unfollowed, integral));

@@ -101,7 +101,6 @@ mod tests {
         for (model, delay) in [
             (Model::Hover, DelayCompensation::Sample(true)),
             (Model::Scheduled, DelayCompensation::Sample(false)),
-            (Model::Ltv, DelayCompensation::Sample(true)),
         ] {
             let mut scenario = Scenario::default();
             (scenario.mpc.model, scenario.mpc.delay_compensation) = (model, delay);

@@ -118,7 +118,7 @@ impl Condition {
                 format!(
                     "`mpc.model` = \"scheduled\", and nothing holds {ahead} m/s ahead and {right} m/s to the right"
                 ),
-                "less drag in `[plant]`, or `mpc.model` = \"ltv\" or \"hover\"".into(),
+                "less drag in `[plant]`, or `mpc.model` = \"hover\"".into(),
             )
         })?;
         let model = FlightModel::new(scenario, &FlightPoint::from(&level));

@@ -65,7 +65,7 @@ fn the_prediction_over_a_measured_delay_allocates_nothing() {
 
 #[test]
 fn no_model_allocates() {
-    for model in [Model::Coupled, Model::Scheduled, Model::Ltv] {
+    for model in [Model::Coupled, Model::Scheduled] {
         for profile in [Profile::Paper, Profile::Robust] {
             let mut scenario = Scenario::from(profile);
             scenario.mpc.model = model;

@@ -44,8 +44,8 @@ fn each_model_holds_level_flight_with_its_own_trim() {
             let held = AttitudeMpc::new(&scenario).model.mixing.deviation(&Actuation::from(sample.0.command_in_force));
             (demand(&scenario, &sample) - held).amax()
         };
-        let [hover, scheduled, ltv] = [Model::Hover, Model::Scheduled, Model::Ltv].map(miss);
-        assert!(scheduled < 1e-6 && ltv < 1e-6, "{way:?}: {scheduled:e} {ltv:e}");
+        let [hover, scheduled] = [Model::Hover, Model::Scheduled].map(miss);
+        assert!(scheduled < 1e-6, "{way:?}: {scheduled:e}");
         assert!(hover > 0.1, "what hover takes for trim is not: {hover}");
     }
 }
@@ -72,60 +72,10 @@ fn a_plan_has_no_bump_at_a_condition() {
     }
 }
 
-#[test]
-fn between_conditions_the_schedule_is_near_the_model_of_the_sample() {
-    let tracked = |model, way| {
-        let scenario = scenario(model);
-        let mut sample = level(&scenario, way);
-        let held = demand(&scenario, &sample);
-        sample.1.attitude_rad[1] += 0.05;
-        sample.1.w_mps += 0.2;
-        demand(&scenario, &sample) - held
-    };
-    for way in [[7.5, 2.5], [-12.5, 0.0]] {
-        let [scheduled, ltv] = [Model::Scheduled, Model::Ltv].map(|model| tracked(model, way));
-        assert!((scheduled - ltv).amax() < 0.1 * ltv.amax(), "{way:?}: {scheduled} {ltv}");
-    }
-}
-
-#[test]
-fn ltv_is_the_condensed_problem_of_the_model() {
-    for (profile, terminal) in [(Profile::Robust, Terminal::Q), (Profile::Paper, Terminal::Zero)] {
-        let mut scenario = Scenario::from(profile);
-        scenario.mpc.terminal = terminal;
-        scenario.mpc.r_rate = [0.2, 100.0, 30.0, 50.0];
-        scenario.guidance.preview_s = 0.4;
-        let measured = Kinematics {
-            velocity_mps: [12.0, -6.0, -3.0],
-            attitude_rad: [0.1, -0.3, 0.5],
-            rates_radps: [0.2, -0.4, 0.1],
-            ..Kinematics::default()
-        };
-        let [roll_rad, pitch_rad, _] = measured.attitude_rad;
-        let Kinematics { velocity_mps, rates_radps, .. } = measured;
-        let flight = FlightModel::new(&scenario, &FlightPoint { velocity_mps, roll_rad, pitch_rad, rates_radps });
-        let n = flight.model.states();
-        let given = DVector::from_fn(n + condensed::GIVEN, |i, _| 0.1 * (1.0 + i as f64).sin());
-        let changes = DVector::from_fn(condensed::change_count(&scenario), |i, _| 0.1 * (3.0 * i as f64).cos());
-        let attitude_rad = [0.15, -0.3];
-        let mut ours = DVector::zeros(4 * scenario.nu());
-        let mut ltv = Ltv::new(&scenario).unwrap();
-        ltv.observe(&measured);
-        for _ in 0..2 {
-            ltv.plan(&given, &changes, &attitude_rad, &mut ours);
-            let (mut own, mut changed, mut theirs) = (given.clone(), changes.clone(), DVector::zeros(ours.len()));
-            flight.put_into(&mut own, n, &attitude_rad);
-            flight.lean_on_changes(&mut changed);
-            Condensed::at_speed(&flight, &scenario).unwrap().gain.add_plan(1.0, &own, &changed, theirs.as_view_mut());
-            assert!((&ours - &theirs).amax() < 1e-8 * theirs.amax(), "{profile:?}: {ours} {theirs}");
-        }
-    }
-}
-
 /// Pitching at speed does not change the climb, so the model in terms of the climb hardly depends on the velocity.
 #[test]
 fn a_change_of_pitch_at_constant_climb_costs_no_climb() {
-    let scenario = scenario(Model::Ltv);
+    let scenario = scenario(Model::Scheduled);
     let level = LevelFlight::solve(&scenario.airframe, false, &scenario.plant.drag(), [15.0, 0.0]).unwrap();
     let flight = FlightModel::new(&scenario, &FlightPoint::from(&level));
     let q = DMatrix::from_diagonal(&DVector::from_fn(11, |i, _| if i == 0 { 100.0 } else { 0.0 }));
@@ -186,7 +136,7 @@ fn pitching_at_speed_is_no_force() {
 
 #[test]
 fn a_controller_of_another_model_continues_the_flight() {
-    let models = [Model::Hover, Model::Coupled, Model::Scheduled, Model::Ltv];
+    let models = [Model::Hover, Model::Coupled, Model::Scheduled];
     for from in models {
         let mut before = AttitudeMpc::new(&scenario(from));
         let (state, reference) = level(&scenario(from), [5.0, 0.0]);

@@ -261,8 +261,6 @@ pub enum Model {
     Coupled,
     /// Models at trimmed level flight at several velocities, blended by the measured velocity.
     Scheduled,
-    /// Model at the measured state, renewed at every sample.
-    Ltv,
 }
 
 /// Solver of the constrained problem, `mpc.solver`.

@@ -72,7 +72,7 @@ fn for_law(scenario: Scenario, chosen: &Mpc, rate_hz: f64) -> Scenario {
         control_horizon_s: chosen.prediction_horizon_s.min(scenario.mpc.control_horizon_s).min(most_moves / rate_hz),
         delay_compensation: match model {
             Model::Hover | Model::Coupled => scenario.mpc.delay_compensation,
-            Model::Scheduled | Model::Ltv => DelayCompensation::Sample(true),
+            Model::Scheduled => DelayCompensation::Sample(true),
         },
         disturbance_gain: if law == Law::Indi { 0.0 } else { DISTURBANCE_RATE / rate_hz },
         ..scenario.mpc
