@@ -15,7 +15,7 @@ const SETTINGS: [&str; 5] = [
     "run.duration_s=6",
     "run.command_delay_ms=3.7",
     "plant.noise.position_m=0.01",
-    "plant.sensors.rates.noise_density=[0.01, 0.01, 0.01]",
+    "plant.noise.rates_dps=0.07",
     "fault=[{at_s=2, for_s=1, target='rotor1', kind='wrong', value=0.95}]",
 ];
 

@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
-use contract::scenario::{Magnetometer, Sensor as Settings};
+use contract::scenario::{Gyros, Magnetometer, Sensor as Settings};
 use libm::hypot;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use navigation::alignment::Standstill;
@@ -93,6 +93,8 @@ impl Instruments {
             let [noise_density, bias, bias_walk] = [density, bias, walk].map(|error| [error; 3]);
             sensor(&Settings { noise_density, bias, bias_walk, rate_hz, ..Settings::default() }, 0.0, 1.0)
         };
+        let Gyros { noise_density, bias, bias_walk, quantum } = settings.rates;
+        let gyros = Settings { noise_density, bias, bias_walk, quantum, ..Settings::default() };
         let optional = |rate_hz: f64, density, walk| (rate_hz > 0.0).then(|| plain(rate_hz, density, 0.0, walk));
         let (imu, barometer, flow) = (&settings.imu, &settings.barometer, &settings.flow);
         let receiver = &settings.receiver;
@@ -110,7 +112,7 @@ impl Instruments {
                 imu.acceleration_bias_mps2,
                 imu.acceleration_bias_walk,
             ),
-            gyros: sensor(&settings.rates, white.rates_dps, degree),
+            gyros: sensor(&gyros, white.rates_dps, degree),
             shapes: [shape(), shape()],
         };
         let imus = (0..settings.imu.count).map(|_| imu()).collect();

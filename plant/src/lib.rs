@@ -15,7 +15,6 @@
 //! | [`schedule`] | wind and disturbance as steps in time | |
 //! | [`turbulence`] | continuous gusts, and the mean wind over the height | |
 //! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
-//! | [`filter`] | the complementary filter behind the sensors | |
 //! | [`navigation_unit`], [`instruments`] | the EKF in place of that filter, and its sensors | |
 //! | [`telemetry`] | rotor speeds and tilt as sensed | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
@@ -38,7 +37,6 @@ pub mod battery;
 pub mod commands;
 pub mod dynamics;
 pub mod faults;
-pub mod filter;
 pub mod ground;
 pub mod instruments;
 pub mod integrator;

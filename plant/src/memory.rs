@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 
 /// First word of a memory: its type, and the version of its layout.
-const NAME: u64 = u64::from_be_bytes(*b"vehicle4");
+const NAME: u64 = u64::from_be_bytes(*b"vehicle5");
 
 /// Cursor over the words of a memory.
 pub struct Tape<'a> {

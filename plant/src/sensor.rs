@@ -1,24 +1,18 @@
-//! One sensor with errors, a rate and a latency of its own.
+//! One sensor with errors and a rate of its own.
 //!
 //! ```text
-//! truth -- every 1 / rate_hz --> + bias + noise -> quantum -- latency_ms --> measurement
+//! truth -- every 1 / rate_hz --> + bias + noise -> quantum -> measurement
 //! ```
 //!
 //! The noise is white: of a standard deviation (`plant.noise`), or of a density, one-sided as in data sheets, whose
 //! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a random value and
-//! walks from there, or back to 0 by its time constant (first-order Gauss-Markov). Between two measurements a sensor
-//! repeats the last one that arrived; the first has no latency.
-
-use std::collections::VecDeque;
+//! walks from there, or back to 0 by its time constant (first-order Gauss-Markov).
 
 use contract::scenario::Sensor as Settings;
 use rand_chacha::ChaCha8Rng;
 
 use crate::memory::Tape;
 use crate::random::normal;
-
-/// Most measurements under way in a sensor: the longest latency at the highest rate.
-const UNDER_WAY: usize = 1024;
 
 /// Sensor of three numbers, in the units of its reader.
 #[derive(Debug, Clone)]
@@ -31,16 +25,11 @@ pub struct Sensor {
     /// Share of the bias that is left after a sample.
     bias_left: f64,
     quantum: [f64; 3],
-    /// Time between two measurements, and from a measurement to its arrival \[ns\].
+    /// Time between two measurements \[ns\].
     period_ns: u64,
-    latency_ns: u64,
     bias: Option<[f64; 3]>,
     /// Time of the next measurement \[ns\].
     due_ns: u64,
-    /// Measurements under way with the times of their arrival, oldest first.
-    under_way: VecDeque<(u64, [f64; 3])>,
-    /// Last measurement that arrived.
-    newest: Option<[f64; 3]>,
 }
 
 impl Sensor {
@@ -58,23 +47,15 @@ impl Sensor {
             bias_left: if settings.bias_s > 0.0 { libm::exp(-sample_s / settings.bias_s) } else { 1.0 },
             quantum: settings.quantum.map(|quantum| quantum * unit),
             period_ns,
-            latency_ns: (settings.latency_ms * 1e6) as u64,
             bias: None,
             due_ns: 0,
-            under_way: VecDeque::with_capacity(UNDER_WAY),
-            newest: None,
         }
     }
 
-    /// Writes or reads bias, times and measurements under way.
+    /// Writes or reads the bias and the time of the next measurement.
     pub fn remember(&mut self, tape: &mut Tape) {
         tape.option(&mut self.bias, |tape, bias| tape.numbers(bias));
         tape.word(&mut self.due_ns);
-        tape.queue(&mut self.under_way, UNDER_WAY, |tape, (arrives_ns, value)| {
-            tape.word(arrives_ns);
-            tape.numbers(value);
-        });
-        tape.option(&mut self.newest, |tape, newest| tape.numbers(newest));
     }
 
     /// Lets the time of the flight begin: the next measurement is due at once.
@@ -92,23 +73,6 @@ impl Sensor {
     pub fn deviation(&self) -> [f64; 3] {
         // The error of rounding is uniform: its variance is that of its width, by twelve.
         std::array::from_fn(|i| libm::hypot(self.deviation[i], self.quantum[i] / 12_f64.sqrt()))
-    }
-
-    /// Reads the sensor at `now_ns`: the last measurement that arrived.
-    pub fn read(&mut self, now_ns: u64, truth: [f64; 3], errs: bool, random: &mut ChaCha8Rng) -> [f64; 3] {
-        if let Some(measured) = self.measure(now_ns, truth, errs, random) {
-            if self.under_way.len() < UNDER_WAY {
-                self.under_way.push_back((now_ns + self.latency_ns, measured));
-            }
-            self.newest.get_or_insert(measured);
-        }
-        while let Some((arrives_ns, value)) = self.under_way.front().copied()
-            && arrives_ns <= now_ns
-        {
-            self.newest = Some(value);
-            self.under_way.pop_front();
-        }
-        self.newest.unwrap_or(truth)
     }
 
     /// Measures at `now_ns`; `None` if no measurement is due. With `errs` six numbers are drawn, needed or not, so that
@@ -130,3 +94,6 @@ impl Sensor {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests;

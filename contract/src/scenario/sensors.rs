@@ -1,26 +1,22 @@
-//! `[plant.sensors]`: what the vehicle measures, with which errors, and the filter behind it.
+//! `[plant.sensors]`: the sensors of the navigation unit and their errors, and the telemetry of the actuators.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Sensor errors besides `plant.noise`, `[plant.sensors]`. All zero is a sensor that gives the true value at once.
+/// Sensors of the navigation unit, `[plant.sensors]`; without a unit `plant.noise` is the only error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensors {
     /// Preset that the other settings start from.
     pub preset: SensorPreset,
-    /// Position sensor: axes north, east, down; unit m.
+    /// Position of the satellite receiver: axes north, east, down; unit m.
     pub position: Sensor,
-    /// Velocity sensor: body axes x, y, z, or with the EKF north, east, down; unit m/s.
+    /// Velocity of the satellite receiver: axes north, east, down; unit m/s.
     pub velocity: Sensor,
-    /// Sensor of Euler angles: roll, pitch, yaw; unit deg. The EKF has none.
-    pub attitude: Sensor,
-    /// Sensor of body rates: p, q, r; unit deg/s.
-    pub rates: Sensor,
+    /// Gyros: p, q, r; unit deg/s.
+    pub rates: Gyros,
     /// Filter between the measurements and the controllers.
     pub filter: Filter,
-    /// Bandwidth of the complementary filter \[rad/s\]: gyros above it, attitude and position measurements below.
-    pub filter_radps: f64,
     /// Inertial measurement unit of the EKF; its gyros have the errors of `rates` too.
     pub imu: ImuSettings,
     /// Satellite receiver of the EKF, which measures `position` and `velocity`.
@@ -54,11 +50,9 @@ pub enum SensorPreset {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Filter {
-    /// No filter: the controllers get the measurements.
+    /// No unit: the controllers get the true motion with `plant.noise`.
     #[default]
     None,
-    /// Complementary filter: the controllers get its estimates.
-    Complementary,
     /// Error-state Kalman filter over IMU, satellite receiver, barometer and magnetometer.
     Ekf,
 }
@@ -78,10 +72,24 @@ pub struct Sensor {
     pub bias_s: f64,
     /// Quantisation step of the values \[unit\]; 0 = none.
     pub quantum: [f64; 3],
-    /// Measurements per second \[Hz\], at most `run.rate_hz`, or with the EKF the rate of the IMU; 0 = that rate.
+    /// Measurements per second \[Hz\], at most the rate of the IMU; 0 = that rate.
     pub rate_hz: f64,
     /// Age of a measurement when it arrives \[ms\].
     pub latency_ms: f64,
+}
+
+/// Gyros, `[plant.sensors.rates]`: errors per axis \[deg/s\].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Gyros {
+    /// One-sided density of white noise \[deg/s / sqrt(Hz)\].
+    pub noise_density: [f64; 3],
+    /// Standard deviation of the bias at the start \[deg/s\].
+    pub bias: [f64; 3],
+    /// Random walk of the bias \[deg/s / sqrt(s)\].
+    pub bias_walk: [f64; 3],
+    /// Quantisation step of the values \[deg/s\]; 0 = none.
+    pub quantum: [f64; 3],
 }
 
 /// Inertial measurement unit, `[plant.sensors.imu]`: means over a sample, of equal errors on every axis.
@@ -218,8 +226,7 @@ pub struct Telemetry {
 }
 
 impl From<SensorPreset> for Sensors {
-    /// Returns a preset. `typical` and `good` are in the order of the parts that docs/navigation.md names;
-    /// without the EKF `attitude` stands for its estimate.
+    /// Returns a preset. `typical` and `good` are in the order of the parts that docs/navigation.md names.
     fn from(preset: SensorPreset) -> Self {
         let sensors = match preset {
             SensorPreset::Ideal => Self::ideal(),
@@ -236,10 +243,8 @@ impl Sensors {
             preset: SensorPreset::Ideal,
             position: Sensor::default(),
             velocity: Sensor::default(),
-            attitude: Sensor::default(),
-            rates: Sensor::default(),
+            rates: Gyros::default(),
             filter: Filter::None,
-            filter_radps: 1.0,
             imu: ImuSettings::default(),
             receiver: Receiver::default(),
             barometer: Barometer::default(),
@@ -262,18 +267,11 @@ impl Sensors {
                 latency_ms: 60.0,
             },
             velocity: Sensor { noise_density: [0.022; 3], rate_hz: 10.0, latency_ms: 60.0, ..Sensor::default() },
-            attitude: Sensor {
-                noise_density: [0.02; 3],
-                bias: [0.3, 0.3, 1.0],
-                bias_walk: [0.02, 0.02, 0.05],
-                ..Sensor::default()
-            },
-            rates: Sensor {
+            rates: Gyros {
                 noise_density: [0.0028; 3],
                 bias: [0.1; 3],
                 bias_walk: [0.002; 3],
                 quantum: [1.0 / 131.0; 3],
-                ..Sensor::default()
             },
             filter: Filter::Ekf,
             imu: ImuSettings {
@@ -324,7 +322,7 @@ impl Sensors {
                 ..good.position
             },
             velocity: Sensor { noise_density: [0.022, 0.022, 0.045], latency_ms: 100.0, ..good.velocity },
-            rates: Sensor { bias: [0.5; 3], bias_walk: [0.005; 3], ..good.rates },
+            rates: Gyros { bias: [0.5; 3], bias_walk: [0.005; 3], ..good.rates },
             imu: ImuSettings {
                 acceleration_bias_mps2: 0.03,
                 scale: 0.001,

@@ -1,4 +1,4 @@
-use contract::scenario::{Noise, Sensor as Settings};
+use contract::scenario::Noise;
 
 use super::*;
 
@@ -10,23 +10,11 @@ const MOTION: Kinematics = Kinematics {
 };
 const SAMPLE_NS: u64 = 10_000_000;
 
-/// Sensors of a scenario after `change`.
-fn sensors(seed: u64, change: impl Fn(&mut Scenario)) -> Sensors {
+fn noisy(seed: u64, position_m: f64, velocity_mps: f64, attitude_deg: f64, rates_dps: f64) -> Sensors {
     let mut scenario = Scenario::default();
     scenario.run.seed = seed;
-    change(&mut scenario);
+    scenario.plant.noise = Noise { position_m, velocity_mps, attitude_deg, rates_dps };
     Sensors::new(&scenario)
-}
-
-fn noisy(seed: u64, position_m: f64, velocity_mps: f64, attitude_deg: f64, rates_dps: f64) -> Sensors {
-    sensors(seed, |scenario| scenario.plant.noise = Noise { position_m, velocity_mps, attitude_deg, rates_dps })
-}
-
-/// Readings along x of a position sensor with these settings at the first samples of a vehicle at `x(k)`.
-fn along_x(settings: &Settings, samples: u64, x: impl Fn(u64) -> f64) -> Vec<f64> {
-    let mut sensors = sensors(1, |scenario| scenario.plant.sensors.position = settings.clone());
-    let at = |k| Kinematics { position_m: [x(k), 0.0, 0.0], ..Kinematics::default() };
-    (0..samples).map(|k| sensors.measure(k * SAMPLE_NS, &at(k)).position_m[0]).collect()
 }
 
 #[test]
@@ -77,52 +65,4 @@ fn noise_has_the_mean_deviation_and_independence_it_was_asked_for() {
             assert!(mean(&|d| d[i] * d[j]).abs() < five_sigma);
         }
     }
-}
-
-#[test]
-fn noise_of_a_density_grows_with_the_root_of_the_rate() {
-    let deviation = |rate_hz: f64| {
-        let settings = Settings { noise_density: [0.02, 0.0, 0.0], rate_hz, ..Settings::default() };
-        let every = (100.0 / rate_hz) as usize;
-        let drawn: Vec<f64> = along_x(&settings, 40_000, |_| 0.0).into_iter().step_by(every).collect();
-        (drawn.iter().map(|x| x * x).sum::<f64>() / drawn.len() as f64).sqrt()
-    };
-    for rate_hz in [100.0, 25.0] {
-        let expected = 0.02 * (rate_hz / 2.0_f64).sqrt();
-        assert!((deviation(rate_hz) / expected - 1.0).abs() < 0.05, "at {rate_hz} Hz");
-    }
-}
-
-#[test]
-fn a_bias_begins_somewhere_and_walks() {
-    let settings = Settings { bias: [0.3, 0.0, 0.0], bias_walk: [0.1, 0.0, 0.0], ..Settings::default() };
-    let flights = 2000;
-    let variance = |k: u64| {
-        let bias = |seed| {
-            let mut sensors = sensors(seed, |scenario| scenario.plant.sensors.position = settings.clone());
-            let said = (0..=k).map(|k| sensors.measure(k * SAMPLE_NS, &Kinematics::default()).position_m[0]);
-            said.last().expect("a sample")
-        };
-        (0..flights).map(bias).map(|x| x * x).sum::<f64>() / flights as f64
-    };
-    for (k, expected) in [(0, 0.09), (400, 0.09 + 0.01 * 4.0)] {
-        assert!((variance(k) / expected - 1.0).abs() < 5.0 * (2.0 / flights as f64).sqrt(), "at sample {k}");
-    }
-}
-
-#[test]
-fn values_are_multiples_of_the_quantum() {
-    let settings = Settings { quantum: [0.25, 0.0, 0.0], ..Settings::default() };
-    let said = along_x(&settings, 4, |k| 0.1 * k as f64);
-    assert_eq!(said, [0.0, 0.0, 0.25, 0.25]);
-}
-
-#[test]
-fn a_slow_sensor_repeats_and_a_late_one_returns_older_values() {
-    let slow = Settings { rate_hz: 25.0, ..Settings::default() };
-    assert_eq!(along_x(&slow, 9, |k| k as f64), [0.0, 0.0, 0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 8.0]);
-    let late = Settings { latency_ms: 30.0, ..Settings::default() };
-    assert_eq!(along_x(&late, 7, |k| k as f64), [0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0]);
-    let both = Settings { rate_hz: 25.0, latency_ms: 25.0, ..Settings::default() };
-    assert_eq!(along_x(&both, 9, |k| k as f64), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4.0, 4.0]);
 }

@@ -159,13 +159,10 @@ const SWITCHES: [Switch; 22] = [
         on: "\"\"",
     },
     Switch {
-        settings: &["plant.sensors.filter_radps"],
-        key: "plant.sensors.filter",
-        is_on: |scenario| scenario.plant.sensors.filter == Filter::Complementary,
-        on: "\"complementary\"",
-    },
-    Switch {
         settings: &[
+            "plant.sensors.position",
+            "plant.sensors.velocity",
+            "plant.sensors.rates",
             "plant.sensors.imu",
             "plant.sensors.receiver",
             "plant.sensors.barometer",
@@ -189,15 +186,10 @@ const SWITCHES: [Switch; 22] = [
         on: "0",
     },
     Switch {
-        settings: &[
-            "plant.noise.attitude_deg",
-            "plant.sensors.attitude",
-            "plant.sensors.rates.rate_hz",
-            "plant.sensors.rates.latency_ms",
-        ],
+        settings: &["plant.noise.attitude_deg"],
         key: "plant.sensors.filter",
         is_on: |scenario| scenario.plant.sensors.filter != Filter::Ekf,
-        on: "\"none\" or \"complementary\"",
+        on: "\"none\"",
     },
 ];
 

@@ -298,11 +298,7 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
         ("plant.wind_roughness_m=0.1", "`plant.wind_ned_mps` = a wind with it"),
         ("plant.sensors.imu.rate_hz=500", "`plant.sensors.filter` = \"ekf\" with it"),
         ("plant.sensors.alignment.tilt_deg=1", "`plant.sensors.filter` = \"ekf\" with it"),
-        (
-            "plant.sensors={filter=\"ekf\", attitude={bias=[1, 1, 1]}}",
-            "`plant.sensors.filter` = \"none\" or \"complementary\" with it",
-        ),
-        ("plant.sensors.filter_radps=2", "`plant.sensors.filter` = \"complementary\" with it"),
+        ("plant.sensors.position.latency_ms=20", "`plant.sensors.filter` = \"ekf\" with it"),
         ("fault=[{at_s=60.1, target=\"mixer\", kind=\"kill\"}]", "a fault at 60.1 s in a flight that ends at 60.0 s"),
         ("swap=[{at_s=61, node=\"mixer\"}]", "a swap at 61.0 s in a flight that ends at 60.0 s"),
     ];

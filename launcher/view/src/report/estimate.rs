@@ -45,7 +45,7 @@ pub const MEASUREMENTS: [&str; 7] = [
 pub fn link(scenario: &Scenario) -> &'static str {
     match scenario.plant.sensors.filter {
         Filter::Ekf => "<a href=\"#estimate\">Estimate</a>",
-        Filter::None | Filter::Complementary => "",
+        Filter::None => "",
     }
 }
 
