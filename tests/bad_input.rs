@@ -48,7 +48,7 @@ fn what_is_no_regular_file_of_sane_size_is_refused_at_once() {
     check_refused(&["/dev/zero"], &["/dev/zero", "it is a device"]);
     check_refused(&[&at("")], &["it is a directory"]);
     check_refused(&[&large], &["it has 1600000 bytes, and 1048576 are the most that is read"]);
-    for arguments in [["check", &fifo], ["report", &at("")], ["trace", &log]] {
+    for arguments in [&["check", &fifo][..], &["report", &at("")], &["export", &log, "--to", "perfetto"]] {
         let output = crate::harness::launcher().args(arguments).output().expect("the launcher runs");
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.code() == Some(2) && stderr.contains("it is a FIFO"), "{arguments:?}: {stderr}");
@@ -137,10 +137,10 @@ fn what_was_meant_is_offered_and_what_is_refused_is_not() {
     let waypoints = "mission={ trajectory = \"waypoints\", waypoints_m = [[0, 0, 0], [1, 0, 0]], times_s = [3, 2] }";
     let times = said(&["fly", "--set", waypoints]);
     assert!(times.contains("does not rise") && !times.contains("leg of"), "{times}");
-    for verb in ["report", "replay", "explain", "trace"] {
+    for verb in [&["report"][..], &["replay"], &["explain"], &["export", "--to", "perfetto"]] {
         for (run, expected) in [("docs", "is a folder without a log"), ("README.md", "is no log of a flight")] {
-            let said = said(&[verb, run]);
-            assert!(said.contains(expected) && said.contains("as `launcher fly` makes it"), "{verb} {run}: {said}");
+            let said = said(&[verb, &[run]].concat());
+            assert!(said.contains(expected) && said.contains("as `launcher fly` makes it"), "{verb:?} {run}: {said}");
         }
     }
 }

@@ -223,7 +223,7 @@ fn a_run_that_cannot_be_exported_is_refused() {
         &["export", &run, "--to", "ulog", "--out", &mcap][..],
         &["export", &run, "--to", "csv", "--out", &run],
         &["export", "fmu", "--out", &mcap],
-        &["trace", &run, "--out", &page],
+        &["export", &run, "--to", "perfetto", "--out", &page],
         &["compare", &run, &mcap, "--out", &page],
     ] {
         let output = launcher().args(arguments).output().expect("the launcher runs");

@@ -325,7 +325,7 @@ fn no_program_that_a_folder_names_is_run() {
         &["replay", &run, "--node", "attitude-mpc"],
         &["explain", &run],
         &["compare", &run, &run, "--out", &at("compare.html").display().to_string()],
-        &["trace", &run],
+        &["export", &run, "--to", "perfetto"],
         &["campaign", &at("campaign.toml").display().to_string(), "--out", &at("out").display().to_string()],
         &[
             "campaign",

@@ -229,7 +229,7 @@ fn the_folder_of_another_user_starts_no_library() {
     fly.arg(format!("node.attitude-mpc.exec={}", theirs.at("lib.so").display())).arg("--out").arg(&run);
     assert_eq!(fly.env("TREFOIL_MARK", &mark).output().unwrap().status.code(), Some(0));
     fs::remove_file(&mark).expect("it was loaded");
-    for (command, code) in [("replay", 0), ("explain", 2), ("report", 0), ("trace", 0)] {
+    for (command, code) in [("replay", 0), ("explain", 2), ("report", 0)] {
         let read = launcher().arg(command).arg(&run).env("TREFOIL_MARK", &mark).output().unwrap();
         assert_eq!(read.status.code(), Some(code), "{command}: {}", said(&read));
     }

@@ -261,7 +261,7 @@ fn a_log_without_its_end_is_told_first_by_every_command() {
     assert_repeats(&outcome.out);
     rewrite(&path, |record| record.stamp().tick < 120);
     let run = outcome.out.display().to_string();
-    for command in ["report", "trace", "explain", "compare"] {
+    for command in ["report", "explain", "compare"] {
         let other = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.5"]);
         let more = if command == "compare" { vec![other.out.to_str().expect("a path")] } else { vec![] };
         let output = of_run(&[&[command], &more[..]].concat(), &outcome.out);
@@ -416,7 +416,7 @@ fn a_log_of_another_layout_is_refused_with_both_versions_and_what_to_do() {
     bytes[at..at + theirs.len()].copy_from_slice(theirs.as_bytes());
     std::fs::write(&path, bytes).expect("written");
     let run = outcome.out.display().to_string();
-    for command in ["report", "trace", "replay", "explain", "compare"] {
+    for command in ["report", "replay", "explain", "compare"] {
         let more = if command == "compare" { vec![run.as_str()] } else { vec![] };
         let output = of_run(&[&[command], &more[..]].concat(), &outcome.out);
         let said = text(&output);

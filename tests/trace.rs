@@ -1,4 +1,4 @@
-//! `launcher trace`: what it writes a viewer can read, of real flights and of damaged ones. No time is judged here.
+//! `export --to perfetto`: what it writes a viewer can read, of real flights and of damaged ones. No time is judged here.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -90,7 +90,7 @@ fn check_trace(trace: &Value) {
 #[test]
 fn a_flight_in_lockstep_is_traced_with_a_warning() {
     let flown = fly(&["--mode", "lockstep", "--set", "run.duration_s=2.0"]);
-    let output = run(&["trace", plain(&flown.out), "--from", "0.5s", "--for", "500ms"]);
+    let output = run(&["export", plain(&flown.out), "--to", "perfetto", "--from", "0.5s", "--for", "500ms"]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8_lossy(&output.stderr).contains("lockstep"), "times mean little there, and it says so");
     let trace = read(&flown.out.join("trace.json"));
@@ -107,19 +107,13 @@ fn an_export_for_perfetto_is_the_trace_of_the_whole_flight() {
     let whole = read(&flown.out.join("trace.json"));
     check_trace(&whole);
     assert_eq!(events(&whole, "X").iter().filter(|slice| lane(slice) == 1).count(), 201);
-    let part = |arguments: &[&str]| {
-        let output = run(&[arguments, &["--from", "0.5s", "--for", "0.5s"]].concat());
-        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-        read(&flown.out.join("trace.json"))
-    };
-    assert_eq!(part(&["trace", plain(&flown.out)]), part(&["export", plain(&flown.out), "--to", "perfetto"]));
 }
 
 #[test]
 fn a_flight_in_real_time_is_traced_around_its_worst_tick() {
     let flown = fly(&["--mode", "realtime", "--set", "run.duration_s=1.0"]);
     let file = flown.out.join("elsewhere.json");
-    let output = run(&["trace", plain(&flown.out.join("flight.mcap")), "--out", plain(&file)]);
+    let output = run(&["export", plain(&flown.out.join("flight.mcap")), "--to", "perfetto", "--worst", "--out", plain(&file)]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let worst = &flown.run()["timing"]["worst_ticks"][0];
     let told =
@@ -142,7 +136,7 @@ fn what_cannot_be_traced_is_told() {
     let in_process = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.1"]);
     let lockstep = fly(&["--mode", "lockstep", "--set", "run.duration_s=0.1"]);
     let check = |arguments: &[&str], parts: &[&str]| {
-        let output = run(&[&["trace"], arguments].concat());
+        let output = run(&[&["export", "--to", "perfetto"], arguments].concat());
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
         assert!(parts.iter().all(|part| stderr.contains(part)), "{arguments:?} should say {parts:?}: {stderr}");
@@ -150,7 +144,7 @@ fn what_cannot_be_traced_is_told() {
     check(&["no/such/run"], &["no/such/run", "folder of a run"]);
     check(&[plain(&unlogged.out)], &["flight.mcap", "--no-log"]);
     check(&[plain(&in_process.out)], &["no clock", "--mode realtime"]);
-    check(&[plain(&lockstep.out), "--from", "7s"], &["7.00 to 8.00 s", "covers 0.10 s", "--from"]);
+    check(&[plain(&lockstep.out), "--from", "7s", "--for", "1s"], &["7.00 to 8.00 s", "covers 0.10 s", "--from"]);
     check(&[plain(&lockstep.out), "--for", "0s"], &["--for"]);
     check(&[plain(&lockstep.out), "--from", "0", "--worst"], &["--worst"]);
     check(&[plain(&lockstep.out), "--out", "/no/such/folder/x"], &["/no/such/folder", "--out"]);

@@ -16,7 +16,7 @@ use flight::stack::{StartError, check_memory};
 use flight::{guarded, intruder, nodes, programs, recorder, settings, strays};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
-use view::{report, trace};
+use view::report;
 
 use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
@@ -57,8 +57,6 @@ enum Command {
     Explain(replay::ExplainArgs),
     /// Lay recorded flights side by side: settings that differ, metrics, timing, courses
     Compare(compare::CompareArgs),
-    /// Export some ticks of a run for the trace viewer Perfetto
-    Trace(trace::TraceArgs),
     /// List the flying stacks, and the state of their nodes
     Status(manage::StatusArgs),
     /// Show a flying stack to a ground station, by MAVLink over UDP
@@ -165,9 +163,6 @@ fn run() -> ExitCode {
         Command::Replay(args) => replay::replay(&args).map_err(|error| with_hint(error, &[&args.of.run])),
         Command::Explain(args) => replay::explain(&args).map_err(|error| with_hint(error, &[&args.of.run])),
         Command::Compare(args) => compare::compare(&args).map_err(|error| with_hint(error, &args.runs)),
-        Command::Trace(args) => {
-            trace::trace(&args).map(|()| exit::FLOWN).map_err(|error| with_hint(error, &[&args.run]))
-        }
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Mavlink(args) => mavlink::mavlink(&args),
         Command::Swap(args) => swap::swap(&args),

@@ -38,6 +38,9 @@ pub struct ExportArgs {
     /// Length of the part [default: to the end]
     #[arg(long = "for", value_name = "TIME", default_value = "inf", hide_default_value = true, value_parser = seconds_or_inf)]
     for_s: f64,
+    /// With perfetto: a second around the worst tick, or --for; in lockstep, where no tick is late, at the beginning
+    #[arg(long, conflicts_with = "from_s")]
+    worst: bool,
     /// Folder (csv, parquet) or file to write [default: csv/, parquet/, flight.ulg, trace.json beside the log]
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
@@ -59,7 +62,7 @@ enum Format {
     Parquet,
     /// One `ULog` file, for PlotJuggler and the tools of PX4
     Ulog,
-    /// A trace for ui.perfetto.dev, as of `launcher trace`
+    /// A trace for ui.perfetto.dev, of a flight through processes
     Perfetto,
 }
 
@@ -86,13 +89,18 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
 }
 
 fn of_run(run: &Path, to: Format, args: &ExportArgs) -> anyhow::Result<()> {
-    let ExportArgs { from_s, for_s, ref out, .. } = *args;
+    let ExportArgs { from_s, for_s, worst, ref out, .. } = *args;
     ensure!(for_s > 0.0, "--for 0 is no part of a flight");
+    ensure!(!worst || matches!(to, Format::Perfetto), "--worst is for --to perfetto; choose the part with --from and --for");
     let format = match to {
         Format::Csv => export::Format::Csv,
         Format::Parquet => export::Format::Parquet,
         Format::Ulog => export::Format::Ulog,
-        Format::Perfetto => return trace::write(run, Asked::From { from_s, for_s }, out.as_deref()),
+        Format::Perfetto => {
+            let around_s = if for_s.is_finite() { for_s } else { 1.0 };
+            let asked = if worst { Asked::Worst { for_s: around_s } } else { Asked::From { from_s, for_s } };
+            return trace::write(run, asked, out.as_deref());
+        }
     };
     let log = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
     let written = export::export(&log, format, Part { from_s, to_s: from_s + for_s }, out.as_deref())?;

@@ -79,7 +79,6 @@ pub const HELP: &[Help] = &[
         exits: &[(exit::OUT_OF_BOUNDS, "the log is not all of the flight")],
     },
     help("compare", &["compare runs/a runs/b", "compare runs/a runs/b runs/c --out three.html"]),
-    help("trace", &["trace runs/survey"]),
     help("status", &["status", "status --watch"]),
     Help {
         command: "swap",

@@ -1,4 +1,4 @@
-//! Folders of runs whose files were damaged or forged: `report` and `trace` end with an error or a page.
+//! Folders of runs whose files were damaged or forged: `report` and `export` end with an error or a page.
 
 use std::fs;
 use std::sync::LazyLock;

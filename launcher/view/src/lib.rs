@@ -12,7 +12,7 @@
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`report`] | `report.html` |
 //! | [`export`] | a run in the formats of other tools |
-//! | [`trace`] | `trace`: ticks of a run for a trace viewer |
+//! | [`trace`] | `export --to perfetto`: ticks of a run for a trace viewer |
 
 #![allow(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! `trace`: some ticks of a recorded flight as a trace that the viewer Perfetto opens (<https://ui.perfetto.dev>).
+//! Some ticks of a recorded flight as a trace that the viewer Perfetto opens (<https://ui.perfetto.dev>).
 //!
 //! A flight in process has no times, and so no trace. In lockstep the ring runs as fast as it can, so the trace shows
 //! which process waited for which, not how late any of them was.
@@ -6,7 +6,7 @@
 mod events;
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 use contract::message::Stamp;
@@ -15,7 +15,6 @@ use contract::{Scenario, Topic};
 use serde_json::{Value, json};
 
 use self::events::Trace;
-use flight::duration::seconds;
 use flight::files::{named_file, write_whole};
 use flight::log::{self, Log, Record};
 use outcome::happenings::Happenings;
@@ -23,25 +22,6 @@ use outcome::recorded::Recorded;
 use outcome::ticks::{in_force, logged};
 use outcome::timing::WorstTick;
 use runtime::console::{eprint_line, print};
-
-/// Arguments of `trace`.
-#[derive(clap::Args)]
-pub struct TraceArgs {
-    /// Folder of the run, or its flight.mcap
-    pub run: PathBuf,
-    /// Begin of the window in simulated time: 500ms, 2s, 1min
-    #[arg(long = "from", value_name = "TIME", value_parser = seconds)]
-    pub from_s: Option<f64>,
-    /// Length of the window
-    #[arg(long = "for", value_name = "TIME", default_value = "1s", value_parser = seconds)]
-    pub for_s: f64,
-    /// Window around the worst tick, the default without --from; in lockstep, where no tick is late, at the beginning
-    #[arg(long, conflicts_with = "from_s")]
-    pub worst: bool,
-    /// File to write [default: trace.json beside the log]
-    #[arg(long, value_name = "FILE")]
-    pub out: Option<PathBuf>,
-}
 
 const LOCKSTEP: &str = "a lockstep flight: the times show which process waited for which, not how late any of them was";
 
@@ -52,11 +32,6 @@ pub enum Asked {
     Worst { for_s: f64 },
     /// Begin and length \[s\].
     From { from_s: f64, for_s: f64 },
-}
-
-pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
-    let TraceArgs { ref run, from_s, for_s, ref out, .. } = *args;
-    write(run, from_s.map_or(Asked::Worst { for_s }, |from_s| Asked::From { from_s, for_s }), out.as_deref())
 }
 
 /// Writes the trace of a run to `out`, by default `trace.json` beside its log, and says where.
