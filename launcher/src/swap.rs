@@ -41,7 +41,7 @@ pub struct SwapArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Time on standby beside the old process, without being delivered: 2s, 500ms
-    #[arg(long, alias = "shadow", default_value = "1s", value_parser = seconds)]
+    #[arg(long, default_value = "1s", value_parser = seconds)]
     pub standby: f64,
     /// Time for which the old process stands by after the hand-over
     #[arg(long, default_value = "3s", value_parser = seconds)]

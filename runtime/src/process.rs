@@ -1,5 +1,5 @@
-//! A node as a program: every node's `main.rs` is the same three lines around [`main`]. The launcher starts the same
-//! code as `launcher node NAME`.
+//! A node as a program: a controller of a user's is three lines around [`main`]. The launcher runs its own nodes by
+//! [`run_as`], as `launcher node NAME`.
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -19,6 +19,7 @@
 //! | `program` | `[node.<name>]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, error messages with their place |
+//! | `moved` | keys of earlier versions |
 //! | `given` | settings without the defaults, as a base for the flights of a campaign |
 //! | `schema` | the JSON Schema of a scenario file, with the ranges |
 //! | `words` | the known word nearest to an unknown one |
@@ -31,6 +32,7 @@ pub mod file;
 mod given;
 mod load;
 mod mission;
+mod moved;
 mod part;
 pub mod plan;
 mod profile;

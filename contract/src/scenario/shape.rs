@@ -6,6 +6,7 @@ use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
+use super::moved::{MOVED, Now};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
@@ -13,9 +14,6 @@ use super::{
     NodeProgram, NodeRealtime, Nodes, Part, PartKind, Plant, Policy, Profile, Realtime, Scenario, Swap, SwapNode,
     Wrong,
 };
-
-/// Keys that were given in samples, with those in seconds that replace them.
-const IN_SECONDS: [(&str, &str); 2] = [("mpc.np", "mpc.prediction_horizon_s"), ("mpc.nu", "mpc.control_horizon_s")];
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
 
@@ -197,10 +195,13 @@ impl Keys<'_, '_> {
     /// Returns title and help for the key `name` that is not `known` at `path`.
     fn unknown(&self, path: &str, name: &str, known: &Table) -> (String, String) {
         let key = join(path, name);
-        if let Some((old, new)) = IN_SECONDS.iter().find(|(old, _)| *old == key) {
-            return (format!("`{old}` is now `{new}`, in seconds"), self.in_seconds(old, new));
+        match MOVED.iter().find(|(old, _)| *old == key) {
+            Some((old, Now::Seconds(new))) => {
+                (format!("`{old}` is now `{new}`, in seconds"), self.in_seconds(old, new))
+            }
+            Some((old, Now::Gone(help))) => (format!("there is no `{old}` any more"), (*help).into()),
+            None => (format!("unknown key `{}`", shortened(&key)), self.nearest(path, name, known)),
         }
-        (format!("unknown key `{}`", shortened(&key)), self.nearest(path, name, known))
     }
 
     /// Returns help on the key `old`, a number of samples: its value as that of the key `new`, at the rate that this

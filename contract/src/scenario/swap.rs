@@ -31,9 +31,9 @@ pub struct Swap {
     /// Settings of the candidate, each as after `--set`, on top of the run's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
-    /// Time that the candidate is on standby \[s\], 0 to 86400; `shadow_s` is the old spelling.
+    /// Time that the candidate is on standby \[s\], 0 to 86400.
     #[schemars(range(min = 0, max = 86400))]
-    #[serde(default = "Swap::usual_standby_s", alias = "shadow_s")]
+    #[serde(default = "Swap::usual_standby_s")]
     pub standby_s: f64,
     /// Time that the old process stays on standby after that \[s\], 0 to 86400.
     #[schemars(range(min = 0, max = 86400))]
@@ -56,9 +56,8 @@ pub struct SwapBounds {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub difference: f64,
     /// Least cosine similarity of the candidate's answers with those of the old process: 1 = equal up to a factor, 0 =
-    /// orthogonal, -1 = opposite; `accord` is the old spelling.
+    /// orthogonal, -1 = opposite.
     #[schemars(range(min = -1, max = 1))]
-    #[serde(alias = "accord")]
     pub similarity: f64,
     /// Ticks in a row on which the candidate's answer may be missing, late, implausible, too different, or opposite; 1
     /// or more.
@@ -168,12 +167,5 @@ mod tests {
         assert_eq!(swap.ticks(0.01), SwapTicks { from: 29, hand_over: 79, until: 279 });
         let hasty = Swap { standby_s: 0.0, watch_s: 0.0, ..swap };
         assert_eq!(hasty.ticks(0.01), SwapTicks { from: 29, hand_over: 30, until: 30 });
-    }
-
-    #[test]
-    fn the_old_spellings_are_read() {
-        let text = "at_s = 1\nnode = \"mixer\"\nshadow_s = 0.5\nbounds = { accord = 0.1 }";
-        let swap: Swap = toml::from_str(text).unwrap();
-        assert_eq!((swap.standby_s, swap.bounds.similarity), (0.5, 0.1));
     }
 }

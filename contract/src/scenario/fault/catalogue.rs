@@ -66,7 +66,7 @@ pub enum FaultTarget {
     Wind,
     /// Payload at the centre of mass.
     Payload,
-    /// The solver inside attitude-mpc; files may call it `solver`.
+    /// The solver inside attitude-mpc.
     Mpc,
     /// `CLOCK_MONOTONIC` as one process reads it.
     Clock,
@@ -280,10 +280,7 @@ impl FaultTarget {
 
 impl<'de> Deserialize<'de> for FaultTarget {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        match String::deserialize(from)?.as_str() {
-            "solver" => Ok(Self::Mpc),
-            word => named(word, &Self::ALL, &Self::NAMES),
-        }
+        named(&String::deserialize(from)?, &Self::ALL, &Self::NAMES)
     }
 }
 

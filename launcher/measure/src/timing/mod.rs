@@ -44,7 +44,7 @@ pub struct TimingArgs {
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub rounds: u8,
     /// Length of the paper's survey to fly: misses are rare, so they take long to count
-    #[arg(long = "survey", alias = "survey-s", value_name = "TIME", default_value = "60s", value_parser = survey)]
+    #[arg(long = "survey", value_name = "TIME", default_value = "60s", value_parser = survey)]
     pub survey_s: f64,
     /// One short round: shows that everything works, and no figure to rely on
     #[arg(long, conflicts_with_all = ["rounds", "survey_s"])]
