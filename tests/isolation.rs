@@ -6,10 +6,15 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::Command;
 
+use contract::message::{Actuators, Controls, Reference, Stamp, State};
+use runtime::domain::Domain;
+use runtime::port::{Bus, NODE_DEPTH, Wire};
+use runtime::realtime::ControlPage;
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::harness::{Flight, NOBODY, fly, has_root, land, launcher, namespace, shared_memory_of, skip, wait_until};
-use crate::processes::{processes_of, start_flying};
+use crate::processes::{processes_named, processes_of, start_flying};
 
 /// Details of the events `what` of the host.
 fn incidents(run: &Value, what: &str) -> Vec<String> {
@@ -87,43 +92,84 @@ fn a_second_process_for_a_node_is_turned_away() {
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
 }
 
+/// Answers messages on the topic of `M` for 100 ticks with two forgeries each: newer, all zero, with a valid checksum;
+/// one has the epoch of the message, the other the next epoch.
+fn forge_on<M: Wire>(namespace: &str) {
+    let domain = Domain::find(namespace).expect("it flies");
+    let page = ControlPage::open(&domain.file("page")).expect("a page");
+    let bus = Bus::attach(&domain).expect("the same user");
+    let port = bus.sender::<M>().expect("a port");
+    let receiver = bus.receiver::<M>(NODE_DEPTH).expect("a port");
+    let until = page.plant_tick() + 100;
+    let forge = |message: &M, epoch: u64| {
+        let (mut forged, stamp) = (M::default(), *message.stamp());
+        *forged.stamp_mut() = Stamp { tick: stamp.tick + 1, sequence: stamp.sequence + 1, epoch, ..stamp };
+        forged.with_checksum()
+    };
+    wait_until("the messages are answered", || {
+        let mut answer = |message: &M, from| {
+            if from != port.number() {
+                let epoch = message.stamp().epoch;
+                for epoch in [epoch, epoch + 1] {
+                    let _ = port.send(&forge(message, epoch)); // a receiver may be full
+                }
+            }
+        };
+        while receiver.receive(&mut answer) == Ok(true) {}
+        page.plant_tick() >= until
+    });
+}
+
 #[test]
-fn intruders_are_refused_and_change_nothing() {
-    let topics = ["state", "reference", "controls", "actuators"];
-    let kinds = ["second-publisher", "wrong-layout", "wrong-user"];
-    let kinds = if has_root() { &kinds[..] } else { &kinds[..2] };
-    let fault =
-        |kind| topics.map(|topic| format!("{{at_s=1, for_s=50, target=\"{topic}\", kind=\"{kind}\"}}")).join(",");
-    let faults: Vec<String> = kinds.iter().map(fault).collect();
-    let outcome = fly_with("lockstep", 60.0, &faults.join(","));
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
-    assert_eq!(outcome.state_hash(), fly_with("inprocess", 60.0, "").state_hash());
-    let run = outcome.run();
-    assert_eq!(incidents(&run, "intruder-spoke").len(), topics.len(), "{}", run["events"]);
-    let doors = (kinds.len() - 1) * topics.len();
-    assert_eq!(incidents(&run, "intruder-refused").len(), doors, "{}", run["events"]);
+fn a_foreign_publisher_is_refused_and_changes_nothing() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    std::thread::scope(|scope| {
+        scope.spawn(|| forge_on::<State>(&ns));
+        scope.spawn(|| forge_on::<Reference>(&ns));
+        scope.spawn(|| forge_on::<Controls>(&ns));
+        scope.spawn(|| forge_on::<Actuators>(&ns));
+    });
+    let run = land(flight);
     for listener in ["guidance", "attitude-mpc", "mixer", "plant"] {
         assert!(refused(&run, listener, "publisher") > 0, "a stolen epoch: {}", run["refused"]);
         assert!(refused(&run, listener, "epoch") > 0, "an epoch made up: {}", run["refused"]);
     }
+    let error_m = run["metrics"]["max_position_error_m"].as_f64();
+    assert!(error_m < Some(0.5), "its commands stop the motors: {error_m:?}");
 }
 
 #[test]
-fn a_second_publisher_in_real_time_is_refused() {
-    let fault = "{at_s=0.5, for_s=1, target=\"actuators\", kind=\"second-publisher\"}";
-    let outcome = fly_with("realtime", 3.0, fault);
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
-    assert!(refused(&outcome.run(), "plant", "publisher") > 0, "{}", outcome.run()["refused"]);
-    assert!(outcome.metric("max_position_error_m") < 0.5, "its commands stop the motors");
+fn a_process_with_another_layout_is_refused() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    let bus = Bus::attach(&Domain::find(&ns).expect("it flies")).expect("the same user");
+    assert!(bus.open_as_another_version::<State>().is_err() && bus.open_as_another_version::<Actuators>().is_err());
+    land(flight);
+}
+
+/// Removes the segments of `node` from shared memory.
+fn remove_segments_of(namespace: &str, node: &str) {
+    let of_it = processes_named(namespace, node);
+    for path in shared_memory_of(namespace) {
+        let name = PathBuf::from(&path).file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        if runtime::port::makers(&name).next().is_some_and(|maker| of_it.contains(&(maker as i32))) {
+            let _ = fs::remove_file(path); // it may have left with a port
+        }
+    }
 }
 
 #[test]
 fn segments_that_are_removed_are_named_and_the_flight_goes_on() {
     let ns = namespace();
-    let arguments = with_faults("realtime", 3.0, "{at_s=1, target=\"host\", kind=\"shm-removed\", process=\"mixer\"}");
-    let outcome = Flight::start(&ns, &arguments.iter().map(String::as_str).collect::<Vec<_>>()).finish();
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
-    let files = incidents(&outcome.run(), "shm-removed");
+    let flight = start_flying(&ns);
+    remove_segments_of(&ns, "mixer");
+    wait_until("it is seen", || {
+        let status = launcher().args(["status", "--json"]).output().expect("status runs");
+        String::from_utf8_lossy(&status.stdout).contains("shm-removed")
+    });
+    let run = land(flight);
+    let files = incidents(&run, "shm-removed");
     let of_the_run = format!("/{ns}/");
     assert!(!files.is_empty() && files.iter().all(|file| file.contains(&of_the_run)), "{files:?}");
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
@@ -131,9 +177,13 @@ fn segments_that_are_removed_are_named_and_the_flight_goes_on() {
 
 #[test]
 fn a_node_that_cannot_map_a_segment_is_lost_by_name() {
-    let removed = "{at_s=0.5, target=\"host\", kind=\"shm-removed\", process=\"plant\"}";
-    let killed = "{at_s=1, target=\"guidance\", kind=\"kill\"}";
-    let outcome = fly_with("realtime", 2.5, &format!("{removed},{killed}"));
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    remove_segments_of(&ns, "plant");
+    for pid in processes_named(&ns, "guidance") {
+        let _ = rustix::process::kill_process(rustix::process::Pid::from_raw(pid).expect("a process"), Signal::KILL);
+    }
+    let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(3), "{}", outcome.stderr);
     assert!(outcome.stderr.contains("topic 'state': plant cannot be heard"), "{}", outcome.stderr);
     assert!(outcome.stderr.contains("lost guidance"), "{}", outcome.stderr);

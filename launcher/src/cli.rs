@@ -13,7 +13,7 @@ use runtime::realtime::{reset_signals, tell_of_crashes};
 
 use flight::shipped::Kind;
 use flight::stack::{StartError, check_memory};
-use flight::{guarded, intruder, nodes, programs, recorder, settings, strays};
+use flight::{guarded, nodes, programs, recorder, settings, strays};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::report;
@@ -119,9 +119,6 @@ enum Command {
     /// Serve the page of one flight, for the launcher that starts this
     #[command(hide = true)]
     ServePage,
-    /// Try to enter a stack as a foreign process (the launcher starts this as a fault)
-    #[command(hide = true)]
-    Intrude(intruder::IntrudeArgs),
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -188,7 +185,6 @@ fn run() -> ExitCode {
         Command::TryLibrary { node } => Ok(programs::try_library(&node)),
         Command::FlyGuarded => guarded::serve().map_err(Into::into),
         Command::ServePage => web::serve_page(),
-        Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {
             return node(name, &namespace, epoch, settings.as_deref(), log);
         }

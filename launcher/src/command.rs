@@ -154,6 +154,5 @@ mod tests {
         {
             assert!(help.contains(group), "{group}: {help}");
         }
-        assert!(!help.contains("second-publisher"), "an intruder is of a scenario: {help}");
     }
 }

@@ -7,13 +7,13 @@ use serde_json::json;
 
 use crate::limits::REASON_CHARS;
 
-/// One event of a process, of a fault, or of the files and intruders around the processes.
+/// One event of a process, of a fault, or of the files around the processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Event {
     /// Tick of the plant at that time; for the recorder, at the launcher's look.
     #[serde(default)]
     pub tick: u64,
-    /// Node: publisher of a topic, recorder or launcher; target of a fault; host for shared memory and intruders.
+    /// Node: publisher of a topic, recorder or launcher; target of a fault; host for shared memory.
     pub node: String,
     /// Epoch of the process, from 1; 0 if there is none.
     pub epoch: u32,
@@ -111,14 +111,6 @@ pub enum What {
     ShmRemoved,
     /// A file of a living process in shared memory was cut short.
     ShmCutShort,
-    /// A foreign process could not join the run.
-    IntruderRefused,
-    /// A foreign process joined the run.
-    IntruderLetIn,
-    /// A foreign process sent messages.
-    IntruderSpoke,
-    /// An intruder could not make its attempt.
-    IntruderFailed,
 }
 
 impl Event {

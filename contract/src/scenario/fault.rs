@@ -29,7 +29,7 @@ pub struct Fault {
     pub target: FaultTarget,
     /// Kind of the fault; each target has only some of them.
     pub kind: FaultKind,
-    /// Process whose clock is off (offset), or whose segments are removed (shm-removed).
+    /// Process whose clock is off (offset).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<FaultTarget>,
     /// Number of the IMU that has a fault of rates or acceleration, 1 or 2; absent = every IMU.

@@ -11,7 +11,6 @@
 //! | [`guarded`] | the same with libraries, in a child: a crash or an endless loop costs one flight |
 //! | [`roles`] | which process runs a node: one state machine, three drivers |
 //! | [`strays`] | processes that code of users has left behind |
-//! | [`intruder`] | a foreign process that tries to enter a run, as a fault |
 //! | [`event`] | events of processes, and the pipe that carries them to the recorder |
 //! | [`swap_story`] | course and end of each swap, read from the events |
 //! | [`observer`] | reads a flying stack from another process |
@@ -44,7 +43,6 @@ pub mod guarded;
 pub mod hover;
 pub mod inprocess;
 pub mod interrupts;
-pub mod intruder;
 mod limits;
 pub mod log;
 pub mod nodes;

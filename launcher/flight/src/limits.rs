@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// Longest time until all child processes are ready before the flight.
 pub const JOIN_LIMIT: Duration = Duration::from_secs(10);
-/// Longest time that a node or an intruder may take to end after the run. An interpreter may need seconds.
+/// Longest time that a node may take to end after the run. An interpreter may need seconds.
 pub const LEAVE_LIMIT: Duration = Duration::from_secs(5);
 /// Longest wait for the end of a killed process. One that the kernel keeps (frozen, or in a device) is left behind.
 pub const KILL_LIMIT: Duration = Duration::from_secs(5);

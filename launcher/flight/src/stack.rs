@@ -14,7 +14,7 @@
 //! | `rest` | the part of the log that the launcher writes after a recorder has died |
 //! | `requests`, `swaps` | requests of users in flight; the times that swaps took |
 //! | `one_cpu` | the CPU of a flight in lockstep |
-//! | `host`, `files` | intruders and files in shared memory |
+//! | `files` | files in shared memory |
 //! | `own_domain` | shared memory of a run, as its launcher makes it |
 //! | `surroundings` | checks of the system before the start |
 //! | `end` | the ways in which a flight can end |
@@ -23,7 +23,6 @@ mod archive;
 pub(crate) mod children;
 mod end;
 mod files;
-mod host;
 mod one_cpu;
 pub(crate) mod own_domain;
 mod requests;
@@ -48,9 +47,9 @@ use runtime::realtime::{phase, tell_of_crashes};
 
 use archive::Archive;
 use children::{RECORDER, wait};
+use files::Files;
 use end::ChildExit;
 pub use end::{StartError, refused};
-use host::Host;
 use own_domain::OwnDomain;
 use requests::Requests;
 use run::Run;
@@ -87,7 +86,7 @@ pub struct Flown {
 pub struct Stack {
     run: Run,
     archive: Option<Archive>,
-    host: Host,
+    files: Files,
     requests: Requests,
     observers: Observers,
     connections: Connections,
@@ -113,7 +112,7 @@ impl Stack {
         let domain = own.domain();
         let mut stack = Self {
             observers: Observers::open(&mut ports, scenario)?,
-            host: Host::new(domain.clone(), scenario)?,
+            files: Files::new(domain.clone()),
             archive: log.map(|path| Archive::new(path, scenario)),
             requests: Requests::open(&domain).context("cannot write the control socket in shared memory")?,
             run: Run::new(domain, ports.page.clone(), scenario),
@@ -159,7 +158,7 @@ impl Stack {
             if self.is_interrupted(interrupts) {
                 break Ended::Interrupted;
             }
-            self.run.events.extend(self.host.look(page.plant_tick(), &self.run.children));
+            self.run.events.extend(self.files.events(page.plant_tick(), &self.run.children));
             self.check_connections();
             if let Some(ended) = self.supervise(question) {
                 break ended;
@@ -175,7 +174,6 @@ impl Stack {
             swaps::settle(&mut self.run.scenario, &self.run.events); // without a clock they keep to their times
         }
         let (lost, log) = self.stop(interrupts, &mut watch);
-        self.run.events.extend(self.host.finish(page.plant_tick(), interrupts));
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),

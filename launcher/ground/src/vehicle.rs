@@ -268,14 +268,10 @@ pub fn texts(severity: MavSeverity, text: &str, id: u16) -> Vec<MavMessage> {
 fn severity(what: What) -> MavSeverity {
     match what {
         What::GivenUp => MavSeverity::MAV_SEVERITY_CRITICAL,
-        What::Died | What::Hung | What::NotStarted | What::Returned | What::IntruderLetIn | What::IntruderSpoke => {
-            MavSeverity::MAV_SEVERITY_ERROR
-        }
+        What::Died | What::Hung | What::NotStarted | What::Returned => MavSeverity::MAV_SEVERITY_ERROR,
         What::Injected | What::Rejected | What::ShmRemoved | What::ShmCutShort => MavSeverity::MAV_SEVERITY_WARNING,
         What::TookOver | What::Kept | What::Cleared => MavSeverity::MAV_SEVERITY_NOTICE,
-        What::Started | What::OnStandby | What::IntruderRefused | What::IntruderFailed => {
-            MavSeverity::MAV_SEVERITY_INFO
-        }
+        What::Started | What::OnStandby => MavSeverity::MAV_SEVERITY_INFO,
     }
 }
 

@@ -20,7 +20,6 @@
 //! | wind, payload | ticks while it acts | | |
 //! | mpc | ticks while it acts | CONTROLS | no optimum |
 //! | clock, host | ticks while it acts | | |
-//! | an intruder on a topic | ticks while it acts | as for the topic | as for the topic |
 //!
 //! A struck process has recovered when its topic has a message again, or when the next process takes over before any
 //! message is missing. Its recovery time counts from the detection; all other recovery times count from the end of the
@@ -217,7 +216,7 @@ impl Watched {
     }
 
     fn injected(&self) -> Option<u64> {
-        if self.fault.target.topic().is_some() && !self.fault.kind.is_intrusion() {
+        if self.fault.target.topic().is_some() {
             return self.marked.map(|(first, _)| first);
         }
         let ticks = self.ticks();

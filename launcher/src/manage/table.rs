@@ -107,7 +107,7 @@ mod tests {
             json!({ "node": name, "epoch": 12345, "standby": 12346, "pid": 4_194_304, "tick": 17_280_000, "behind": 123,
                 "age_ms": 10123.4, "misses": 999_999, "restarts": 123, "refused": { "range": 5, "epoch": 0, "late": 12 } })
         };
-        let event = json!({ "at_s": 86_399.99, "node": "attitude-mpc", "epoch": 12345, "what": "intruder-refused" });
+        let event = json!({ "at_s": 86_399.99, "node": "attitude-mpc", "epoch": 12345, "what": "shm-cut-short" });
         let fault = json!({ "at_s": 1.0, "for_s": 0.123_456, "target": "attitude-mpc", "kind": "kill" });
         let view = json!({
             "namespace": "n".repeat(60), "name": "survey", "mode": "realtime", "phase": "flying", "time_s": 86_399.99,

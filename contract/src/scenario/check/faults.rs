@@ -185,9 +185,9 @@ fn check_imu(fault: &Fault, sensors: &Sensors, found: &mut Found) {
     );
 }
 
-/// Checks faults of clock, host and intruders: a process is named only where one is needed, and the mode has processes.
+/// Checks faults of clock and host: a process is named only where one is needed, and the mode has processes.
 fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
-    let of_one = matches!(fault.kind, FaultKind::Offset | FaultKind::ShmRemoved);
+    let of_one = fault.kind == FaultKind::Offset;
     let named = fault.process.is_some_and(|target| target.process().is_some());
     found.require(
         fault.process.is_some() == of_one && (named || !of_one),
@@ -197,20 +197,19 @@ fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
         } else {
             format!("{} with a `process`", word(fault.kind))
         },
-        "`process` = \"plant\", \"guidance\", \"attitude-mpc\" or \"mixer\" with offset and shm-removed, and with no other",
+        "`process` = \"plant\", \"guidance\", \"attitude-mpc\" or \"mixer\" with offset, and with no other",
     );
-    let needs_processes = of_one || fault.kind.is_intrusion();
     found.require(
-        !needs_processes || mode != Mode::Inprocess || !fault.target.kinds().contains(&fault.kind),
+        !of_one || mode != Mode::Inprocess || !fault.target.kinds().contains(&fault.kind),
         &["fault", "run.mode"],
-        format!("{} where one thread flies, without clock and shared memory", word(fault.kind)),
+        format!("{} where one thread flies, without a clock", word(fault.kind)),
         "`run.mode` = \"realtime\" or \"lockstep\"",
     );
     found.require(
         fault.target != FaultTarget::Host || fault.for_s.is_none(),
         &["fault"],
         format!("{} with an end", word(fault.kind)),
-        "no `for_s`: a log that has failed once is closed, and a name that is gone does not come back",
+        "no `for_s`: a log that has failed once is closed",
     );
 }
 

@@ -166,9 +166,7 @@ fn settings_that_contradict_are_refused() {
 #[test]
 fn faults_that_need_processes_are_refused_in_process() {
     for fault in [
-        "{at_s=1, target=\"controls\", kind=\"second-publisher\"}",
         "{at_s=1, target=\"clock\", kind=\"offset\", process=\"mixer\", ms=-5}",
-        "{at_s=1, target=\"host\", kind=\"shm-removed\", process=\"mixer\"}",
     ] {
         let fault = format!("fault=[{fault}]");
         from_set(&[&fault, "run.mode=lockstep"]).unwrap_or_else(|error| panic!("{fault}: {error}"));

@@ -9,8 +9,7 @@
 //! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
 //! | environment | wind, payload | step gust, mass |
 //! | solver | mpc | infeasible nan iteration-cap |
-//! | clock, host | clock, host | offset, disk-full shm-removed |
-//! | intruder | a topic | second-publisher wrong-layout wrong-user |
+//! | clock, host | clock, host | offset, disk-full |
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -138,14 +137,6 @@ pub enum FaultKind {
     Offset,
     /// Log that cannot be written any more.
     DiskFull,
-    /// Removal of the names of a process's segments from shared memory.
-    ShmRemoved,
-    /// Process of the same user that sends well-formed messages, with an invented or stolen epoch.
-    SecondPublisher,
-    /// Process with another layout of the messages that tries to join.
-    WrongLayout,
-    /// Process of another user that tries to join.
-    WrongUser,
 }
 
 /// Error of a sensor or topic that is wrong, `fault.how`.
@@ -162,12 +153,9 @@ pub enum Wrong {
 
 /// Kinds that a topic can have. STATE has all but the first, because it demands nothing.
 #[rustfmt::skip]
-const TOPIC_KINDS: [FaultKind; 13] = {
+const TOPIC_KINDS: [FaultKind; 10] = {
     use FaultKind as K;
-    [
-        K::Wrong, K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate,
-        K::SecondPublisher, K::WrongLayout, K::WrongUser,
-    ]
+    [K::Wrong, K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate]
 };
 
 impl FaultTarget {
@@ -267,26 +255,19 @@ impl FaultTarget {
             Self::Payload => &[K::Mass],
             Self::Mpc => &[K::Infeasible, K::Nan, K::IterationCap],
             Self::Clock => &[K::Offset],
-            Self::Host => &[K::DiskFull, K::ShmRemoved],
+            Self::Host => &[K::DiskFull],
         }
     }
 
     /// Kinds of fault that the target can be given while it flies; none for the clock and the host.
     pub fn kinds_in_flight(self) -> impl Iterator<Item = FaultKind> {
         let of_a_scenario = matches!(self, Self::Clock | Self::Host);
-        self.kinds().iter().copied().filter(move |kind| !of_a_scenario && !kind.is_intrusion())
+        self.kinds().iter().copied().filter(move |_| !of_a_scenario)
     }
 }
 
 impl<'de> Deserialize<'de> for FaultTarget {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         named(&String::deserialize(from)?, &Self::ALL, &Self::NAMES)
-    }
-}
-
-impl FaultKind {
-    /// Returns whether the fault is a process that does not belong to the run.
-    pub fn is_intrusion(self) -> bool {
-        matches!(self, Self::SecondPublisher | Self::WrongLayout | Self::WrongUser)
     }
 }

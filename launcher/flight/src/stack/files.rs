@@ -11,7 +11,12 @@ use std::time::Instant;
 use runtime::domain::Domain;
 use runtime::port;
 
+use super::children::Children;
+use crate::event::{Event, What};
 use crate::limits::FILES_LOOK;
+
+/// Name by which events call the surroundings of the processes.
+const HOST: &str = "host";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Loss {
@@ -39,8 +44,18 @@ impl Files {
         Self { domain, looked: Instant::now(), known: BTreeMap::new() }
     }
 
+    /// Returns the losses of the launcher and of `children` since the last look as events at `tick`.
+    pub fn events(&mut self, tick: u64, children: &Children) -> Vec<Event> {
+        let living = children.all.iter().map(|process| process.child.id()).chain([std::process::id()]);
+        let event = |(loss, path): (Loss, PathBuf)| {
+            let what = if loss == Loss::Removed { What::ShmRemoved } else { What::ShmCutShort };
+            Event::new(tick, HOST, 0, what).because(path.display().to_string())
+        };
+        self.look(&living.collect::<Vec<_>>()).into_iter().map(event).collect()
+    }
+
     /// Returns what the processes `living` have lost since the last look; nothing before `FILES_LOOK` is over.
-    pub fn look(&mut self, living: &[u32]) -> Vec<(Loss, PathBuf)> {
+    fn look(&mut self, living: &[u32]) -> Vec<(Loss, PathBuf)> {
         if self.looked.elapsed() < FILES_LOOK {
             return vec![];
         }

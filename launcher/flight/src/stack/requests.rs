@@ -130,7 +130,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
     let (is_known, kind) = (fault.target.kinds().contains(&fault.kind), fault.kind);
     if is_known && !fault.target.kinds_in_flight().any(|given| given == kind) {
         return Err(
-            "faults of clock, host and intruders are not given while it flies: write them into the scenario".into()
+            "faults of clock and host are not given while it flies: write them into the scenario".into()
         );
     }
     check(run, &fault)?;

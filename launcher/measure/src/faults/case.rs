@@ -59,7 +59,7 @@ pub enum Promise {
 
 impl Case {
     /// Lists all faults of the flight itself. Left out are a plant that hangs or leaves, which needs a wall clock to
-    /// notice, faults of clock and host and intruders, which change no bit of the flight (see
+    /// notice, faults of clock and host, which change no bit of the flight (see
     /// `tests/isolation.rs`), and those of sensors that this flight does not have.
     pub fn all() -> Vec<Self> {
         let fault = |target, kind: &FaultKind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S)));
@@ -72,8 +72,8 @@ impl Case {
 
     /// Returns whether the fault acts on the surroundings of the processes, or on a sensor behind the EKF.
     fn is_elsewhere(&self) -> bool {
-        let Fault { target, kind, .. } = self.0;
-        matches!(target, FaultTarget::Clock | FaultTarget::Host) || target.is_of_the_unit() || kind.is_intrusion()
+        let target = self.0.target;
+        matches!(target, FaultTarget::Clock | FaultTarget::Host) || target.is_of_the_unit()
     }
 
     pub fn is_of_a_process(&self) -> bool {
