@@ -117,7 +117,13 @@ fn a_trace_replaces_nothing_but_a_file() {
     if !Command::new("mkfifo").arg(&pipe).status().is_ok_and(|made| made.success()) {
         return skip("there is no mkfifo");
     }
-    let trace = launcher().args(["export", "--to", "perfetto"]).arg(&outcome.out).arg("--out").arg(&pipe).output().expect("export runs");
+    let trace = launcher()
+        .args(["export", "--to", "perfetto"])
+        .arg(&outcome.out)
+        .arg("--out")
+        .arg(&pipe)
+        .output()
+        .expect("export runs");
     let said = String::from_utf8_lossy(&trace.stderr).into_owned();
     assert_eq!((trace.status.code(), said.contains("a regular file belongs there")), (Some(2), true), "{said}");
     assert!(pipe.metadata().expect("it is there").file_type().is_fifo());

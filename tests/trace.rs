@@ -113,7 +113,8 @@ fn an_export_for_perfetto_is_the_trace_of_the_whole_flight() {
 fn a_flight_in_real_time_is_traced_around_its_worst_tick() {
     let flown = fly(&["--mode", "realtime", "--set", "run.duration_s=1.0"]);
     let file = flown.out.join("elsewhere.json");
-    let output = run(&["export", plain(&flown.out.join("flight.mcap")), "--to", "perfetto", "--worst", "--out", plain(&file)]);
+    let output =
+        run(&["export", plain(&flown.out.join("flight.mcap")), "--to", "perfetto", "--worst", "--out", plain(&file)]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let worst = &flown.run()["timing"]["worst_ticks"][0];
     let told =

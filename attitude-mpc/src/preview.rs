@@ -98,10 +98,9 @@ mod tests {
 
     #[test]
     fn an_old_reference_with_a_preview_is_as_good_as_a_new_one() {
-        for (model, delay) in [
-            (Model::Hover, DelayCompensation::Sample(true)),
-            (Model::Scheduled, DelayCompensation::Sample(false)),
-        ] {
+        for (model, delay) in
+            [(Model::Hover, DelayCompensation::Sample(true)), (Model::Scheduled, DelayCompensation::Sample(false))]
+        {
             let mut scenario = Scenario::default();
             (scenario.mpc.model, scenario.mpc.delay_compensation) = (model, delay);
             scenario.guidance.preview_s = STEP_NS as f64 * 1e-9 * PREVIEW as f64;

@@ -91,7 +91,10 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
 fn of_run(run: &Path, to: Format, args: &ExportArgs) -> anyhow::Result<()> {
     let ExportArgs { from_s, for_s, worst, ref out, .. } = *args;
     ensure!(for_s > 0.0, "--for 0 is no part of a flight");
-    ensure!(!worst || matches!(to, Format::Perfetto), "--worst is for --to perfetto; choose the part with --from and --for");
+    ensure!(
+        !worst || matches!(to, Format::Perfetto),
+        "--worst is for --to perfetto; choose the part with --from and --for"
+    );
     let format = match to {
         Format::Csv => export::Format::Csv,
         Format::Parquet => export::Format::Parquet,

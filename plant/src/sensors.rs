@@ -14,7 +14,7 @@ use crate::sensor::Sensor;
 /// Sensors of position, velocity, attitude and rates.
 #[derive(Debug, Clone)]
 pub struct Sensors {
-    sensors: [Sensor; 4],
+    each: [Sensor; 4],
     /// `true` if any sensor has errors.
     errs: bool,
     random: ChaCha8Rng,
@@ -25,26 +25,25 @@ impl Sensors {
     pub fn new(scenario: &Scenario) -> Self {
         let (noise, degree) = (&scenario.plant.noise, 1_f64.to_radians());
         let sensor = |noise, unit| Sensor::new(&Settings::default(), noise, unit, scenario.sample_ns());
-        let sensors = [
+        let each = [
             sensor(noise.position_m, 1.0),
             sensor(noise.velocity_mps, 1.0),
             sensor(noise.attitude_deg, degree),
             sensor(noise.rates_dps, degree),
         ];
-        Self { errs: sensors.iter().any(Sensor::errs), sensors, random: Stream::Noise.open(scenario.run.seed) }
+        Self { errs: each.iter().any(Sensor::errs), each, random: Stream::Noise.open(scenario.run.seed) }
     }
 
     /// Writes or reads the sensors' state and the random stream.
     pub fn remember(&mut self, tape: &mut Tape) {
-        self.sensors.iter_mut().for_each(|sensor| sensor.remember(tape));
+        self.each.iter_mut().for_each(|sensor| sensor.remember(tape));
         tape.random(&mut self.random);
     }
 
     /// Measures `actual` at `now_ns`; must be called once per sample, in order.
     pub fn measure(&mut self, now_ns: u64, actual: &Kinematics) -> Kinematics {
-        let Self { sensors: [position, velocity, attitude, rates], errs, random } = self;
-        let mut measure =
-            |sensor: &mut Sensor, truth| sensor.measure(now_ns, truth, *errs, random).unwrap_or(truth);
+        let Self { each: [position, velocity, attitude, rates], errs, random } = self;
+        let mut measure = |sensor: &mut Sensor, truth| sensor.measure(now_ns, truth, *errs, random).unwrap_or(truth);
         Kinematics {
             position_m: measure(position, actual.position_m),
             velocity_mps: measure(velocity, actual.velocity_mps),

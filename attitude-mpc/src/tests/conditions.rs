@@ -1,7 +1,7 @@
 //! Tests of the models at speed: their predictions, and the continuity of the plan between them.
 
 use airframe::{FlightPoint, LevelFlight};
-use contract::scenario::{Model, Terminal};
+use contract::scenario::Model;
 use nalgebra::{DMatrix, Rotation3, Vector3};
 
 use super::*;

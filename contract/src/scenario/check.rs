@@ -144,8 +144,8 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
         "`plant.sensors.alignment.standing_s` without a magnetometer that tells the heading".into(),
         "`plant.sensors.magnetometer.rate_hz` above 0, and an `inclination_deg` of at most 80 with it",
     );
-    let Sensors { position, velocity, attitude, rates, .. } = &plant.sensors;
-    for (name, sensor) in [("position", position), ("velocity", velocity), ("attitude", attitude), ("rates", rates)] {
+    let Sensors { position, velocity, .. } = &plant.sensors;
+    for (name, sensor) in [("position", position), ("velocity", velocity)] {
         let key = format!("plant.sensors.{name}.bias_s");
         found.require(
             sensor.bias_s == 0.0 || [sensor.bias, sensor.bias_walk].as_flattened().iter().any(|bias| *bias > 0.0),

@@ -15,5 +15,8 @@ pub const MOVED: [(&str, Now); 4] = [
     ("mpc.np", Now::Seconds("mpc.prediction_horizon_s")),
     ("mpc.nu", Now::Seconds("mpc.control_horizon_s")),
     ("plant.sensors.attitude", Now::Gone("no sensor of the EKF measures it; without one `plant.noise` is the error")),
-    ("plant.sensors.filter_radps", Now::Gone("the complementary filter has left; set `plant.sensors.filter` = \"ekf\"")),
+    (
+        "plant.sensors.filter_radps",
+        Now::Gone("the complementary filter has left; set `plant.sensors.filter` = \"ekf\""),
+    ),
 ];

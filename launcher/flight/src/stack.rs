@@ -47,9 +47,9 @@ use runtime::realtime::{phase, tell_of_crashes};
 
 use archive::Archive;
 use children::{RECORDER, wait};
-use files::Files;
 use end::ChildExit;
 pub use end::{StartError, refused};
+use files::Files;
 use own_domain::OwnDomain;
 use requests::Requests;
 use run::Run;

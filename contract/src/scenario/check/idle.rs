@@ -31,7 +31,7 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 22] = [
+const SWITCHES: [Switch; 21] = [
     Switch {
         settings: &["mission.waypoints_m", "mission.times_s"],
         key: "mission.trajectory",

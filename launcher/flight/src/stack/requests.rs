@@ -129,9 +129,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
     needs_a_clock(run)?;
     let (is_known, kind) = (fault.target.kinds().contains(&fault.kind), fault.kind);
     if is_known && !fault.target.kinds_in_flight().any(|given| given == kind) {
-        return Err(
-            "faults of clock and host are not given while it flies: write them into the scenario".into()
-        );
+        return Err("faults of clock and host are not given while it flies: write them into the scenario".into());
     }
     check(run, &fault)?;
     if fault.kind == FaultKind::Delayed && fault.ms.is_some_and(|ms| ms > MAX_SENSOR_DELAY_MS) {
