@@ -281,7 +281,8 @@ fn settings_of_a_library_are_varied_like_all_others() {
 fn a_controller_stands_beside_ours_in_the_measurements() {
     let folder = tempfile::tempdir().unwrap();
     let mine = format!("mine={}", library(folder.path(), "mine", &[]).display());
-    let laws = launcher().args(["measure", "laws", "--controller", &mine]).output().unwrap();
+    let out = folder.path().join("laws");
+    let laws = launcher().args(["campaign", "aggressive", "--controller", &mine, "--out"]).arg(out).output().unwrap();
     assert_eq!(laws.status.code(), Some(0), "ours keep their promises: {}", said(&laws));
     let row = |name: &str| said(&laws).lines().any(|line| line.trim_start().starts_with(name));
     assert!(row("cone ") && row("mine "), "{}", said(&laws));

@@ -115,8 +115,6 @@ pub const HELP: &[Help] = &[
     Help { command: "measure navigation", examples: &["measure navigation"], exits: MEASURES },
     Help { command: "measure faults", examples: &["measure faults"], exits: MEASURES },
     Help { command: "measure kills", examples: &["measure kills"], exits: MEASURES },
-    Help { command: "measure laws", examples: &["measure laws"], exits: MEASURES },
-    Help { command: "measure conditions", examples: &["measure conditions"], exits: MEASURES },
     Help { command: "measure sensitivity", examples: &["measure sensitivity"], exits: MEASURES },
     Help { command: "measure replay", examples: &["measure replay"], exits: MEASURES },
     Help { command: "measure timing", examples: &["measure timing"], exits: MEASURES },

@@ -6,9 +6,7 @@
 //! | [`navigation`] | `measure navigation`: how long the navigation unit takes, and a tick of the plant |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
 //! | [`kills`] | `measure kills`: a thousand kills of any process at any moment |
-//! | [`shipped`] | shipped campaigns, which `laws` and `conditions` fly |
-//! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
-//! | [`conditions`] | `measure conditions`: fast missions under every model of the MPC |
+//! | [`shipped`] | shipped campaigns, which `faults` and `sensitivity` fly |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`replay`] | `measure replay`: flights in real time, flown again bit for bit |
 //! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
@@ -19,13 +17,11 @@
 #![allow(missing_docs)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
-pub mod conditions;
 pub mod faults;
 pub mod findings;
 pub mod flights;
 pub mod killer;
 pub mod kills;
-pub mod laws;
 pub mod mpc;
 pub mod navigation;
 pub mod replay;
@@ -45,10 +41,6 @@ pub enum Measure {
     Faults(faults::FaultsArgs),
     /// Kill any process of short flights at any moment, again and again
     Kills(kills::KillsArgs),
-    /// Fly campaigns/aggressive.toml: five aggressive scenarios under every controller
-    Laws(laws::LawsArgs),
-    /// Fly campaigns/conditions*.toml: fast missions under every model of the MPC
-    Conditions(conditions::ConditionsArgs),
     /// Fly campaigns/sensitivity-*.toml: the tracking error over delay, jitter and lost commands
     Sensitivity(sensitivity::SensitivityArgs),
     /// Fly in real time, undisturbed and disturbed, and fly each flight again from its log
@@ -68,8 +60,6 @@ impl Measure {
             Self::Navigation(args) => navigation::measure(args),
             Self::Faults(args) => faults::measure(args),
             Self::Kills(args) => kills::measure(args),
-            Self::Laws(args) => laws::measure(args),
-            Self::Conditions(args) => conditions::measure(args),
             Self::Sensitivity(args) => sensitivity::measure(args),
             Self::Replay(args) => replay::measure(args),
             Self::Timing(args) => timing::measure(args),
