@@ -207,7 +207,7 @@ fn a_library_that_fails_in_flight_costs_its_process_and_is_restarted() {
     let run = not_a_number.run();
     assert!(run["refused"].to_string().contains("range"), "the mixer refuses the answer: {}", run["refused"]);
     let refused = "mixer refused 1 messages with numbers that are not finite or out of range";
-    assert!(run["but"].to_string().contains(refused), "{}", run["but"]);
+    assert!(run["reservations"].to_string().contains(refused), "{}", run["reservations"]);
 }
 
 #[test]
@@ -265,7 +265,7 @@ fn restarted_cold(flown: &Outcome) -> bool {
     let run = flown.run();
     let started = |event: &&Value| event["what"] == "started" && event["node"] == "attitude-mpc";
     let is_marked = run["events"].as_array().expect("events").iter().filter(started).any(|event| event["cold"] == true);
-    let is_told = run["but"].to_string().contains("attitude-mpc restarted cold");
+    let is_told = run["reservations"].to_string().contains("attitude-mpc restarted cold");
     assert_eq!(is_marked, is_told, "{run}");
     is_told
 }
@@ -357,7 +357,7 @@ fn a_library_without_a_memory_or_that_refuses_it_is_restarted_cold() {
 /// Returns the words in run.json about copies of the attitude controller, and how many there were.
 fn copies(flown: &Outcome) -> (bool, u64) {
     let run = flown.run();
-    let is_told = run["but"].to_string().contains("attitude-mpc was copied");
+    let is_told = run["reservations"].to_string().contains("attitude-mpc was copied");
     (is_told, run["port_failures"]["attitude-mpc"]["copy"].as_u64().unwrap_or_default())
 }
 
@@ -388,7 +388,11 @@ fn a_copy_that_a_library_makes_of_its_process_answers_to_nothing() {
     let (daemon, ended) = (trapped(folder.path(), 18, "lockstep"), trapped(folder.path(), 6, "lockstep"));
     assert_eq!((daemon.code(), daemon.state_hash()), (Some(0), ended.state_hash()), "{}", daemon.stderr);
     // The launcher kills what a dead process leaves, so the copy may end before it has counted itself.
-    assert!(daemon.run()["but"].to_string().contains("attitude-mpc failed in flight"), "{}", daemon.run()["but"]);
+    assert!(
+        daemon.run()["reservations"].to_string().contains("attitude-mpc failed in flight"),
+        "{}",
+        daemon.run()["reservations"]
+    );
     let daemon = trapped(folder.path(), 18, "inprocess");
     assert_eq!(daemon.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", daemon.stderr);
     assert!(daemon.stderr.contains("its library ended its process with exit code 0"), "{}", daemon.stderr);

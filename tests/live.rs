@@ -377,7 +377,7 @@ fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends_soon() 
         let run = outcome.run();
         assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &json!(0)), "{}", outcome.stderr);
         let expected = format!("the process of --web {told}");
-        assert!(run["but"].to_string().contains(&expected), "{}", run["but"]);
+        assert!(run["reservations"].to_string().contains(&expected), "{}", run["reservations"]);
     }
 }
 

@@ -253,7 +253,7 @@ fn a_flood_of_requests_neither_holds_up_the_end_of_a_flight_nor_an_interrupt() {
         });
         let run = outcome.run();
         assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &Value::from(0)), "{}", outcome.stderr);
-        assert!(!run["but"].to_string().contains("--mavlink"), "{}", run["but"]);
+        assert!(!run["reservations"].to_string().contains("--mavlink"), "{}", run["reservations"]);
     }
 }
 
@@ -280,6 +280,6 @@ fn a_mavlink_process_that_is_stopped_or_killed_is_a_reservation_and_no_verdict()
         let run = outcome.run();
         assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &Value::from(0)), "{}", outcome.stderr);
         let expected = format!("the process of --mavlink {told}");
-        assert!(run["but"].to_string().contains(&expected), "{}", run["but"]);
+        assert!(run["reservations"].to_string().contains(&expected), "{}", run["reservations"]);
     }
 }

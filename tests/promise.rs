@@ -86,9 +86,12 @@ fn broken_promise(outcome: &Outcome, duration_s: f64) -> Option<String> {
             let inside =
                 run["bounds"].as_array().is_some_and(|all| !all.is_empty() && all.iter().all(|b| b["ok"] == true));
             let whole = (logged + slept) as f64 >= 4.0 * duration_s * 100.0;
-            (!(seen && inside && whole)).then(|| format!("exit 0, but {}: {} {}", run["ended"], run["but"], run["log"]))
+            (!(seen && inside && whole))
+                .then(|| format!("exit 0, but {}: {} {}", run["ended"], run["reservations"], run["log"]))
         }
-        Some(1) => outcome.run()["but"].as_array().is_none_or(Vec::is_empty).then(|| "exit 1 without a reason".into()),
+        Some(1) => {
+            outcome.run()["reservations"].as_array().is_none_or(Vec::is_empty).then(|| "exit 1 without a reason".into())
+        }
         Some(3) => {
             let told = ["error", "lost"].iter().any(|word| outcome.stderr.contains(word));
             (!told).then(|| format!("exit 3 without a reason: {}", outcome.stderr))
@@ -152,7 +155,7 @@ fn every_fault_that_took_effect_stands_in_run_json() {
 }
 
 fn but(run: &Value) -> String {
-    run["but"].to_string()
+    run["reservations"].to_string()
 }
 
 #[test]

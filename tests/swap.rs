@@ -182,7 +182,7 @@ fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils
 
 /// Returns the reservations of run.json.
 fn but(run: &Value) -> String {
-    let told = run["but"].as_array().expect("a list").iter();
+    let told = run["reservations"].as_array().expect("a list").iter();
     told.map(|told| told.as_str().expect("text").to_owned()).collect::<Vec<_>>().join("; ")
 }
 

@@ -109,7 +109,7 @@ fn a_slide_is_no_landing() {
     let outcome = flown("take-off-and-land", &on_ice);
     let run = outcome.run();
     assert_eq!((outcome.code(), &run["ground"]), (Some(1), &"slid".into()), "{}", run["ended"]);
-    assert!(run["but"][0].as_str().expect("words").contains("slid"), "{}", run["but"]);
+    assert!(run["reservations"][0].as_str().expect("words").contains("slid"), "{}", run["reservations"]);
 }
 
 #[test]

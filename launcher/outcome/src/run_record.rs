@@ -53,7 +53,6 @@ pub struct RunRecord {
     /// End of the flight, for people.
     pub ended: String,
     /// Reservations: what was not as the settings ask, though the exit code may be 0.
-    #[serde(rename = "but")]
     pub reservations: Vec<String>,
     /// Exit code of the flight.
     pub exit_code: u8,

@@ -23,7 +23,7 @@ class Run:
 
     #: Folder of the run.
     folder: Path
-    #: 0 = inside its bounds; 1 = not, see ``record["ended"]`` and ``record["but"]``.
+    #: 0 = inside its bounds; 1 = not, see ``record["ended"]`` and ``record["reservations"]``.
     exit_code: int
     #: ``run.json``.
     record: dict[str, Any]
