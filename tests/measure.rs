@@ -197,7 +197,7 @@ fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
     }
     assert!(targets.iter().all(|target| target["verdict"] == "inconclusive"), "a quick run judges nothing: {printed}");
     assert_eq!((output.status.code(), &printed["quick"]), (Some(0), &Value::Bool(true)));
-    assert_eq!(printed["provenance"]["schema_version"], 4, "{}", printed["provenance"]);
+    assert_eq!(printed["provenance"]["schema_version"], 5, "{}", printed["provenance"]);
 
     // Every ring came round, in both placements, and every flight at every rate has its slots.
     let results = &printed["results"];

@@ -31,7 +31,7 @@ fn the_log_holds_every_message() {
 fn a_run_tells_when_where_and_by_what_it_was_made() {
     let outcome = fly(&["--mode", "inprocess", "--no-log", "--set", "run.duration_s=0.1"]);
     let provenance = outcome.run()["provenance"].clone();
-    assert_eq!(provenance["schema_version"], 4);
+    assert_eq!(provenance["schema_version"], 5);
     let date = provenance["date"].as_str().expect("a date");
     assert!(date.len() == 20 && date.starts_with("20") && date.ends_with('Z') && date.as_bytes()[10] == b'T', "{date}");
     assert!(provenance["host"].as_str().is_some_and(|host| !host.is_empty()), "{provenance}");
