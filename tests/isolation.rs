@@ -166,7 +166,9 @@ fn segments_that_are_removed_are_named_and_the_flight_goes_on() {
     remove_segments_of(&ns, "mixer");
     wait_until("it is seen", || {
         let status = launcher().args(["status", "--json"]).output().expect("status runs");
-        String::from_utf8_lossy(&status.stdout).contains("shm-removed")
+        let stacks: Value = serde_json::from_slice(&status.stdout).expect("status prints JSON");
+        let ours = stacks.as_array().into_iter().flatten().find(|stack| stack["namespace"] == ns.as_str());
+        ours.is_some_and(|stack| stack.to_string().contains("shm-removed"))
     });
     let run = land(flight);
     let files = incidents(&run, "shm-removed");

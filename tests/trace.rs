@@ -1,4 +1,4 @@
-//! `export --to perfetto`: what it writes a viewer can read, of real flights and of damaged ones. No time is judged here.
+//! `export --to perfetto`: what it writes a viewer can read, of real flights and of damaged ones. No time is judged.
 
 use std::collections::HashMap;
 use std::path::Path;

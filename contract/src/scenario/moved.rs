@@ -1,12 +1,12 @@
 //! Keys of earlier versions, which are refused by the name of what takes their place. The table leaves with the first
 //! release.
 
-/// What takes the place of a key.
+/// Replacement of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Now {
-    /// This key, in seconds where the old one was in samples.
+    /// Key in seconds where the old one was in samples.
     Seconds(&'static str),
-    /// Nothing; the words say what to do.
+    /// None; the words say what to do.
     Gone(&'static str),
 }
 

@@ -60,6 +60,8 @@ const UNITS: &[&str] = &[
     "N m / rotor speed unit squared",
     "unit",
     "unit / sqrt(Hz)",
+    "deg/s / sqrt(Hz)",
+    "deg/s / sqrt(s)",
     "unit / sqrt(s)",
     "m / sqrt(Hz)",
     "m / sqrt(s)",
