@@ -20,7 +20,7 @@ const SETTINGS: [&str; 5] = [
 ];
 
 fn export(arguments: &[&str]) -> (Option<i32>, String) {
-    let output = launcher().args(["export", "fmu"]).args(arguments).output().expect("the launcher runs");
+    let output = launcher().args(["export", "--to", "fmu"]).args(arguments).output().expect("the launcher runs");
     (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
 }
 
@@ -202,13 +202,16 @@ fn a_run_that_cannot_be_exported_is_refused() {
     let run = plain(&flown.out).to_owned();
     for (arguments, why) in [
         (&["export", &run][..], "--to"),
-        (&["export", &run, "--to", "xml"], "possible values: csv, parquet, ulog, perfetto"),
+        (&["export", &run, "--to", "xml"], "possible values: csv, parquet, ulog, foxglove, perfetto, fmu"),
         (&["export", "no/such/run", "--to", "csv"], "no/such/run is not there"),
         (
             &["export", &run, "--to", "csv", "--from", "7s"],
             "the flight lasted 0.10 s; choose another with --from and --for",
         ),
         (&["export", &run, "--to", "csv", "--for", "0"], "--for 0"),
+        (&["export", &run, "--to", "csv", "--set", "run.rate_hz=50"], "a recorded run has its settings"),
+        (&["export", "--to", "ulog"], "give the run"),
+        (&["export", "--to", "fmu", "--for", "2s"], "--to fmu packs the plant"),
         (&["export", &run, "--to", "ulog", "--out", "/no/such/folder/x"], "--out"),
         (&["export", &run, "--to", "perfetto"], "no clock"),
     ] {
@@ -222,7 +225,8 @@ fn a_run_that_cannot_be_exported_is_refused() {
     for arguments in [
         &["export", &run, "--to", "ulog", "--out", &mcap][..],
         &["export", &run, "--to", "csv", "--out", &run],
-        &["export", "fmu", "--out", &mcap],
+        &["export", "--to", "fmu", "--out", &mcap],
+        &["export", &run, "--to", "foxglove", "--out", &mcap],
         &["export", &run, "--to", "perfetto", "--out", &page],
         &["compare", &run, &mcap, "--out", &page],
     ] {

@@ -467,7 +467,7 @@ fn foxglove_gets_the_channels_of_the_log_with_their_bytes() {
 }
 
 #[test]
-fn foxglove_gets_the_vehicle_and_its_scene_as_the_log_has_them() {
+fn foxglove_gets_the_vehicle_and_its_scene_as_the_export_has_them() {
     let (ns, port) = (namespace(), free_port());
     let address = format!("127.0.0.1:{port}");
     let settings = ["--set", "run.duration_s=8.0", "--set", "supervision.hang_ms=5000"];
@@ -502,7 +502,9 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_log_has_them() {
     }
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
-    let file = std::fs::read(outcome.out.join("flight.mcap")).expect("a log");
+    let exported = launcher().arg("export").arg(&outcome.out).args(["--to", "foxglove"]).status();
+    assert!(exported.expect("the launcher runs").success());
+    let file = std::fs::read(outcome.out.join("foxglove.mcap")).expect("a log");
     let mut log = mcap::io::MessageReader::new(&file[..]);
     log.add_decompressor(Lz4::default()).expect("a name");
     let logged: BTreeMap<(String, u64), (Vec<u8>, Vec<u8>)> = log
@@ -520,7 +522,7 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_log_has_them() {
         .filter(|(topic, ns, head, poses)| !is_logged(topic, *ns, head, poses))
         .map(|(topic, ns, ..)| (topic, ns))
         .collect();
-    assert!(others.is_empty(), "not in the log: {others:?}");
+    assert!(others.is_empty(), "not in the export: {others:?}");
     let count = |topic: Channel| seen.iter().filter(|(of, ..)| of == topic.topic()).count();
     for fixed in [Channel::FixedFrames, Channel::Vehicle, Channel::Course] {
         assert_eq!(count(fixed), 1, "{fixed:?} comes with the subscription");

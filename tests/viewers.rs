@@ -1,6 +1,6 @@
 //! Other tools open a log: Foxglove's schemas, Rerun, and the ten lines of docs/tools.md.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use contract::Topic;
@@ -8,7 +8,7 @@ use flight::foxglove::Channel;
 use flight::log;
 use serde_json::{Value, json};
 
-use crate::harness::{fly, python_with, top};
+use crate::harness::{fly, launcher, python_with, top};
 
 const WINDY: [&str; 7] = [
     "--mode",
@@ -28,12 +28,20 @@ fn script(python: &Path, script: &str, arguments: &[&Path]) -> Output {
     ran
 }
 
+/// Exports the run in `out` with its scenes, and returns the file.
+fn with_scenes(out: &Path) -> PathBuf {
+    let exported = launcher().arg("export").arg(out).args(["--to", "foxglove"]).output().expect("the launcher runs");
+    assert!(exported.status.success(), "{}", String::from_utf8_lossy(&exported.stderr));
+    out.join("foxglove.mcap")
+}
+
 #[test]
 fn the_package_of_foxglove_reads_a_vehicle_that_moves_as_the_states_do() {
     let packages = ["mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf==0.4.*"];
     let Some(python) = python_with(&packages) else { return };
     let flown = fly(&WINDY);
-    let read = script(&python, "tests/python/read_view.py", &[&flown.out.join("flight.mcap")]);
+    let log_file = with_scenes(&flown.out);
+    let read = script(&python, "tests/python/read_view.py", &[&log_file]);
     let read: Value = serde_json::from_slice(&read.stdout).expect("one line of JSON");
     // Every fifth, tenth and two-hundredth of 401 ticks; guidance's death, start and return.
     let expected = json!({ "/view/arrows": 41, "/view/course": 1, "/view/log": 3, "/view/path": 3, "/view/tf": 81,
@@ -101,7 +109,8 @@ fn rerun_converts_a_log_and_the_script_adds_the_vehicle() {
     let packages = ["rerun-sdk==0.41.*", "mcap", "mcap-protobuf-support"];
     let Some(python) = python_with(&packages) else { return };
     let flown = fly(&WINDY);
-    let (log_file, recording) = (flown.out.join("flight.mcap"), flown.out.join("flight.rrd"));
+    let log_file = with_scenes(&flown.out);
+    let recording = log_file.with_file_name("flight.rrd");
     script(&python, "docs/layouts/rerun_view.py", &[&flown.out]);
     let converted = folder.path().join("converted.rrd");
     let rerun = Command::new(python.with_file_name("rerun"))

@@ -1,14 +1,16 @@
 """Writes a run as a Rerun recording with its blueprint: the vehicle, its path, thrust, wind, curves and events.
 
     pip install rerun-sdk mcap mcap-protobuf-support
+    launcher export runs/survey --to foxglove
     python3 docs/layouts/rerun_view.py runs/survey
     rerun runs/survey/flight.rrd
 
-Rerun's own converter of MCAP (`rerun runs/survey/flight.mcap`) has transforms, poses and numbers, and no SceneUpdate,
+Rerun's own converter of MCAP (`rerun runs/survey/foxglove.mcap`) has transforms, poses and numbers, and no SceneUpdate,
 which holds the shapes. So this script reads the same topics, and writes the shapes too.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import rerun as rr
@@ -176,11 +178,13 @@ def convert(log, out):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("run", type=Path, help="folder of a run, or its flight.mcap")
+    parser.add_argument("run", type=Path, help="folder of a run with its foxglove.mcap, or that file")
     parser.add_argument("--out", type=Path, help="recording to write [default: flight.rrd beside the log]")
     arguments = parser.parse_args()
-    log = arguments.run / "flight.mcap" if arguments.run.is_dir() else arguments.run
-    out = arguments.out or log.with_suffix(".rrd")
+    log = arguments.run / "foxglove.mcap" if arguments.run.is_dir() else arguments.run
+    if not log.exists():
+        sys.exit(f"there is no {log}: `launcher export RUN --to foxglove` writes it")
+    out = arguments.out or log.with_name("flight.rrd")
     convert(log, out)
     print(f"written to {out}")
 

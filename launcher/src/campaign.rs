@@ -80,6 +80,7 @@ struct What {
 #[derive(Subcommand)]
 enum Command {
     /// Fly one shard, as the task of any engine
+    #[command(hide = true)]
     Shard {
         #[command(flatten)]
         what: What,

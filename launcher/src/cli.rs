@@ -85,12 +85,16 @@ enum Command {
     /// List the flights in a folder: when, scenario, mode, outcome, error, state hash
     Runs(runs::RunsArgs),
     /// Print the JSON Schema of a file, by which editors complete and check it
+    #[command(hide = true)]
     Schema(manual::SchemaArgs),
     /// Print the completions of a shell, to be loaded by it
+    #[command(hide = true)]
     Completions(manual::CompletionsArgs),
     /// Write manual pages, one for each command
+    #[command(hide = true)]
     Man(manual::ManArgs),
     /// Run one process of a stack (the launcher starts these itself)
+    #[command(hide = true)]
     Node {
         /// plant, guidance, attitude-mpc, mixer or recorder
         name: NodeName,

@@ -1,9 +1,9 @@
-//! `export`: a run in the formats of other tools; `export fmu` packs the plant for them.
+//! `export`: a run in the formats of other tools; `--to fmu` packs the plant for them.
 
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use flight::duration::{seconds, seconds_or_inf};
 use flight::files::{named_file, write_whole};
 use flight::settings;
@@ -21,17 +21,15 @@ use crate::scenarios;
 
 /// Arguments of `export`.
 #[derive(clap::Args)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "docs/tools.md shows how other tools open the files.")]
 pub struct ExportArgs {
-    #[command(subcommand)]
-    plant: Option<Plant>,
-    /// Folder of the run, or its flight.mcap
-    #[arg(required = true)]
-    run: Option<PathBuf>,
+    /// Folder of the run, or its flight.mcap; with fmu a scenario file (TOML) or the name of a shipped scenario, whose
+    /// vehicle it is [default with fmu: the defaults]
+    #[arg(value_name = "RUN")]
+    what: Option<PathBuf>,
     /// Format
-    #[arg(long, value_enum, required = true)]
-    to: Option<Format>,
+    #[arg(long, value_enum)]
+    to: Format,
     /// Begin of the part of the flight: 500ms, 2s, 1min
     #[arg(long = "from", value_name = "TIME", default_value = "0s", value_parser = seconds)]
     from_s: f64,
@@ -41,20 +39,17 @@ pub struct ExportArgs {
     /// With perfetto: a second around the worst tick, or --for; in lockstep, where no tick is late, at the beginning
     #[arg(long, conflicts_with = "from_s")]
     worst: bool,
-    /// Folder (csv, parquet) or file to write [default: csv/, parquet/, flight.ulg, trace.json beside the log]
+    /// With fmu: override a setting, value in TOML
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Folder (csv, parquet) or file to write [default: csv/, parquet/, flight.ulg, foxglove.mcap, trace.json beside
+    /// the log; trefoil.fmu]
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 }
 
-/// Export of the plant.
-#[derive(clap::Subcommand)]
-enum Plant {
-    /// Write plant and actuators as an FMU for co-simulation, FMI 3.0
-    Fmu(FmuArgs),
-}
-
-/// Format of an exported run.
-#[derive(Clone, Copy, clap::ValueEnum)]
+/// Format of an export.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Format {
     /// A CSV file for each topic, for the events and for the cycles of the nodes
     Csv,
@@ -62,43 +57,37 @@ enum Format {
     Parquet,
     /// One `ULog` file, for PlotJuggler and the tools of PX4
     Ulog,
+    /// The log with the vehicle and its course as scenes, for Foxglove and Rerun
+    Foxglove,
     /// A trace for ui.perfetto.dev, of a flight through processes
     Perfetto,
-}
-
-/// Arguments of `export fmu`.
-#[derive(clap::Args)]
-pub struct FmuArgs {
-    /// Scenario file (TOML) whose vehicle it is, or the name of a shipped scenario; without one, the defaults
-    scenario: Option<PathBuf>,
-    /// Override a setting, value in TOML
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// File to write [default: trefoil.fmu]
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
+    /// Plant and actuators as an FMU for co-simulation, FMI 3.0
+    Fmu,
 }
 
 /// Writes what was asked for, and says where.
 pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
-    match (&args.plant, &args.run, args.to) {
-        (Some(Plant::Fmu(args)), ..) => fmu(args),
-        (None, Some(run), Some(to)) => of_run(run, to, args).map_err(|error| with_hint(error, &[run])),
-        _ => unreachable!("clap requires a run and a format"),
+    let is_fmu = args.to == Format::Fmu;
+    let part = args.from_s > 0.0 || args.for_s.is_finite() || args.worst;
+    ensure!(!(is_fmu && part), "--from, --for and --worst choose a part of a flight; --to fmu packs the plant");
+    ensure!(is_fmu || args.set.is_empty(), "--set is for --to fmu: a recorded run has its settings");
+    match &args.what {
+        scenario if is_fmu => fmu(scenario.as_deref(), args),
+        Some(run) => of_run(run, args).map_err(|error| with_hint(error, &[run])),
+        None => bail!("give the run: its folder, or its flight.mcap"),
     }
 }
 
-fn of_run(run: &Path, to: Format, args: &ExportArgs) -> anyhow::Result<()> {
-    let ExportArgs { from_s, for_s, worst, ref out, .. } = *args;
+fn of_run(run: &Path, args: &ExportArgs) -> anyhow::Result<()> {
+    let ExportArgs { to, from_s, for_s, worst, ref out, .. } = *args;
     ensure!(for_s > 0.0, "--for 0 is no part of a flight");
-    ensure!(
-        !worst || matches!(to, Format::Perfetto),
-        "--worst is for --to perfetto; choose the part with --from and --for"
-    );
+    ensure!(!worst || to == Format::Perfetto, "--worst is for --to perfetto; choose the part with --from and --for");
     let format = match to {
         Format::Csv => export::Format::Csv,
         Format::Parquet => export::Format::Parquet,
         Format::Ulog => export::Format::Ulog,
+        Format::Foxglove => export::Format::Foxglove,
+        Format::Fmu => unreachable!("it is of no run"),
         Format::Perfetto => {
             let around_s = if for_s.is_finite() { for_s } else { 1.0 };
             let asked = if worst { Asked::Worst { for_s: around_s } } else { Asked::From { from_s, for_s } };
@@ -115,10 +104,10 @@ fn of_run(run: &Path, to: Format, args: &ExportArgs) -> anyhow::Result<()> {
 }
 
 /// Writes the FMU, and says where.
-fn fmu(args: &FmuArgs) -> anyhow::Result<()> {
-    args.scenario.iter().for_each(|path| scenarios::tell(Kind::Scenario, path));
+fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
+    scenario.iter().for_each(|path| scenarios::tell(Kind::Scenario, path));
     let out = args.out.as_deref().map_or_else(|| Ok("trefoil.fmu".into()), |out| named_file(out, "fmu"))?;
-    let scenario = settings::load(args.scenario.as_deref(), &args.set)?;
+    let scenario = settings::load(scenario, &args.set)?;
     check(&scenario).map_err(|why| anyhow!(why))?;
     let library = std::fs::read(library()?).context("cannot read the library of the FMU")?;
     let mut archive = ZipWriter::new(Cursor::new(vec![]));

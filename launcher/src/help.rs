@@ -6,6 +6,15 @@ use clap::{Command, CommandFactory, Parser};
 use contract::exit;
 use flight::provenance::Program;
 
+/// Commands in the list of `--help`, by what they are for. Those that packagers and other programs call have no place.
+pub const GROUPS: [(&str, &[&str]); 5] = [
+    ("Fly", &["fly", "check", "scenarios", "swap", "inject", "clear", "stop"]),
+    ("Look", &["status", "web", "mavlink", "runs", "report", "replay", "explain", "compare", "export"]),
+    ("Many flights", &["campaign", "tune"]),
+    ("Own controllers", &["new"]),
+    ("This machine", &["doctor", "measure"]),
+];
+
 /// Meaning of each exit code, for every command that does not give it another.
 pub const EXITS: [(u8, &str); 6] = [
     (exit::FLOWN, "done"),
@@ -49,7 +58,7 @@ const MEASURES: &[(u8, &str)] = &[
     (exit::INTERRUPTED, ""),
 ];
 
-/// Help on every command that users run, in the order of the list of commands.
+/// Help on every command that users and other programs run, in the order of the page of commands.
 #[rustfmt::skip]
 pub const HELP: &[Help] = &[
     Help {
@@ -109,8 +118,7 @@ pub const HELP: &[Help] = &[
         exits: &[(exit::PROCESS_LOST, "the shard could not be written"), (exit::INTERRUPTED, "")],
     },
     Help { command: "tune", examples: &["tune laws", "tune mine.toml --controller pid"], exits: &[(exit::INTERRUPTED, "")] },
-    help("export", &["export runs/survey --to parquet", "export runs/survey --to csv --from 10s --for 2s"]),
-    help("export fmu", &["export fmu", "export fmu wind --out wind.fmu"]),
+    help("export", &["export runs/survey --to parquet", "export runs/survey --to csv --from 10s --for 2s", "export wind --to fmu --out wind.fmu"]),
     Help { command: "measure mpc", examples: &["measure mpc"], exits: MEASURES },
     Help { command: "measure navigation", examples: &["measure navigation"], exits: MEASURES },
     Help { command: "measure faults", examples: &["measure faults"], exits: MEASURES },
@@ -160,7 +168,25 @@ pub fn command<C: CommandFactory>() -> Command {
     let commit = commit.map(|commit| commit.get(..12).map_or(commit.clone(), str::to_owned));
     let version = commit.map_or(version.clone(), |commit| format!("{version} (commit {commit}{changed})"));
     let command = C::command().version(&*version.leak());
-    HELP.iter().fold(command, |command, help| add(command, &help.command.split(' ').collect::<Vec<_>>(), help))
+    let command =
+        HELP.iter().fold(command, |command, help| add(command, &help.command.split(' ').collect::<Vec<_>>(), help));
+    let list = grouped(&command);
+    command.help_template(list)
+}
+
+/// Makes the form of `--help` with the commands by [`GROUPS`]; clap knows one heading for all of them.
+fn grouped(command: &Command) -> String {
+    let (heading, literal) = (command.get_styles().get_header(), command.get_styles().get_literal());
+    let about = |name: &str| command.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string);
+    let lines = GROUPS.iter().map(|(group, names)| {
+        let lines =
+            names.iter().map(|name| format!("  {literal}{name:<10}{literal:#} {}\n", about(name).unwrap_or_default()));
+        format!("{heading}{group}:{heading:#}\n{}\n", lines.collect::<String>())
+    });
+    format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{}{heading}Options:{heading:#}\n{{options}}{{after-help}}",
+        lines.collect::<String>()
+    )
 }
 
 /// Adds `help` to the command that is reached by the names in `path`.

@@ -32,17 +32,6 @@ TOPICS = {
 EVENTS = "/events"
 EVENT = ("trefoil.v1.Event", "tick node epoch what why swap by fault_number fault origin")
 
-# Derived messages for viewers, in Foxglove's schemas. No message on /view/log in a quiet flight.
-VIEW = {
-    "/view/tf": "foxglove.FrameTransforms",
-    "/view/tf_static": "foxglove.FrameTransforms",
-    "/view/arrows": "foxglove.SceneUpdate",
-    "/view/vehicle": "foxglove.SceneUpdate",
-    "/view/path": "foxglove.PosesInFrame",
-    "/view/course": "foxglove.PosesInFrame",
-    "/view/log": "foxglove.Log",
-}
-
 
 class Unexpected(Exception):
     """The log is not as promised."""
@@ -74,9 +63,6 @@ def messages_of(file):
 def check(schema, channel, message, decoded):
     """One message against the promises."""
     topic = channel.topic
-    if topic in VIEW:
-        expect((schema.name, schema.encoding) == (VIEW[topic], "protobuf"), f"{topic} holds {schema.name}")
-        return
     expect(topic in TOPICS or topic == EVENTS, f"unknown topic {topic}")
     name, fields = EVENT if topic == EVENTS else TOPICS[topic]
     expect((schema.name, schema.encoding) == (name, "protobuf"), f"{topic} holds {schema.name} in {schema.encoding}")
@@ -102,7 +88,7 @@ def ordinary(path):
 
 def summary(path):
     """Reads and checks the log at `path`."""
-    counts = dict.fromkeys([*TOPICS, EVENTS, *VIEW], 0)
+    counts = dict.fromkeys([*TOPICS, EVENTS], 0)
     times_s, heights_m, complete = [], [], True
     with open(path, "rb") as file:
         scenario = scenario_of(file)
@@ -115,7 +101,7 @@ def summary(path):
             times_s.append(item.message.log_time * 1e-9)
             if item.channel.topic == "/state":
                 heights_m.append(-item.decoded_message.actual.position_m.z)
-        empty = [topic for topic in [*TOPICS, *VIEW] if counts[topic] == 0 and topic != "/view/log"]
+        empty = [topic for topic in TOPICS if counts[topic] == 0]
         expect(not empty, f"no message on {' '.join(empty)}")
         if complete:
             file.seek(0)

@@ -234,6 +234,11 @@ pub struct NewFile<'a> {
 }
 
 impl NewFile<'_> {
+    /// Returns another handle of the open file, for a writer that needs its own.
+    pub fn handle(&self) -> Result<File> {
+        self.file.as_ref().ok_or(ErrorKind::BrokenPipe)?.try_clone()
+    }
+
     /// Puts the complete file in its place.
     pub fn finish(mut self) -> Result<()> {
         if let Some(file) = &self.file {

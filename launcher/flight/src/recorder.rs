@@ -125,13 +125,13 @@ impl CountedLog {
     /// Creates the log of a flight that has one recorder.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?;
-        Ok(Self::begin(writer.for_viewers(scenario)?, scenario))
+        Ok(Self::begin(writer, scenario))
     }
 
     /// Creates the log of one of several recorders of `run`.
     fn create_part(path: &Path, scenario: &Scenario, run: &str) -> anyhow::Result<Self> {
         let writer = LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?;
-        Ok(Self::begin(writer.for_viewers(scenario)?, scenario))
+        Ok(Self::begin(writer, scenario))
     }
 
     fn begin(writer: LogWriter, scenario: &Scenario) -> Self {

@@ -6,8 +6,8 @@
 //! server: 1, subscription (u32), log time (u64), bytes of the message    binary, little-endian
 //! ```
 //!
-//! Channels, schemas and bytes are those of the log: first [`flight::log::channels`], then
-//! [`flight::log::view_channels`], whose messages a [`Scene`] makes here as in the recorder. A message that holds for
+//! Channels, schemas and bytes are those of `export --to foxglove`: first [`flight::log::channels`], those of the log,
+//! then [`flight::log::view_channels`], whose messages a [`Scene`] makes here as there. A message that holds for
 //! the whole flight is sent to each client that subscribes to its channel. The server has no other capability: it takes
 //! no parameters, no service calls and no messages of clients. The protocol is the same under both of its names.
 

@@ -5,7 +5,7 @@ use clap::{Arg, Command};
 use super::is_generated;
 use super::page::{head, row};
 use crate::cli::Cli;
-use crate::help::{EXITS, HELP, Help, command};
+use crate::help::{EXITS, GROUPS, HELP, Help, command};
 
 const COMMANDS: &str = "# Commands
 
@@ -117,11 +117,8 @@ fn visible(command: &Command, before: &str) -> Vec<String> {
 #[test]
 fn every_command_has_examples_and_each_example_parses() {
     let whole = command::<Cli>();
-    let mut commands = visible(&whole, "");
-    let mut helped: Vec<String> = HELP.iter().map(|help| help.command.to_owned()).collect();
-    commands.sort();
-    helped.sort();
-    assert_eq!(commands, helped, "the commands, and those of `HELP`");
+    let has_help = |command: &String| HELP.iter().any(|help| help.command == command);
+    assert_eq!(visible(&whole, "").iter().find(|command| !has_help(command)), None, "a command without help");
     for Help { command: of, examples, .. } in HELP {
         assert!(!examples.is_empty(), "{of} has no example");
         for example in *examples {
@@ -130,6 +127,21 @@ fn every_command_has_examples_and_each_example_parses() {
             whole.clone().try_get_matches_from(words).unwrap_or_else(|error| panic!("{example}: {error}"));
         }
     }
+}
+
+#[test]
+fn every_visible_command_is_in_the_list_of_help_once() {
+    let whole = command::<Cli>();
+    let mut listed: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
+    let mut seen: Vec<&str> = whole.get_subcommands().filter(|of| !of.is_hide_set()).map(Command::get_name).collect();
+    let text = whole.clone().render_help().to_string();
+    assert!(
+        text.contains("\nFly:\n  fly        Fly a scenario") && text.contains("\nOptions:\n  -h, --help"),
+        "{text}"
+    );
+    listed.sort_unstable();
+    seen.sort_unstable();
+    assert_eq!(listed, seen);
 }
 
 #[test]

@@ -10,8 +10,8 @@
 //! | `/view/vehicle` | `SceneUpdate` | once | body, arms, rotors and the reference, in the frames above |
 //! | `/view/course` | `PosesInFrame` | once | the course of the mission |
 //!
-//! The log and the live server call the same [`Scene`]. Rates are lower than those of the ring, because a picture needs
-//! no more: at 100 Hz, these messages are a tenth of a log (`docs/tools.md`). True motion and true actuators are shown,
+//! `export --to foxglove` and the live server call the same [`Scene`]. Rates are lower than those of the ring, because
+//! a picture needs no more: at 100 Hz, these messages add a tenth to a log (`docs/tools.md`). True motion and true actuators are shown,
 //! only of delivered, intact messages. The thrust is `K_F Omega^2`, without faults and effects of moving air. The wind
 //! is the mean wind at the vehicle, without turbulence.
 

@@ -41,9 +41,7 @@ fn write(
     events: &[Event],
     sent: u64,
 ) -> anyhow::Result<LogOutcome> {
-    let begin = |run: &str| {
-        LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?.for_viewers(scenario)
-    };
+    let begin = |run: &str| LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run);
     let mut log = None;
     let mut failed = None;
     let mut count = Count::default();

@@ -6,7 +6,6 @@
 //! | topics `/state` `/reference` `/controls` `/actuators` | the messages, as the protobuf of `proto/trefoil.proto` |
 //! | topic `/memory` | the snapshot of every node, every ten seconds, as protobuf ([`Memory`]) |
 //! | topic `/events` | events of the processes, as protobuf ([`crate::event`]) |
-//! | topics `/view/...` | the flight in Foxglove's schemas, for pictures, at a low rate ([`crate::foxglove`]); never read back |
 //! | `log_time` | simulated time, the stamp's tick times the sample time: one time axis for runs of every mode |
 //! | `publish_time` | instant of publication, `CLOCK_MONOTONIC`; 0 for events, and in process, which has no clock |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |

@@ -9,18 +9,17 @@ use std::{
 };
 
 use anyhow::Context;
+use contract::Topic;
 use contract::message::LAYOUT;
-use contract::{Scenario, Topic};
 use mcap::{
     McapError, McapResult, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
 };
 
 use super::lz4::Compressor;
-use super::{Memory, Record, SCENARIO, WRITTEN_BY, schema};
+use super::{Channel, Memory, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
 use crate::files;
-use crate::foxglove::{Channel, Derived, Scene};
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
 use crate::provenance::Program;
 
@@ -40,8 +39,6 @@ pub struct LogWriter {
     channels: [u16; Topic::COUNT],
     events: u16,
     memory: u16,
-    /// Messages for viewers, and their channel numbers; `None` in a log without them.
-    view: Option<(Scene, [u16; Channel::ALL.len()])>,
     /// Sample time \[ns\].
     sample_ns: u64,
     /// Bytes of one message.
@@ -70,13 +67,7 @@ impl LogWriter {
     }
 
     /// Begins the log in a `file` that is open and empty; errors name it `path`.
-    pub(super) fn begin(
-        file: File,
-        path: &Path,
-        scenario_toml: &str,
-        sample_ns: u64,
-        run: &str,
-    ) -> anyhow::Result<Self> {
+    pub fn begin(file: File, path: &Path, scenario_toml: &str, sample_ns: u64, run: &str) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
         let (mcap, channels, [events, memory]) =
@@ -88,7 +79,6 @@ impl LogWriter {
             channels,
             events,
             memory,
-            view: None,
             sample_ns,
             buffer: Vec::new(),
             open_bytes: 0,
@@ -101,18 +91,15 @@ impl LogWriter {
         Ok(writer)
     }
 
-    /// Adds the messages of [`crate::foxglove`] to the log, from now on.
-    pub fn for_viewers(mut self, scenario: &Scenario) -> anyhow::Result<Self> {
-        let scene = Scene::new(scenario);
-        let fixed = scene.fixed();
-        if let Some(mcap) = &mut self.mcap {
-            let add = |channel| add_channel(mcap, &channel);
-            let channels: Vec<u16> =
-                super::view_channels().into_iter().map(add).collect::<McapResult<_>>().map_err(plain)?;
-            self.view = channels.try_into().ok().map(|channels| (scene, channels));
-        }
-        self.write_derived(fixed)?;
-        Ok(self)
+    /// Adds a channel of the caller's own, and returns its number for [`Self::write_encoded`].
+    pub fn add_channel(&mut self, channel: &Channel) -> anyhow::Result<u16> {
+        self.mcap.as_mut().map_or(Ok(0), |mcap| add_channel(mcap, channel).map_err(plain))
+    }
+
+    /// Writes the bytes of a message of an own channel, with its simulated time \[ns\].
+    pub fn write_encoded(&mut self, channel_id: u16, log_time: u64, bytes: Vec<u8>) -> anyhow::Result<()> {
+        self.buffer = bytes;
+        self.append(&MessageHeader { channel_id, sequence: 0, log_time, publish_time: 0 })
     }
 
     pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
@@ -123,19 +110,7 @@ impl LogWriter {
             sequence: stamp.sequence as u32,
             log_time: stamp.tick.saturating_mul(self.sample_ns),
             publish_time: stamp.publish_ns[topic],
-        })?;
-        let derived = self.view.as_mut().map_or(vec![], |(scene, _)| scene.on_record(record));
-        self.write_derived(derived)
-    }
-
-    fn write_derived(&mut self, derived: Vec<Derived>) -> anyhow::Result<()> {
-        for Derived { channel, time_ns, bytes } in derived {
-            let Some((_, channels)) = &self.view else { break };
-            let channel_id = channels[channel as usize];
-            self.buffer = bytes;
-            self.append(&MessageHeader { channel_id, sequence: 0, log_time: time_ns, publish_time: 0 })?;
-        }
-        Ok(())
+        })
     }
 
     pub fn write_event(&mut self, event: &Event) -> anyhow::Result<()> {
@@ -145,9 +120,7 @@ impl LogWriter {
             sequence: 0,
             log_time: event.tick.saturating_mul(self.sample_ns),
             publish_time: 0,
-        })?;
-        let derived = self.view.as_mut().map(|(scene, _)| scene.on_event(event));
-        self.write_derived(derived.into_iter().collect())
+        })
     }
 
     /// Writes the snapshot of a node.
@@ -254,7 +227,7 @@ fn open(
     Ok((mcap, channels, others))
 }
 
-fn add_channel(mcap: &mut Mcap, channel: &super::Channel) -> McapResult<u16> {
+fn add_channel(mcap: &mut Mcap, channel: &Channel) -> McapResult<u16> {
     let schema = mcap.add_schema(channel.schema, "protobuf", channel.descriptors)?;
     let publisher = BTreeMap::from([("publisher".into(), channel.publisher.into())]);
     mcap.add_channel(schema, &channel.topic, "protobuf", &publisher)

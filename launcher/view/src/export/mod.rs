@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | CSV, Parquet | a table for each topic, `events`, `cycles` | `tables`, `csv`, `parquet` |
 //! | `ULog` | the same as topics of one file, and the topics of PX4 that fit | `ulog`, `px4` |
+//! | MCAP for Foxglove | its messages and events, and the scenes derived from them | `scenes` |
 //! | Perfetto | the trace of [`crate::trace`] | |
 //!
 //! A log is read once, message by message; nothing holds the whole flight in memory.
@@ -11,6 +12,7 @@
 mod csv;
 mod parquet;
 mod px4;
+mod scenes;
 mod sink;
 mod tables;
 mod ulog;
@@ -28,6 +30,7 @@ use flight::log::{Count, Record};
 use outcome::recorded::{Part, Recorded};
 
 use crate::cycle::Cycle;
+use scenes::Scenes;
 use sink::Sink;
 use tables::Tables;
 use ulog::Ulog;
@@ -38,6 +41,7 @@ pub enum Format {
     Csv,
     Parquet,
     Ulog,
+    Foxglove,
 }
 
 /// Result of an export.
@@ -50,7 +54,7 @@ pub struct Export {
 }
 
 /// Writes the `part` of the run at `log`, its `flight.mcap`, in a `format` to `out`; by default beside the log: into
-/// the folder `csv` or `parquet`, or as `flight.ulg`, in the place of an earlier export.
+/// the folder `csv` or `parquet`, or as `flight.ulg` or `foxglove.mcap`, in the place of an earlier export.
 ///
 /// # Errors
 /// The log cannot be read, the part has no message, `out` has files already, or the files cannot be written; then none
@@ -59,15 +63,17 @@ pub fn export(log: &Path, format: Format, part: Part, out: Option<&Path>) -> any
     let out = match (out, format) {
         (Some(out), Format::Csv | Format::Parquet) => named_folder(out)?,
         (Some(out), Format::Ulog) => named_file(out, "ulg")?,
+        (Some(out), Format::Foxglove) => named_file(out, "mcap")?,
         (None, Format::Csv) => log.with_file_name("csv"),
         (None, Format::Parquet) => log.with_file_name("parquet"),
         (None, Format::Ulog) => log.with_file_name("flight.ulg"),
+        (None, Format::Foxglove) => log.with_file_name("foxglove.mcap"),
     };
     ensure!(log.exists(), "there is no {}; give the folder of a run that was flown with a log", log.display());
     let cannot = || format!("cannot write {}: choose another place with --out", out.display());
     let folder = match format {
         Format::Csv | Format::Parquet => Dir::make(&out),
-        Format::Ulog => Dir::open(out.parent().unwrap_or(Path::new(""))),
+        Format::Ulog | Format::Foxglove => Dir::open(out.parent().unwrap_or(Path::new(""))),
     };
     let folder = folder.with_context(cannot)?;
     let name = out.file_name().unwrap_or_default().to_string_lossy();
@@ -76,19 +82,22 @@ pub fn export(log: &Path, format: Format, part: Part, out: Option<&Path>) -> any
             Format::Csv => Box::new(Tables::<csv::Csv>::begin(&folder, scenario)?),
             Format::Parquet => Box::new(Tables::<parquet::Parquet>::begin(&folder, scenario)?),
             Format::Ulog => Box::new(Ulog::begin(&folder, &name, scenario)?),
+            Format::Foxglove => Box::new(Scenes::begin(&folder, &name, scenario, log)?),
         })
     };
     // A folder that was made for nothing is removed; one with files stays.
-    let notes = write(log, part, begin, cannot).inspect_err(|_| _ = std::fs::remove_dir(&out))?;
+    let cycles = format != Format::Foxglove;
+    let notes = write(log, part, begin, cannot, cycles).inspect_err(|_| _ = std::fs::remove_dir(&out))?;
     Ok(Export { out, notes })
 }
 
-/// Reads the `part` of the run into the sink that `begin` makes; returns notes for users.
+/// Reads the `part` of the run into the sink that `begin` makes; returns notes for users, also on missing `cycles`.
 fn write<'a>(
     log: &Path,
     part: Part,
     begin: impl Fn(&Scenario) -> anyhow::Result<Box<dyn Sink + 'a>>,
     cannot: impl Fn() -> String,
+    cycles: bool,
 ) -> anyhow::Result<Vec<String>> {
     let mut reading: Option<Reading<'a>> = None;
     let mut failed = None;
@@ -115,7 +124,7 @@ fn write<'a>(
         format!("no message in this part: the flight lasted {flown_s:.2} s; choose another with --from and --for")
     })?;
     let left_out = reading.finish(&recorded.log.events).with_context(cannot)?;
-    let no_clock = (recorded.scenario.run.mode == Mode::Inprocess)
+    let no_clock = (cycles && recorded.scenario.run.mode == Mode::Inprocess)
         .then(|| "a flight in process has no clock, and so no cycles".to_owned());
     Ok(recorded.missing().into_iter().chain(left_out).chain(no_clock).collect())
 }
