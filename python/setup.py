@@ -13,7 +13,7 @@ from setuptools import Distribution, setup
 from setuptools.command.build_py import build_py
 
 TOP = Path(__file__).resolve().parent.parent
-FILES = ("libtrefoil.so", "launcher")
+FILES = ("libtrefoil.so", "trefoil")
 
 
 def built() -> Path:

@@ -127,20 +127,20 @@ fn what_was_meant_is_offered_and_what_is_refused_is_not() {
     let swap = said(&["swap", "mpc"]);
     assert!(swap.contains("did you mean `attitude-mpc`?") && !swap.contains("`plant`"), "{swap}");
     let turned = said(&["inject", "drop", "controls"]);
-    assert!(turned.contains("`launcher inject controls drop`"), "{turned}");
+    assert!(turned.contains("`trefoil inject controls drop`"), "{turned}");
     let unknown = said(&["inject", "nothing", "drop"]);
     assert!(unknown.contains("`mpc`") && !unknown.contains("solver"), "{unknown}");
     let shard = said(&["campaign", "campaigns/laws.toml", "--shard", "0"]);
     assert!(shard.contains("1 or more") && !shard.contains("18446744073709551615"), "{shard}");
     let campaign = said(&["campaign", "scenarios/wind.toml", "--plan"]);
-    assert!(campaign.contains("is a scenario, which `launcher fly scenarios/wind.toml` flies once"), "{campaign}");
+    assert!(campaign.contains("is a scenario, which `trefoil fly scenarios/wind.toml` flies once"), "{campaign}");
     let waypoints = "mission={ trajectory = \"waypoints\", waypoints_m = [[0, 0, 0], [1, 0, 0]], times_s = [3, 2] }";
     let times = said(&["fly", "--set", waypoints]);
     assert!(times.contains("does not rise") && !times.contains("leg of"), "{times}");
     for verb in [&["report"][..], &["replay"], &["explain"], &["export", "--to", "perfetto"]] {
         for (run, expected) in [("docs", "is a folder without a log"), ("README.md", "is no log of a flight")] {
             let said = said(&[verb, &[run]].concat());
-            assert!(said.contains(expected) && said.contains("as `launcher fly` makes it"), "{verb:?} {run}: {said}");
+            assert!(said.contains(expected) && said.contains("as `trefoil fly` makes it"), "{verb:?} {run}: {said}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `launcher campaign`: the same table whatever flies it, and nothing lost or counted twice whatever ends it.
+//! `trefoil campaign`: the same table whatever flies it, and nothing lost or counted twice whatever ends it.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -57,7 +57,7 @@ impl Place {
         self.folder.path().join(name)
     }
 
-    /// `launcher campaign small.toml`, or one of its commands, with results in `out`.
+    /// `trefoil campaign small.toml`, or one of its commands, with results in `out`.
     fn command(&self, before: &[&str], arguments: &[&str], out: &str) -> Command {
         let mut command = launcher();
         command.arg("campaign").args(before).arg(self.at("small.toml")).args(arguments).arg("--out").arg(self.at(out));

@@ -1,4 +1,4 @@
-//! `launcher compare`: recorded flights side by side.
+//! `trefoil compare`: recorded flights side by side.
 
 use std::path::Path;
 use std::process::Output;

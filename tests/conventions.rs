@@ -99,12 +99,12 @@ fn a_shipped_scenario_flies_by_its_name_in_any_folder_and_a_file_of_that_name_wi
     let campaign = folder.path().join("mine.toml");
     std::fs::write(&campaign, "seeds = 2\n[controller.pid]\nmpc.law = 'pid'\n").expect("can be written");
     for (arguments, said) in [
-        (&["fly", "mine.toml"][..], "`launcher campaign mine.toml` flies it"),
+        (&["fly", "mine.toml"][..], "`trefoil campaign mine.toml` flies it"),
         (&["campaign", "lows"], "did you mean `laws`?"),
         (&["scenarios", "survy"], "did you mean `survey`?"),
         (&["new", "mine.toml", "--lang", "c"], "mine.toml is a file"),
         (&["tune", "mine.toml"], "\n[tune]\nseed = 101"),
-        (&["stop", "mine"], "`launcher stop --namespace mine`"),
+        (&["stop", "mine"], "`trefoil stop --namespace mine`"),
         (&["inject", "controls", "drop", "--for", "500", "ms"], "a time is one word: 500ms"),
         (&["inject", "controls", "drop", "--for", "500"], "'500' has no unit: say 500s or 500ms"),
         (&["report", "runs/x", "--from", "5"], "'5' has no unit: say 5s or 5ms"),
@@ -155,9 +155,9 @@ fn completions_and_manual_pages_name_every_command() {
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     printed(&["man", folder.path().join("man1").to_str().expect("a plain path")]);
-    for page in ["launcher.1", "launcher-fly.1", "launcher-measure-timing.1"] {
+    for page in ["trefoil.1", "trefoil-fly.1", "trefoil-measure-timing.1"] {
         let text = std::fs::read_to_string(folder.path().join("man1").join(page)).expect("a page");
-        assert!(text.contains(".TH") && (page == "launcher.1" || text.contains("Examples:")), "{text}");
+        assert!(text.contains(".TH") && (page == "trefoil.1" || text.contains("Examples:")), "{text}");
     }
 }
 

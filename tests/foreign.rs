@@ -277,7 +277,7 @@ fn a_script_that_stands_in_the_folder_is_not_submitted() {
 fn programs_of_other_sources_are_told_apart() {
     let place = Place::flown();
     let other = place.at("other-launcher");
-    fs::copy(env!("CARGO_BIN_EXE_launcher"), &other).expect("can be copied");
+    fs::copy(env!("CARGO_BIN_EXE_trefoil"), &other).expect("can be copied");
     let mut program = fs::OpenOptions::new().append(true).open(&other).expect("can be opened");
     program.write_all(b"\0").expect("can be written"); // the same program, of other bytes
     drop(program);
@@ -302,7 +302,7 @@ fn no_program_that_a_folder_names_is_run() {
     put_command(
         top.path(),
         "program",
-        &format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_launcher")),
+        &format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_trefoil")),
     );
     let swap = |more: &str| {
         let program = at("program").display().to_string();

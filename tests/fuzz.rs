@@ -1,6 +1,6 @@
 //! Whatever stands in a scenario, a snapshot or the folder of a run: an error or a result, never a panic.
 //!
-//! Few cases by default; `PROPTEST_CASES=100000 cargo test -p launcher --test stack fuzz::` looks longer; in the dev
+//! Few cases by default; `PROPTEST_CASES=100000 cargo test -p trefoil --test stack fuzz::` looks longer; in the dev
 //! profile, where overflow panics.
 
 mod flights;

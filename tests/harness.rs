@@ -105,7 +105,7 @@ pub fn top() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository").to_owned()
 }
 
-/// `launcher fly` with `arguments`, to its end.
+/// `trefoil fly` with `arguments`, to its end.
 pub fn fly(arguments: &[&str]) -> Outcome {
     Flight::start(&namespace(), arguments).finish()
 }
@@ -168,7 +168,7 @@ impl Drop for Flight {
 
 /// The launcher's binary as built for these tests.
 pub fn launcher() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_launcher"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trefoil"));
     command.current_dir(top());
     command
 }

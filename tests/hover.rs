@@ -124,7 +124,7 @@ fn a_vehicle_that_the_controllers_do_not_know_is_no_unstable_one() {
     }
 }
 
-/// Standard output of `launcher check` with `arguments`.
+/// Standard output of `trefoil check` with `arguments`.
 fn checked(arguments: &[&str]) -> String {
     let output = launcher().arg("check").args(arguments).output().expect("the launcher runs");
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));

@@ -8,7 +8,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::control::{status, tell};
 use crate::harness::{launcher, namespace, shared_memory_of, skip, wait_until};
 
-/// `launcher fly` into `out`, started by `wrapper`; nothing when that cannot be done here.
+/// `trefoil fly` into `out`, started by `wrapper`; nothing when that cannot be done here.
 fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile::TempDir) -> Option<Command> {
     if !Command::new(wrapper[0]).args(&wrapper[1..]).arg("true").status().is_ok_and(|status| status.success()) {
         skip(&format!("{wrapper:?} cannot be run"));
@@ -69,7 +69,7 @@ fn a_limit_on_the_size_of_files_is_a_reason() {
 #[test]
 fn a_program_that_is_built_anew_in_flight_is_still_the_one_that_flies() {
     let (ns, folder) = (namespace(), tempfile::tempdir().expect("a temporary folder"));
-    let program = folder.path().join("launcher");
+    let program = folder.path().join("trefoil");
     std::fs::copy(launcher().get_program(), &program).expect("copied");
     let mut flight = Command::new(&program);
     flight.args(["fly", "--no-log", "--set", "run.duration_s=30.0", "--namespace", &ns, "--out"]);

@@ -12,7 +12,7 @@ use crate::harness::{Outcome, fly, launcher, python_with, top};
 
 /// Folder of libtrefoil as built for these tests, linked from a file of the usual name.
 pub fn library_folder(folder: &Path) -> PathBuf {
-    let built = Path::new(env!("CARGO_BIN_EXE_launcher")).parent().expect("a folder").to_owned();
+    let built = Path::new(env!("CARGO_BIN_EXE_trefoil")).parent().expect("a folder").to_owned();
     let library =
         ["deps/libtrefoil.so", "libtrefoil.so"].map(|file| built.join(file)).into_iter().find(|file| file.exists());
     let link = folder.join("libtrefoil.so");
@@ -172,7 +172,7 @@ fn installed_package(python: &Path) -> &'static Path {
         let built = FOLDER.join("built");
         std::fs::create_dir_all(&built).expect("a folder of cargo");
         library_folder(&built);
-        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_launcher"), built.join("launcher")).expect("a link");
+        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_trefoil"), built.join("trefoil")).expect("a link");
         let mut pip = Command::new(python);
         pip.args(["-m", "pip", "install", "-q", "--no-build-isolation", "--no-deps", "--no-index", "--target"]);
         pip.arg(FOLDER.join("site")).arg(top().join("python")).env("TREFOIL_BUILT", &built);

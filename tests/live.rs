@@ -46,7 +46,7 @@ fn with_page(namespace: &str, port: u16, settings: &[&str]) -> Flight {
     flight
 }
 
-/// `launcher web` for a namespace. Dropping it kills it.
+/// `trefoil web` for a namespace. Dropping it kills it.
 struct Server(Child);
 
 impl Server {
@@ -194,7 +194,7 @@ fn buttons_do_what_the_command_line_does_and_say_so() {
     let flight = with_page(&ns, port, &["--set", "run.duration_s=3600.0", "--set", DRAG]);
     wait_until("the page has joined", || order(port, &json!({ "command": "clear" }))["ok"] == true);
     let injected = order(port, &json!({ "command": "inject", "target": "wind", "kind": "step", "for": "inf" }));
-    assert_eq!(injected["line"], format!("launcher inject --namespace={ns} --for=inf wind step"));
+    assert_eq!(injected["line"], format!("trefoil inject --namespace={ns} --for=inf wind step"));
     let said = |answer: &Value| answer["said"].as_str().expect("text").to_owned();
     assert!(said(&injected).starts_with("injected: wind step from"), "{injected}");
     let cleared = order(port, &json!({ "command": "clear", "target": "wind" }));
@@ -204,7 +204,7 @@ fn buttons_do_what_the_command_line_does_and_say_so() {
     let program = order(port, &json!({ "command": "swap", "node": "mixer", "set": ["node.mixer.exec='/bin/true'"] }));
     assert!(program["ok"] == false && said(&program).contains("starts no other program"), "{program}");
     let priority = order(port, &json!({ "command": "swap", "node": "mixer", "set": ["realtime.priority=95"] }));
-    let by_hand = "on the command line: launcher swap NODE --set realtime.priority=95";
+    let by_hand = "on the command line: trefoil swap NODE --set realtime.priority=95";
     assert!(priority["ok"] == false && said(&priority).contains(by_hand), "{priority}");
     let (code, _) = ask(port, "POST /command", &[JSON, BEARER], r#"{"command":"fly"}"#);
     assert_eq!(code, 422);
@@ -557,7 +557,7 @@ fn varint(bytes: &[u8]) -> (u64, usize) {
     (number, length)
 }
 
-/// `launcher replay --web` of a run. Dropping it kills it.
+/// `trefoil replay --web` of a run. Dropping it kills it.
 struct Replay {
     child: Child,
     port: u16,
@@ -740,7 +740,7 @@ const CAMPAIGN: &str = "[settings]\nrun.duration_s = 3.0\nbounds.max_position_er
                         plant.airframe.mass_kg = { uniform = [0.9, 1.4] }\nrun.command_delay_ms = { uniform = [0.0, 30.0] }\n\
                         [controller.mpc]\nmpc.law = \"mpc\"\n[controller.pid]\nmpc.law = \"pid\"\n";
 
-/// `launcher campaign` of a number of samples in a folder of its own, with more arguments.
+/// `trefoil campaign` of a number of samples in a folder of its own, with more arguments.
 fn campaign(folder: &Path, out: &str, samples: u32, more: &[&str]) -> Command {
     let file = folder.join("shown.toml");
     std::fs::write(&file, format!("samples = {samples}\n{CAMPAIGN}")).expect("written");
@@ -832,7 +832,7 @@ fn a_page_that_cannot_be_is_refused_before_the_flight() {
         (&["fly", "--web", "--token", "short"], "a token has 16"),
         (&["web", &address], "give another address"),
         (&["web", "--namespace", "no/name"], "no/name"),
-        (&["serve-page"], "for `launcher fly --web`"),
+        (&["serve-page"], "for `trefoil fly --web`"),
         (&["campaign", "fifty-seeds", "--web", &address], "give another address"),
         (&["campaign", "fifty-seeds", "--token", TOKEN], "there is none"),
         (&["campaign", "fifty-seeds", "--slurm", "--web"], "on this machine"),

@@ -1,4 +1,4 @@
-//! `launcher measure`: every promise has a verdict, the raw samples are kept, and the problems are whole.
+//! `trefoil measure`: every promise has a verdict, the raw samples are kept, and the problems are whole.
 //! The tables of flights in docs/mpc.md are what their commands print. No time is judged here.
 
 use std::path::Path;
@@ -136,7 +136,7 @@ fn what_cannot_be_measured_is_told() {
 /// Text that docs/mpc.md has next after it names the campaign `name`.
 fn rows_of_the_page(name: &str) -> Vec<String> {
     let page = std::fs::read_to_string(top().join("docs/mpc.md")).expect("docs/mpc.md is readable");
-    let named = format!("`launcher campaign {name}`");
+    let named = format!("`trefoil campaign {name}`");
     let from = page.lines().skip_while(|line| !line.contains(&named)).skip_while(|line| *line != "```text").skip(1);
     from.take_while(|line| !line.starts_with("```")).map(str::to_owned).collect()
 }
@@ -158,7 +158,7 @@ fn the_flights_under_every_law_and_model_are_those_of_the_page() {
     }
 }
 
-/// `launcher measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its
+/// `trefoil measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its
 /// namespaces, and how it ended.
 fn measured(arguments: &[&str], folder: &Path) -> (Value, String, Output) {
     let mut command = launcher();

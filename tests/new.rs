@@ -1,4 +1,4 @@
-//! `launcher new`: the controller of every language is built, tested and flown as it is written.
+//! `trefoil new`: the controller of every language is built, tested and flown as it is written.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -7,7 +7,7 @@ use crate::controllers::{compiled, flies_in_every_mode, swapped_in_and_out};
 use crate::harness::{fly, launcher, python_with, skip, top};
 use crate::libtrefoil::{flies_as_a_program, python_with_trefoil};
 
-/// Runs `launcher new DIR` with `arguments`.
+/// Runs `trefoil new DIR` with `arguments`.
 fn new(dir: &Path, arguments: &[&str]) -> Output {
     launcher().arg("new").arg(dir).args(arguments).output().expect("the launcher runs")
 }

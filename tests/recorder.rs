@@ -73,7 +73,7 @@ fn in_lockstep_the_log_is_the_same_with_and_without_swaps() {
     assert_eq!(logged, story.map(|(epoch, what, _)| (epoch as u32, json!(what))));
 }
 
-/// `launcher swap` of the recorder of a stack; its exit code, and what it says.
+/// `trefoil swap` of the recorder of a stack; its exit code, and what it says.
 fn swap(namespace: &str, more: &[&str]) -> (Option<i32>, String) {
     let mut command = launcher();
     command.args(["swap", "recorder", "--namespace", namespace]).args(more);

@@ -106,7 +106,7 @@ fn other_settings_show_what_another_controller_would_have_done() {
 fn another_program_may_answer_in_the_place_of_a_node() {
     let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=3.0"]);
     let program = outcome.out.join("own");
-    let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_launcher"));
+    let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_trefoil"));
     std::fs::write(&program, text_of_it).expect("a script");
     std::fs::set_permissions(&program, Permissions::from_mode(0o755)).expect("a program");
     let program = program.to_str().expect("a path");
@@ -234,7 +234,7 @@ fn outcome_hash(run: &[u8]) -> String {
 fn what_another_program_flew_is_told_and_not_the_same() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("own");
-    let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_launcher"));
+    let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_trefoil"));
     std::fs::write(&program, text_of_it).expect("a script");
     std::fs::set_permissions(&program, Permissions::from_mode(0o755)).expect("a program");
     let swap = format!(
@@ -357,10 +357,10 @@ fn the_hash_of_a_flight_in_real_time_is_shown_with_what_gives_it_again() {
     let said = fly(&[]).split_whitespace().collect::<Vec<_>>().join(" "); // long lines are broken
     let (_, after) = said.split_once("state hash ").expect("a hash");
     let (hash, told) = after.split_once(": ").expect("what gives it again");
-    assert!(told.starts_with("`launcher replay RUN` gives the same"), "{told}");
+    assert!(told.starts_with("`trefoil replay RUN` gives the same"), "{told}");
     assert!(text(&of_run(&["replay"], &run)).contains(&format!("the same bits: state hash {hash}")), "{hash}");
     let page = std::fs::read_to_string(run.join("report.html")).expect("a report");
-    assert!(page.contains(hash) && page.contains("launcher replay RUN"), "{hash}");
+    assert!(page.contains(hash) && page.contains("trefoil replay RUN"), "{hash}");
 }
 
 /// For 0.05 s no demand reaches the mixer.
@@ -378,7 +378,7 @@ fn the_report_has_the_costs_of_a_few_ticks_and_says_how_to_learn_those_of_many()
     let few = lost(0.05);
     assert!(few.contains("href=\"#costs\"") && few.contains("Bursts, the costliest first"), "the costs");
     let many = lost(0.8);
-    assert!(many.contains("<code>launcher explain RUN</code>") && !many.contains("Bursts, the costliest"), "too many");
+    assert!(many.contains("<code>trefoil explain RUN</code>") && !many.contains("Bursts, the costliest"), "too many");
 }
 
 #[test]

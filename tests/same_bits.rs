@@ -1,6 +1,6 @@
 //! Every shipped scenario flies the same bits on every processor: the state hashes of docs/hashes.md.
 //!
-//! `REWRITE=1 cargo test -p launcher --test stack same_bits` writes that page anew. `LAUNCHER` in the environment is a
+//! `REWRITE=1 cargo test -p trefoil --test stack same_bits` writes that page anew. `LAUNCHER` in the environment is a
 //! command that is flown in place of the launcher just built: `.ci/processors` has those of other processors, emulated.
 
 use std::process::Command;
@@ -20,7 +20,7 @@ const HEAD: &str = "\
 The state hash of each shipped scenario, in process or in lockstep, on every processor.
 [The same bits](architecture.md#the-same-bits) says how they are kept, and what compares this page.
 
-A change that is meant to change a flight writes it anew: `REWRITE=1 cargo test -p launcher --test stack same_bits`.
+A change that is meant to change a flight writes it anew: `REWRITE=1 cargo test -p trefoil --test stack same_bits`.
 A change that is not must leave it as it is.
 
 | `fly` | state hash |

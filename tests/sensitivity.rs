@@ -1,4 +1,4 @@
-//! `launcher measure sensitivity`: a map that tells where the limits are, and is the same every time.
+//! `trefoil measure sensitivity`: a map that tells where the limits are, and is the same every time.
 
 use std::path::Path;
 use std::process::Output;

@@ -30,7 +30,7 @@ fn cannot_separate(kind: &str) -> bool {
 /// Runs `script` with a `/dev/shm` of its own, mounted with `options`; its last lines show what is left in it.
 fn with_memory(options: &str, script: &str) -> Output {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let program = folder.path().join("launcher");
+    let program = folder.path().join("trefoil");
     fs::copy(launcher().get_program(), &program).expect("the launcher can be copied");
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).expect("it is ours");
     let script = format!("set -e\nmount -t tmpfs -o {options} trefoil-test /dev/shm\ncd $OUT\n{script}");

@@ -137,8 +137,8 @@ fn judge(must: Must, came: &Came) -> Result<String, String> {
 /// The launcher where every user can start it.
 pub fn program(folder: &Path) -> PathBuf {
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755)).expect("it is ours");
-    let program = folder.join("launcher");
-    fs::copy(env!("CARGO_BIN_EXE_launcher"), &program).expect("it can be copied");
+    let program = folder.join("trefoil");
+    fs::copy(env!("CARGO_BIN_EXE_trefoil"), &program).expect("it can be copied");
     program
 }
 

@@ -1,4 +1,4 @@
-//! `launcher swap` in real time: a good candidate is kept, a bad one rejected, the flight goes on, and what was done
+//! `trefoil swap` in real time: a good candidate is kept, a bad one rejected, the flight goes on, and what was done
 //! can be flown again.
 
 use std::fs;
@@ -19,7 +19,7 @@ const HOVER: &str = "scenarios/faults/hover-gusts.toml";
 /// On a busy machine everybody is late now and then.
 const PATIENT: &str = "ticks=100";
 
-/// `launcher swap` in a stack: its exit code, and what it said.
+/// `trefoil swap` in a stack: its exit code, and what it said.
 fn swap(namespace: &str, words: &[&str]) -> (Option<i32>, String) {
     let mut command = launcher();
     command.arg("swap").args(words).args(["--standby", "0.2s", "--watch", "0.3s", "--namespace", namespace]);
@@ -55,7 +55,7 @@ fn sleeper(folder: &Path) -> String {
 
 /// The controller among the examples of `contract`, as built beside the launcher.
 fn own_controller() -> String {
-    let path = Path::new(env!("CARGO_BIN_EXE_launcher")).with_file_name("examples").join("own_controller");
+    let path = Path::new(env!("CARGO_BIN_EXE_trefoil")).with_file_name("examples").join("own_controller");
     let how = "cargo build --workspace --example own_controller (cargo test --workspace does it too)";
     assert!(path.exists(), "{} is missing; build it: {how}", path.display());
     path.to_str().expect("text").into()

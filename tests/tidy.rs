@@ -233,7 +233,7 @@ fn names() -> BTreeSet<Vec<String>> {
             *name = name.replace('-', "_");
         }
         found.insert(module.clone());
-        // Templates of `launcher new` have places to be filled in.
+        // Templates of `trefoil new` have places to be filled in.
         let Ok(file) = syn::parse_file(&text) else { continue };
         collect(&file.items, &module, &mut found);
     }

@@ -66,14 +66,14 @@ fn compare(said: &str, page: &str) {
     assert!(may_skip || lines.next().is_none(), "more than the page has:\n{said}");
 }
 
-/// Writes a `launcher` into `folder` that flies in a namespace of its own.
+/// Writes a `trefoil` into `folder` that flies in a namespace of its own.
 fn write_launcher(folder: &Path) {
     let namespace = format!("tutorial-{}", std::process::id());
-    let binary = env!("CARGO_BIN_EXE_launcher");
+    let binary = env!("CARGO_BIN_EXE_trefoil");
     let script = format!(
         "#!/bin/sh\ncase $1 in {WITH_NAMESPACE}) exec {binary} \"$@\" --namespace {namespace};; esac\nexec {binary} \"$@\"\n"
     );
-    let file = folder.join("launcher");
+    let file = folder.join("trefoil");
     fs::write(&file, script).expect("a script");
     fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).expect("a program");
 }

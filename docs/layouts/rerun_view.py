@@ -1,7 +1,7 @@
 """Writes a run as a Rerun recording with its blueprint: the vehicle, its path, thrust, wind, curves and events.
 
     pip install rerun-sdk mcap mcap-protobuf-support
-    launcher export runs/survey --to foxglove
+    trefoil export runs/survey --to foxglove
     python3 docs/layouts/rerun_view.py runs/survey
     rerun runs/survey/flight.rrd
 
@@ -183,7 +183,7 @@ def main():
     arguments = parser.parse_args()
     log = arguments.run / "foxglove.mcap" if arguments.run.is_dir() else arguments.run
     if not log.exists():
-        sys.exit(f"there is no {log}: `launcher export RUN --to foxglove` writes it")
+        sys.exit(f"there is no {log}: `trefoil export RUN --to foxglove` writes it")
     out = arguments.out or log.with_name("flight.rrd")
     convert(log, out)
     print(f"written to {out}")

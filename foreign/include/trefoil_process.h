@@ -91,7 +91,7 @@ int32_t trefoil_plant_run(const TrefoilNode *functions,
                           size_t error_bytes);
 
 // Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top,
-// as `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On
+// as `trefoil fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On
 // an error writes its reason to `error`, of `error_bytes`, and returns NULL. A flight is used from one thread.
 //
 // Libraries of other nodes are loaded without a trial: one that crashes ends this process.

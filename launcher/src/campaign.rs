@@ -134,7 +134,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
     ensure!(
         flies_here || args.web.is_none(),
         "--web shows a campaign that this command flies on this machine; --slurm, --only, --plan, --status and --collect \
-         have no page, and `launcher campaign FILE --collect` writes campaign.html of the flights that are there"
+         have no page, and `trefoil campaign FILE --collect` writes campaign.html of the flights that are there"
     );
     let page = OpenPage::open(args.web, &args.token)?;
     if args.plan {
@@ -166,7 +166,7 @@ impl What {
     fn again(&self) -> String {
         let out = self.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
         let own = self.controller.iter().fold(String::new(), |all, own| all + " " + &own.argument());
-        format!("launcher campaign {}{own}{out} --only", self.file.display())
+        format!("trefoil campaign {}{own}{out} --only", self.file.display())
     }
 }
 
@@ -371,7 +371,7 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
         let more = if missing.len() > numbers.len() { ", ..." } else { "" };
         let (all, of) = (missing.len(), folder.layout.shards);
         eprint_line(&format!(
-            "{all} of {of} shards are missing ({}{more}): `launcher campaign` flies them",
+            "{all} of {of} shards are missing ({}{more}): `trefoil campaign` flies them",
             numbers.join(", ")
         ));
         return Ok(exit::PROCESS_LOST);

@@ -26,8 +26,8 @@ use crate::{
 };
 
 #[derive(Parser)]
-#[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
-#[command(after_help = "`launcher COMMAND --help` has examples and exit codes.")]
+#[command(name = "trefoil", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
+#[command(after_help = "`trefoil COMMAND --help` has examples and exit codes.")]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -147,7 +147,7 @@ fn run() -> ExitCode {
         return console::finish(exit::USAGE).into();
     }
     // A process that was started from /proc/self/exe has the name `exe`. The call fails only for longer names.
-    let _ = rustix::thread::set_name(c"launcher");
+    let _ = rustix::thread::set_name(c"trefoil");
     let cli = match help::parse::<Cli>() {
         Ok(cli) => cli,
         Err(usage) => return tell(&usage),

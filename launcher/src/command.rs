@@ -84,7 +84,7 @@ fn targets() -> String {
 pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
     let InjectArgs { target, kind, .. } = args;
     if word::<FaultTarget>("target", kind).is_ok() && word::<FaultKind>("kind", target).is_ok() {
-        bail!("`{target}` is a kind and `{kind}` a target, which comes first: `launcher inject {kind} {target}`");
+        bail!("`{target}` is a kind and `{kind}` a target, which comes first: `trefoil inject {kind} {target}`");
     }
     let mut fault = Fault {
         ms: args.ms,

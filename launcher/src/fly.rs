@@ -212,7 +212,7 @@ fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Beside>> {
 /// Writes the report. That can take longer than the flight, which is flown again to find the cost of disturbed ticks.
 fn write_report(run: &Path) -> anyhow::Result<()> {
     let path = run.display();
-    end_at_once(format!("interrupted before the report was written; `launcher report {path}` writes it"));
+    end_at_once(format!("interrupted before the report was written; `trefoil report {path}` writes it"));
     let progress = Progress::start();
     progress.show(|| "writing report.html: flies again for what disturbed ticks cost   (Ctrl-C leaves it out)".into());
     let written = report::write(run, Part::ALL, outcome::explain::costs);
@@ -320,7 +320,7 @@ fn tell_shortfalls(scenario: &Scenario, scheduling: &[(String, Scheduling)]) {
 
 /// Path of this program, for commands that change its file.
 pub fn program() -> String {
-    std::env::current_exe().map_or("target/release/launcher".into(), |path| path.display().to_string())
+    std::env::current_exe().map_or("target/release/trefoil".into(), |path| path.display().to_string())
 }
 
 /// Checks a home, which the process of `--mavlink` is given as it was written.

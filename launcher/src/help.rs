@@ -30,9 +30,9 @@ pub const EXITS: [(u8, &str); 6] = [
 
 /// Help on one command.
 pub struct Help {
-    /// Words of the command after `launcher`.
+    /// Words of the command after `trefoil`.
     pub command: &'static str,
-    /// Examples, as typed after `launcher`.
+    /// Examples, as typed after `trefoil`.
     pub examples: &'static [&'static str],
     /// Exit codes besides 0 and 2 of [`EXITS`]; an empty meaning is the one there.
     pub exits: &'static [(u8, &'static str)],
@@ -155,7 +155,7 @@ impl Help {
     fn below(&self, own: Option<&StyledStr>) -> String {
         let own = own.map_or(String::new(), |own| format!("{own}\n\n"));
         let examples: String =
-            self.examples.iter().fold(String::new(), |all, example| all + "  launcher " + example + "\n");
+            self.examples.iter().fold(String::new(), |all, example| all + "  trefoil " + example + "\n");
         let codes: Vec<String> = self.exit_codes().iter().map(|(code, meaning)| format!("{code} {meaning}")).collect();
         format!("{own}Examples:\n{examples}\nExit codes: {}.", codes.join("; "))
     }
@@ -222,7 +222,7 @@ fn with_advice(mut error: clap::Error, command: &Command, words: &[String]) -> c
         _ if error.kind() != ErrorKind::UnknownArgument || word.starts_with('-') => return error,
         (Some(number), _) => format!("a time is one word: {number}{word}"),
         (None, Some(command)) => {
-            format!("a stack is named with --namespace: `launcher {} --namespace {word}`", command.get_name())
+            format!("a stack is named with --namespace: `trefoil {} --namespace {word}`", command.get_name())
         }
         (None, None) => return error,
     };

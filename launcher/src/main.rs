@@ -1,4 +1,4 @@
-//! `launcher`: the program that users run. The command line, on top of the libraries that fly, evaluate and measure.
+//! `trefoil`: the program that users run. The command line, on top of the libraries that fly, evaluate and measure.
 //!
 //! | module | holds |
 //! |---|---|

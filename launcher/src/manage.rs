@@ -40,7 +40,7 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
         let is_meant = |domain: &&Domain| args.namespace.as_ref().is_none_or(|name| domain.namespace() == *name);
         let stacks: Vec<Value> = Domain::list().iter().filter(is_meant).map(view).collect();
         if let Some(name) = args.namespace.as_ref().filter(|_| stacks.is_empty() && !args.watch) {
-            bail!("no stack is flying in namespace '{name}'; `launcher status` lists those that do");
+            bail!("no stack is flying in namespace '{name}'; `trefoil status` lists those that do");
         }
         let text = match args {
             StatusArgs { json: true, watch: true, .. } => serde_json::to_string(&stacks)? + "\n",
@@ -54,7 +54,7 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
             print(&text);
         }
         if !args.watch || !is_read() {
-            return Ok(()); // a reader that has gone, as in `launcher status --watch | head`, is no error
+            return Ok(()); // a reader that has gone, as in `trefoil status --watch | head`, is no error
         }
         looked = true;
         std::thread::sleep(WATCH);

@@ -57,7 +57,7 @@ pub struct CompletionsArgs {
 /// Prints the completions of the command line `command`.
 pub fn completions(args: &CompletionsArgs, mut command: clap::Command) {
     let mut text = vec![];
-    clap_complete::generate(args.shell, &mut command, "launcher", &mut text);
+    clap_complete::generate(args.shell, &mut command, "trefoil", &mut text);
     print(&String::from_utf8_lossy(&text));
 }
 

@@ -48,7 +48,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
         write(&args.dir.join(path), &text).with_context(|| format!("cannot write {shown}/{path}"))?;
         print(&format!("{shown}/{path}\n"));
     }
-    let launcher = std::env::args_os().next().map_or_else(|| "launcher".into(), PathBuf::from);
+    let launcher = std::env::args_os().next().map_or_else(|| "trefoil".into(), PathBuf::from);
     let scenario = args.dir.join("scenario.toml");
     let [launcher, dir, scenario] = [&launcher, &args.dir, &scenario].map(|path| quoted(path));
     print(&format!("\nmake -C {dir} && {launcher} fly {scenario}\n"));

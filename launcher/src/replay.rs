@@ -42,7 +42,7 @@ pub struct ReplayArgs {
     /// Stop for a debugger before this node answers the sample of this time
     #[arg(long = "break", value_name = "NODE@TIME")]
     stop: Option<String>,
-    /// Another program for the node, started as by `launcher swap --exec`
+    /// Another program for the node, started as by `trefoil swap --exec`
     #[arg(long, value_name = "PROGRAM", requires = "node")]
     exec: Option<String>,
     #[command(flatten)]
@@ -190,7 +190,7 @@ fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<
     };
     let (from, until) = ticks(part, recording);
     if args.closed && settings.is_none() {
-        bail!("--closed goes with --set or --exec: without them `launcher replay` is the flight as it was");
+        bail!("--closed goes with --set or --exec: without them `trefoil replay` is the flight as it was");
     }
     let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
     Ok(Plan { only: only.filter(|_| !args.closed), settings, from, until, before })

@@ -42,7 +42,7 @@ pub fn with_hint(error: anyhow::Error, runs: &[impl AsRef<Path>]) -> anyhow::Err
     let Some((run, what)) = runs.find_map(|run| Some((run, misfit(run)?))) else { return error };
     let likely = newest(run).map_or(String::new(), |run| format!("; the newest here is {}", run.display()));
     anyhow!(
-        "{error:#}\nhelp: {} {what}. A run is a folder with {LOG} in it, as `launcher fly` makes it: runs/NAME-TIME{likely}",
+        "{error:#}\nhelp: {} {what}. A run is a folder with {LOG} in it, as `trefoil fly` makes it: runs/NAME-TIME{likely}",
         run.display()
     )
 }
@@ -54,12 +54,12 @@ fn misfit(run: &Path) -> Option<&'static str> {
         () if run.symlink_metadata().is_err() => Some("is not there"),
         () if run.is_dir() && has(LOG) => None,
         () if has("layout.toml") => Some(
-            "is the folder of a campaign, whose flights have no logs; `launcher campaign FILE --only N` flies flight N again and writes its log",
+            "is the folder of a campaign, whose flights have no logs; `trefoil campaign FILE --only N` flies flight N again and writes its log",
         ),
         () if has("run.json") => Some("is a run without a log, flown with --no-log"),
         () if run.is_dir() => Some("is a folder without a log"),
         () if run.extension().is_some_and(|extension| extension == "toml") => {
-            Some("is a file of settings, which `launcher fly` flies")
+            Some("is a file of settings, which `trefoil fly` flies")
         }
         () if !is_log(run) => Some("is no log of a flight"),
         () => None,
@@ -112,7 +112,7 @@ mod tests {
             ("none", "is a folder without a log"),
             ("campaign", "--only N"),
             ("unlogged", "--no-log"),
-            ("survey.toml", "`launcher fly` flies"),
+            ("survey.toml", "`trefoil fly` flies"),
             ("note.txt", "is no log of a flight"),
         ] {
             assert!(

@@ -30,7 +30,7 @@ pub fn scenarios(args: &ScenariosArgs) -> anyhow::Result<()> {
         let nearest = |kind| advice(kind, name).filter(|advice| advice.starts_with("did you mean"));
         let meant = nearest(Kind::Scenario).or_else(|| nearest(Kind::Campaign));
         let meant = meant.map_or(String::new(), |advice| format!("{advice}? "));
-        bail!("there is no scenario or campaign `{}`; {meant}`launcher scenarios` lists them", name.display());
+        bail!("there is no scenario or campaign `{}`; {meant}`trefoil scenarios` lists them", name.display());
     };
     print(shipped.text());
     Ok(())

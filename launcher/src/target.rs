@@ -27,7 +27,7 @@ impl TargetArgs {
 
 /// Returns an error unless `names` has exactly one stack.
 fn check_only(names: &[String]) -> anyhow::Result<()> {
-    ensure!(!names.is_empty(), "no stack is flying; `launcher fly` starts one");
+    ensure!(!names.is_empty(), "no stack is flying; `trefoil fly` starts one");
     if names.len() > 1 {
         bail!("{} stacks fly, say which one with --namespace:\n  {}", names.len(), names.join("\n  "));
     }

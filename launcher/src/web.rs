@@ -200,10 +200,10 @@ pub fn beside(address: SocketAddr, token: &TokenArgs, namespace: &str) -> anyhow
 /// Serves the page of one flight, as a process that `fly --web` has started.
 pub fn serve_page() -> anyhow::Result<u8> {
     let listener = TcpListener::from(std::io::stdout().as_fd().try_clone_to_owned()?);
-    let address = listener.local_addr().context("this command is for `launcher fly --web`")?;
+    let address = listener.local_addr().context("this command is for `trefoil fly --web`")?;
     let mut line = String::new();
     std::io::stdin().read_line(&mut line)?;
-    ensure!(!line.is_empty(), "this command is for `launcher fly --web`");
+    ensure!(!line.is_empty(), "this command is for `trefoil fly --web`");
     let Task { namespace, token } = serde_json::from_str(&line)?;
     let interrupts = Arc::new(AtomicU32::new(0));
     let ends = interrupts.clone();

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo build --release --workspace --example own_controller
-//! launcher swap attitude-mpc --exec target/release/examples/own_controller        while a flight is under way
+//! trefoil swap attitude-mpc --exec target/release/examples/own_controller        while a flight is under way
 //! ```
 
 use std::process::ExitCode;

@@ -126,7 +126,7 @@ pub fn eprint_line(line: &str) {
 
 /// Waits at most [`LAST_LINES`] for stderr. Returns `code`, or at least [`exit::PROCESS_LOST`] if stdout failed.
 ///
-/// A reader of stdout that has ended, as in `launcher check FILE | head`, is no error.
+/// A reader of stdout that has ended, as in `trefoil check FILE | head`, is no error.
 pub fn finish(code: u8) -> u8 {
     let error = STDOUT_ERROR.get().filter(|error| error.kind() != ErrorKind::BrokenPipe);
     if let Some(error) = error {

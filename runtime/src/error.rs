@@ -15,10 +15,10 @@ use crate::limits::{FILES_NEEDED, HOME_NAMES, IMPLAUSIBLE_ANSWERS, PROBE_LIMIT_N
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
     #[error(
-        "namespace '{0}' is in use by another stack; stop it with `launcher stop --namespace {0}` or fly under another --namespace"
+        "namespace '{0}' is in use by another stack; stop it with `trefoil stop --namespace {0}` or fly under another --namespace"
     )]
     InUse(String),
-    #[error("no stack runs in namespace '{0}' of this user; `launcher status` lists those that do")]
+    #[error("no stack runs in namespace '{0}' of this user; `trefoil status` lists those that do")]
     NotRunning(String),
     #[error("'{0}' cannot be a namespace: use 1 to 40 letters, digits, '-' or '_'")]
     BadName(String),

@@ -1,5 +1,5 @@
 //! A node as a program: a controller of a user's is three lines around [`main`]. The launcher runs its own nodes by
-//! [`run_as`], as `launcher node NAME`.
+//! [`run_as`], as `trefoil node NAME`.
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -45,7 +45,7 @@ try {
   await page.keyboard.press('Enter');
   await until(page, () => document.querySelector('#answers .done'));
   const answer = await text(page, '#answers > div');
-  expect(`the command line is shown: ${answer}`, /launcher inject .*--for=30s.* wind step/.test(answer) && /injected: wind step/.test(answer));
+  expect(`the command line is shown: ${answer}`, /trefoil inject .*--for=30s.* wind step/.test(answer) && /injected: wind step/.test(answer));
   await until(page, () => /wind injected/.test(document.getElementById('events').textContent));
   await until(page, () => document.querySelector('.lanes .fault'));
   await until(page, () => parseFloat(document.getElementById('wind').textContent) > 0.5);

@@ -1,12 +1,12 @@
 """Solve the controller's exported problems with DAQP, PIQP and OSQP, and time each solver from inside.
 
-    launcher measure mpc --export DIR
+    trefoil measure mpc --export DIR
     pip install daqp piqp osqp numpy scipy
     python compare_solvers.py DIR [--json]
 
 Each file in DIR holds the problems of one flight: minimise 1/2 x'Hx + f'x so that rows x + offsets >= 0, with one f per
 tick and everything else the same. Every solver is set up once per flight and then only told the next f, as a controller
-would. `launcher measure mpc --compare PYTHON` runs this script, and judges.
+would. `trefoil measure mpc --compare PYTHON` runs this script, and judges.
 
 What is timed:
   daqp   its own `solve_time`, from the last working set, and on top the update of f, which its `solve_time` leaves out:
@@ -143,13 +143,13 @@ def measure(package, part, solve, timed, files, rounds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=pathlib.Path, help="what `launcher measure mpc --export` wrote")
+    parser.add_argument("folder", type=pathlib.Path, help="what `trefoil measure mpc --export` wrote")
     parser.add_argument("--rounds", type=int, default=11, help="a problem's time is its median over so many")
     parser.add_argument("--json", action="store_true", help="print JSON")
     arguments = parser.parse_args()
     files = [read(path) for path in sorted(arguments.folder.glob("*.json"))]
     if not files:
-        sys.exit(f"no problems in {arguments.folder}: write them with `launcher measure mpc --export`")
+        sys.exit(f"no problems in {arguments.folder}: write them with `trefoil measure mpc --export`")
     table = [measure(*solver, files, arguments.rounds) for solver in SOLVERS]
     if arguments.json:
         print(json.dumps(table))

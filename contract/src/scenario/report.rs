@@ -64,7 +64,7 @@ impl Source {
                 title: format!("cannot read the scenario `{name}`: {error}"),
                 place: None,
                 help: hint
-                    + "give the path of a scenario file, or the name of a shipped one: `launcher scenarios` lists them",
+                    + "give the path of a scenario file, or the name of a shipped one: `trefoil scenarios` lists them",
             }])
         })?;
         String::from_utf8(bytes).map(|text| Self { path: Some(name.clone()), text }).map_err(|error| {

@@ -133,7 +133,7 @@ fn unknown_words_get_the_nearest_known_one() {
 fn files_that_cannot_be_read_are_named() {
     let missing = load(Some(Path::new("no/such.toml")), &[]).unwrap_err().to_string();
     assert!(
-        missing.contains("cannot read the scenario `no/such.toml`") && missing.contains("`launcher scenarios`"),
+        missing.contains("cannot read the scenario `no/such.toml`") && missing.contains("`trefoil scenarios`"),
         "{missing}"
     );
 

@@ -154,7 +154,7 @@ pub struct Supervision {
 }
 
 impl Default for Supervision {
-    /// Returns the defaults; `detect_ms` and `start_ms` are medians measured by `launcher measure faults`.
+    /// Returns the defaults; `detect_ms` and `start_ms` are medians measured by `trefoil measure faults`.
     fn default() -> Self {
         Self {
             hang_ticks: 3,

@@ -22,7 +22,7 @@ function describe() {
     slider.setAttribute('aria-valuetext', text);
   }
   const options = ['--mode inprocess', ...settings().map(line => `--set '${line}'`)];
-  show('command', ['launcher fly scenarios/survey.toml', ...options].join(' \\\n  '));
+  show('command', ['trefoil fly scenarios/survey.toml', ...options].join(' \\\n  '));
 }
 
 // Flies as the sliders say, once the flight under way has ended; of several changes meanwhile the last one counts.

@@ -65,7 +65,7 @@ pub fn model_description(scenario: &Scenario, date: Option<&str>) -> String {
   <ModelVariables>
     <Float64 name="time" valueReference="{TIME}" causality="independent" variability="continuous"/>
     <String name="settings" valueReference="{SETTINGS}" causality="parameter" variability="fixed"
-        description="settings on top of resources/{SCENARIO_FILE}: one KEY=VALUE a line, as launcher fly --set takes it">
+        description="settings on top of resources/{SCENARIO_FILE}: one KEY=VALUE a line, as trefoil fly --set takes it">
       <Start value=""/>
     </String>
     <Float64 name="rotor_speed" valueReference="{ROTOR_SPEED}" causality="input" unit="{ROTOR_UNIT}"

@@ -1,4 +1,4 @@
-//! Plant and actuators for other tools: an FMU for co-simulation, FMI 3.0. `launcher export --to fmu` packs it.
+//! Plant and actuators for other tools: an FMU for co-simulation, FMI 3.0. `trefoil export --to fmu` packs it.
 //!
 //! ```text
 //! modelDescription.xml       by `description`, with the variables of `variables`

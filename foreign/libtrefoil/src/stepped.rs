@@ -1,5 +1,5 @@
 //! A flight in process whose caller is one of its nodes: `trefoil_flight_next` flies to the next sample that this node
-//! must answer, and returns. The bits are those of `launcher fly --mode inprocess` with the same answers.
+//! must answer, and returns. The bits are those of `trefoil fly --mode inprocess` with the same answers.
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 
@@ -174,7 +174,7 @@ fn open_asked(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result
 }
 
 /// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top,
-/// as `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On
+/// as `trefoil fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On
 /// an error writes its reason to `error`, of `error_bytes`, and returns NULL. A flight is used from one thread.
 ///
 /// Libraries of other nodes are loaded without a trial: one that crashes ends this process.

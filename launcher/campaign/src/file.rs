@@ -125,7 +125,7 @@ pub(crate) struct File {
     /// Faults drawn from the catalogue for each draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     random_faults: Option<RandomFaults>,
-    /// Search of gains by `launcher tune`. It is left out of the campaign's hash, because it changes no flight.
+    /// Search of gains by `trefoil tune`. It is left out of the campaign's hash, because it changes no flight.
     #[serde(skip_serializing)]
     tune: Option<Tune>,
     /// Metrics in which the controllers are compared. It changes no flight either.
@@ -433,7 +433,7 @@ fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
         let path = path.display();
         format!(
             "cannot read the campaign {path}; {meant}give the path of a campaign file, or the name of a shipped one: \
-                 `launcher scenarios` lists them"
+                 `trefoil scenarios` lists them"
         )
     })?;
     Ok((path.to_owned(), text))
@@ -443,7 +443,7 @@ fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
 fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::Error {
     if kind_of(text) == Some(Kind::Scenario) {
         return anyhow::anyhow!(
-            "{origin} is a scenario, which `launcher fly {origin}` flies once. A campaign is a file of its own that names the \
+            "{origin} is a scenario, which `trefoil fly {origin}` flies once. A campaign is a file of its own that names the \
              scenario, `scenario = \"PATH\"`, and says what varies: campaigns/ has some, docs/campaigns.md has the form"
         );
     }

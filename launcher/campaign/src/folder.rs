@@ -9,7 +9,7 @@
 //!     campaign.html     the page
 //!     flight-N/         a flight that was flown again
 //!     slurm/            the submitted script, and the logs of the tasks
-//!     lock              held while a campaign flies: exclusive by `launcher campaign`, shared by shards
+//!     lock              held while a campaign flies: exclusive by `trefoil campaign`, shared by shards
 //! ```
 
 use std::collections::HashSet;

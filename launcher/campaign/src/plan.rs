@@ -168,7 +168,7 @@ impl Plan {
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!(
             self.flights() > 1,
-            "nothing varies: give `seeds`, [vary], or several controllers; `launcher fly` flies one flight"
+            "nothing varies: give `seeds`, [vary], or several controllers; `trefoil fly` flies one flight"
         );
         for (i, factor) in self.campaign.factors.iter().enumerate() {
             for value in factor.values.ends() {

@@ -2,7 +2,7 @@
 //!
 //! | verdict | the flight |
 //! |---|---|
-//! | passed | is one for which `launcher fly` ends with 0: flown, inside its bounds, no node lost for good |
+//! | passed | is one for which `trefoil fly` ends with 0: flown, inside its bounds, no node lost for good |
 //! | failed | is any other that was flown |
 //! | invalid | could not be flown: its settings contradict each other, or the program panicked. It counts as neither |
 

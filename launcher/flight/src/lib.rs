@@ -61,6 +61,6 @@ pub mod swap_story;
 /// Returns a command that starts this program again: the file that runs, even if its path names another file by now.
 pub fn own_program() -> Command {
     let mut command = Command::new("/proc/self/exe");
-    command.arg0("launcher");
+    command.arg0("trefoil");
     command
 }

@@ -15,7 +15,7 @@ use rustix::system::uname;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Version of run.json and of the results of `launcher measure`; grows with every change that affects readers. A file
+/// Version of run.json and of the results of `trefoil measure`; grows with every change that affects readers. A file
 /// without a version has version 1.
 pub const SCHEMA_VERSION: u32 = 5;
 

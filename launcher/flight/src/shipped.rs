@@ -109,13 +109,12 @@ pub fn scenario(path: &Path) -> Result<Source, ScenarioError> {
     }
     let shown = path.display();
     if let Some(advice) = advice(Kind::Scenario, path) {
-        let help =
-            format!("{advice}, or give the path of a scenario file; `launcher scenarios` lists the shipped ones");
+        let help = format!("{advice}, or give the path of a scenario file; `trefoil scenarios` lists the shipped ones");
         return Err(ScenarioError::of(format!("there is no scenario `{shown}`"), help));
     }
     let source = Source::read(path)?;
     if kind_of(&source.text) == Some(Kind::Campaign) {
-        let help = format!("`launcher campaign {shown}` flies it, and `--only N` its flight N with log and report");
+        let help = format!("`trefoil campaign {shown}` flies it, and `--only N` its flight N with log and report");
         return Err(ScenarioError::of(format!("`{shown}` is a campaign, which has many flights"), help));
     }
     Ok(source)
@@ -133,7 +132,7 @@ pub fn advice(kind: Kind, name: &Path) -> Option<String> {
     };
     if let Some(shipped) = Shipped::find(other, name) {
         let name = shipped.name();
-        return Some(format!("`launcher {command} {name}` flies the shipped {} of that name", other.word()));
+        return Some(format!("`trefoil {command} {name}` flies the shipped {} of that name", other.word()));
     }
     let word = name.strip_prefix(kind.folder()).unwrap_or(name);
     let word = word.to_str().filter(|word| word.len() < name.as_os_str().len() || word.split('.').count() == 1)?;
@@ -215,20 +214,20 @@ mod tests {
             ("survy", "did you mean `survey`"),
             ("scenarios/survy.toml", "did you mean `survey`"),
             ("faults/swap-low", "did you mean `faults/swap-law`"),
-            ("laws", "`launcher campaign laws` flies the shipped campaign of that name"),
+            ("laws", "`trefoil campaign laws` flies the shipped campaign of that name"),
             ("mine.toml", ""),
             ("qqqq", ""),
         ] {
             assert_eq!(advice(Kind::Scenario, name), expected, "{name}");
         }
         assert_eq!(advice(Kind::Campaign, "lows"), "did you mean `laws`");
-        assert_eq!(advice(Kind::Campaign, "wind"), "`launcher fly wind` flies the shipped scenario of that name");
+        assert_eq!(advice(Kind::Campaign, "wind"), "`trefoil fly wind` flies the shipped scenario of that name");
 
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("mine.toml");
         std::fs::write(&file, "seeds = 3\n[settings]\nrun.duration_s = 2.0").unwrap();
         let said = scenario(&file).err().unwrap().to_string();
-        assert!(said.contains("is a campaign") && said.contains("`launcher campaign /"), "{said}");
+        assert!(said.contains("is a campaign") && said.contains("`trefoil campaign /"), "{said}");
         for shipped in Shipped::all(Kind::Campaign) {
             assert_eq!(kind_of(shipped.text()), Some(Kind::Campaign), "{}", shipped.path);
         }

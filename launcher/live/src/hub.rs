@@ -23,7 +23,7 @@ pub enum Kind {
     Flight = 0,
     /// Samples of the plots and the vehicle.
     Rows = 1,
-    /// State of the nodes, as `launcher status` has it.
+    /// State of the nodes, as `trefoil status` has it.
     Status = 2,
     /// Timing of the nodes.
     Timing = 3,

@@ -4,7 +4,7 @@
 //! ring ----> Observer (a thread) --> Hub: newest of everything, a bounded queue per client
 //! log -----> Player (a thread) ----> |--> /ws        the page, as JSON
 //!                                    |--> /foxglove  the channels of the log, message by message; live flights only
-//! browser -> /command --> launcher inject | clear | swap | stop, as a process; or play, pause, seek, speed
+//! browser -> /command --> trefoil inject | clear | swap | stop, as a process; or play, pause, seek, speed
 //! ```
 //!
 //! The ring never waits for this process ([`flight::observer`]), and this process never waits for a browser: each has

@@ -1,4 +1,4 @@
-//! Buttons of the page as command lines: each runs `launcher inject`, `clear`, `swap` or `stop`, and shows its answer.
+//! Buttons of the page as command lines: each runs `trefoil inject`, `clear`, `swap` or `stop`, and shows its answer.
 //!
 //! The page therefore can do what these commands can, with one exception: a swap takes settings of the control laws
 //! only. Who controls a flight must not gain the account of the user who flies by another program, nor a process with
@@ -99,7 +99,7 @@ impl Order {
             Err(said) => return Answer { line: String::new(), ok: false, said },
         };
         let line = format!(
-            "launcher {}",
+            "trefoil {}",
             arguments.iter().filter(|word| *word != "--").cloned().collect::<Vec<_>>().join(" ")
         );
         match own_program().args(&arguments).stdin(Stdio::null()).output() {
@@ -123,7 +123,7 @@ fn check_setting(setting: &str) -> Result<(), String> {
     if !is_of_law || LIMITS.contains(&key) {
         return Err(format!(
             "the page starts no other program and changes no limits: it sets {}.KEY, except {}; on the command line: \
-             launcher swap NODE --set {setting}",
+             trefoil swap NODE --set {setting}",
             LAWS.join(".KEY, "),
             LIMITS.join(" and "),
         ));

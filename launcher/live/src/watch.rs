@@ -64,7 +64,7 @@ impl Watch {
         let namespace = match &self.namespace {
             Some(namespace) => namespace.clone(),
             None => match Domain::list().as_slice() {
-                [] => return Err("no stack is flying; `launcher fly` starts one".into()),
+                [] => return Err("no stack is flying; `trefoil fly` starts one".into()),
                 [only] => only.namespace().to_owned(),
                 several => return Err(format!("{} stacks fly; say which one with --namespace", several.len())),
             },

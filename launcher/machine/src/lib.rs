@@ -11,7 +11,7 @@
 //! | [`kernel`] | preemption, throttling of `SCHED_FIFO`, clock source |
 //! | [`host`] | virtualisation, and processor time that the host took away |
 //!
-//! `launcher doctor` prints all findings. A flight prints those of [`scheduling`] that are bad as its first lines, and
+//! `trefoil doctor` prints all findings. A flight prints those of [`scheduling`] that are bad as its first lines, and
 //! is refused for those of [`required`].
 
 pub mod cgroups;

@@ -91,7 +91,7 @@ impl Fake {
 
     fn findings(&self, scenario: &Scenario) -> Vec<Finding> {
         let machine = self.machine();
-        let mut found = scheduling(&machine, scenario, None, "/opt/launcher");
+        let mut found = scheduling(&machine, scenario, None, "/opt/trefoil");
         found.extend(required(&machine, scenario));
         found.extend(disturbances(&machine));
         found
@@ -166,12 +166,12 @@ fn each_unreadable_file_leaves_its_check_unknown() {
 fn privileges_come_from_capabilities_or_limits() {
     let fake = Fake::good();
     fake.status(NO_CAPS, "0-3");
-    let setcap = "sudo setcap cap_sys_nice,cap_ipc_lock+ep /opt/launcher";
+    let setcap = "sudo setcap cap_sys_nice,cap_ipc_lock+ep /opt/trefoil";
     fake.check("scheduling class", Level::Bad, &["SCHED_OTHER for want of privilege", "highest priority 0", setcap]);
     fake.check("memory lock", Level::Bad, &["8.0 MB may be locked of", setcap]);
     fake.limit("Max realtime priority", "99", "99");
     fake.check("scheduling class", Level::Ok, &["SCHED_FIFO"]);
-    fake.check("memory lock", Level::Bad, &["sudo setcap cap_ipc_lock+ep /opt/launcher"]);
+    fake.check("memory lock", Level::Bad, &["sudo setcap cap_ipc_lock+ep /opt/trefoil"]);
     let lowest = scenario().realtime.of(0).priority.to_string();
     fake.limit("Max realtime priority", &lowest, &lowest);
     fake.check("scheduling class", Level::Bad, &["SCHED_FIFO for 1 of 4 nodes for want of privilege"]);

@@ -66,7 +66,7 @@ impl Process {
     }
 }
 
-/// Running `launcher fly` in a namespace. Drop kills it, and its processes end with it.
+/// Running `trefoil fly` in a namespace. Drop kills it, and its processes end with it.
 pub struct Launcher {
     pub namespace: String,
     pub started: Instant,

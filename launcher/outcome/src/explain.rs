@@ -111,7 +111,7 @@ pub fn explain(
         let (name, exec) = (topic.publisher(), &scenario.node.of(topic).exec);
         anyhow::bail!(
             "{name} flew {exec}, and what it would have answered is not known: a library can be named to \
-             `launcher explain` with --program {name}=FILE"
+             `trefoil explain` with --program {name}=FILE"
         );
     }
     let flight = FlightCost::flown(recording, script.clone())?;

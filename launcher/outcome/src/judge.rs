@@ -45,7 +45,7 @@ impl From<stack::Flown> for Circumstances {
 /// Verdict on a flight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// Exit code of `launcher fly`, by the gravest of what happened.
+    /// Exit code of `trefoil fly`, by the gravest of what happened.
     pub exit_code: u8,
     /// Why the flight is no pass, in words that do not depend on how much or when; empty for a pass.
     pub cause: String,
@@ -86,7 +86,7 @@ impl Verdict {
         }
     }
 
-    /// Returns whether `launcher fly` ends such a flight with exit code 0.
+    /// Returns whether `trefoil fly` ends such a flight with exit code 0.
     pub fn passed(&self) -> bool {
         self.exit_code == exit::FLOWN
     }

@@ -56,7 +56,7 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
     // In real time no flight repeats another.
     let hash = run.state_hash.as_deref().unwrap_or("none: messages were not seen");
     match run.mode {
-        Mode::Realtime if run.replays => line("state hash", format!("{hash}: `launcher replay RUN` gives the same")),
+        Mode::Realtime if run.replays => line("state hash", format!("{hash}: `trefoil replay RUN` gives the same")),
         Mode::Realtime => {}
         Mode::Lockstep | Mode::Inprocess => line("state hash", hash.to_owned()),
     }

@@ -82,7 +82,7 @@ impl Model {
 
     /// Writes the model as a header in C: `MODEL_A`, `MODEL_SAMPLE_S` and so on.
     pub fn c(&self) -> String {
-        let mut text = "// Linear model about hover, written by `launcher new`.\n\n#pragma once\n".to_owned();
+        let mut text = "// Linear model about hover, written by `trefoil new`.\n\n#pragma once\n".to_owned();
         let (states, inputs) = self.size();
         let _ = writeln!(text, "\nenum {{ MODEL_STATES = {states}, MODEL_INPUTS = {inputs} }};");
         for (name, meaning, value) in &self.0 {
@@ -99,7 +99,7 @@ impl Model {
 
     /// Writes the model as constants in Rust: `A`, `SAMPLE_S` and so on.
     pub fn rust(&self) -> String {
-        let mut text = "//! Linear model about hover, written by `launcher new`.\n\n#![allow(dead_code)]\n".to_owned();
+        let mut text = "//! Linear model about hover, written by `trefoil new`.\n\n#![allow(dead_code)]\n".to_owned();
         let (states, inputs) = self.size();
         let _ = writeln!(text, "\npub const STATES: usize = {states};\npub const INPUTS: usize = {inputs};");
         for (name, meaning, value) in &self.0 {

@@ -10,17 +10,17 @@ use crate::help::{EXITS, GROUPS, HELP, Help, command};
 const COMMANDS: &str = "# Commands
 
 This page is for users of the command line: every command with its arguments and examples. It is generated from the
-program; a test compares. `launcher COMMAND --help` says the same. `launcher man DIR` writes manual pages, and `launcher
+program; a test compares. `trefoil COMMAND --help` says the same. `trefoil man DIR` writes manual pages, and `trefoil
 completions SHELL` prints what a shell needs to complete commands and options:
 
 ```sh
-launcher completions bash > ~/.local/share/bash-completion/completions/launcher
+trefoil completions bash > ~/.local/share/bash-completion/completions/trefoil
 ```
 ";
 
 const CODES: &str = "# Exit codes
 
-This page is for scripts that run `launcher`. It is generated from the program; a test compares. Nothing that failed ends
+This page is for scripts that run `trefoil`. It is generated from the program; a test compares. Nothing that failed ends
 with 0.
 ";
 
@@ -61,7 +61,7 @@ fn meaning(arg: &Arg) -> String {
 }
 
 fn describe(page: &mut String, of: &Command, help: &Help) {
-    *page += &format!("\n## launcher {}\n\n{}.\n\n", help.command, line(of.get_about()).trim_end_matches('.'));
+    *page += &format!("\n## trefoil {}\n\n{}.\n\n", help.command, line(of.get_about()).trim_end_matches('.'));
     let args: Vec<&Arg> = of.get_arguments().filter(|arg| !arg.is_hide_set() && arg.get_id() != "help").collect();
     if !args.is_empty() {
         *page += &head(&["argument", "meaning"]);
@@ -73,7 +73,7 @@ fn describe(page: &mut String, of: &Command, help: &Help) {
     if !own.is_empty() {
         *page += &format!("{own}\n\n");
     }
-    let examples = help.examples.iter().map(|example| format!("launcher {example}\n")).collect::<String>();
+    let examples = help.examples.iter().map(|example| format!("trefoil {example}\n")).collect::<String>();
     *page += &format!("```sh\n{examples}```\n");
 }
 
@@ -123,7 +123,7 @@ fn every_command_has_examples_and_each_example_parses() {
         assert!(!examples.is_empty(), "{of} has no example");
         for example in *examples {
             assert!(example.split(' ').take(of.split(' ').count()).eq(of.split(' ')), "{example} is of {of}");
-            let words = std::iter::once("launcher").chain(example.split(' '));
+            let words = std::iter::once("trefoil").chain(example.split(' '));
             whole.clone().try_get_matches_from(words).unwrap_or_else(|error| panic!("{example}: {error}"));
         }
     }
@@ -149,7 +149,7 @@ fn the_help_of_a_command_has_its_examples_and_exit_codes() {
     let mut whole = command::<Cli>();
     let fly = whole.find_subcommand_mut("fly").unwrap().render_long_help().to_string();
     for part in
-        ["launcher fly wind --mode inprocess", "Exit codes: 0 flown, inside its bounds; 1 ", "; 130 interrupted."]
+        ["trefoil fly wind --mode inprocess", "Exit codes: 0 flown, inside its bounds; 1 ", "; 130 interrupted."]
     {
         assert!(fly.contains(part), "{part}: {fly}");
     }

@@ -12,13 +12,13 @@ const PAGE: &str = "# Settings of a scenario
 
 This page is for users who write a scenario: it has every setting of the file with its type, unit, range and defaults. It
 is generated from [`contract/src/scenario/`](../../contract/src/scenario/mod.rs); a test compares. Editors that know JSON
-Schema complete the same settings: [`scenario.json`](../schema/scenario.json), or `launcher schema scenario`. `launcher
+Schema complete the same settings: [`scenario.json`](../schema/scenario.json), or `trefoil schema scenario`. `trefoil
 check FILE` prints a file merged with its defaults.
 
 The defaults are those of the profiles `robust` and `paper`; `-` = not set. The default of a preset (`airframe.preset`,
 `plant.sensors.preset`) replaces them. World frame: north, east, down (NED). Body frame: forward, right, down. Heading
 frame: ahead, right, down, which is NED turned by the yaw. Rotor speeds are in the paper's unit, called *rotor speed unit*.
-Rules between settings are in the messages of `launcher check`. A setting that has no effect beside the others is an error.
+Rules between settings are in the messages of `trefoil check`. A setting that has no effect beside the others is an error.
 ";
 
 /// Units that a description names in brackets.

@@ -6,7 +6,7 @@ use super::page::{Field, Object, head, meanings, objects, row, text, type_of};
 const RUN: &str = "# run.json
 
 This page is for users who read the record of a flight by a program. It is generated from
-[`run_record.rs`](../../launcher/outcome/src/run_record.rs); a test compares. `launcher schema run` prints the JSON Schema
+[`run_record.rs`](../../launcher/outcome/src/run_record.rs); a test compares. `trefoil schema run` prints the JSON Schema
 ([`run.json`](../schema/run.json)). `[]` stands for each element of a list, `*` for each name, such as that of a node. Fields
 may be added within a version (`provenance.schema_version`); a reader ignores those that it does not know.
 ";
@@ -14,7 +14,7 @@ may be added within a version (`provenance.schema_version`); a reader ignores th
 const EVENTS: &str = "# Events
 
 This page is for users who read the events of a flight: in the table `events` of run.json, on the topic `/events` of
-`flight.mcap` ([log](log.md)), and in `launcher status --json`. It is generated from
+`flight.mcap` ([log](log.md)), and in `trefoil status --json`. It is generated from
 [`event.rs`](../../launcher/flight/src/event.rs); a test compares.
 ";
 

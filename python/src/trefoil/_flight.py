@@ -14,7 +14,7 @@ from ._toml import assignments
 class Flight(Loop):
     """Flight in this process, whose caller is one of the nodes.
 
-    Equal, bit for bit, to ``launcher fly --mode inprocess`` with the same answers.
+    Equal, bit for bit, to ``trefoil fly --mode inprocess`` with the same answers.
 
     Example::
 
@@ -29,7 +29,7 @@ class Flight(Loop):
     Args:
         scenario: scenario file; without one the defaults.
         node: ``guidance``, ``attitude-mpc`` or ``mixer``.
-        settings: settings by key, as for ``launcher fly --set``.
+        settings: settings by key, as for ``trefoil fly --set``.
 
     Raises:
         Error: the scenario cannot be flown.
@@ -74,7 +74,7 @@ class Flight(Loop):
 
     @property
     def exit_code(self) -> int:
-        """Exit code of ``launcher fly`` for such a flight: 0 = flown inside its bounds."""
+        """Exit code of ``trefoil fly`` for such a flight: 0 = flown inside its bounds."""
         return self.record["exit_code"]
 
     def _failed(self, exit_code: int) -> None:

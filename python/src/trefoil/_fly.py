@@ -57,7 +57,7 @@ def fly(
     Args:
         scenario: scenario file; without one the defaults.
         mode: mode of the flight; without one that of the scenario, which is ``realtime`` if it names none.
-        settings: settings by key, as for ``launcher fly --set``.
+        settings: settings by key, as for ``trefoil fly --set``.
         out: folder for the results; without one a new folder in ``runs/``.
         namespace: name of the stack; several can fly at once under different names.
 

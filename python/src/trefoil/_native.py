@@ -17,7 +17,7 @@ ERROR_BYTES = 16384
 
 PACKAGE = Path(__file__).parent
 #: Program that flies, built with the package.
-LAUNCHER = PACKAGE / "launcher"
+LAUNCHER = PACKAGE / "trefoil"
 
 
 class Error(Exception):

@@ -44,7 +44,7 @@ class FlightEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     Args:
         scenario: scenario file; without one the defaults.
-        settings: settings by key, as for ``launcher fly --set``. The seed of ``reset`` is ``run.seed``.
+        settings: settings by key, as for ``trefoil fly --set``. The seed of ``reset`` is ``run.seed``.
     """
 
     metadata = {"render_modes": []}

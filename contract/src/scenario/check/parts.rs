@@ -257,7 +257,7 @@ fn check_demands(part: &Part, planned: &Planned, limits: &Limits, place: &Place,
         false,
         key,
         &what,
-        "times within the limits of `launcher check`, or none: as fast as they allow",
+        "times within the limits of `trefoil check`, or none: as fast as they allow",
     );
 }
 

@@ -62,7 +62,7 @@ fn controllers_stand_in_the_order_of_the_file() {
 fn a_mistake_in_the_file_is_named_before_anything_is_flown() {
     for (text, expected) in [
         ("sample = 3", "samples"),
-        ("profile = 'paper'\n[run]\nduration_s = 3.0", "x.toml is a scenario, which `launcher fly x.toml` flies once"),
+        ("profile = 'paper'\n[run]\nduration_s = 3.0", "x.toml is a scenario, which `trefoil fly x.toml` flies once"),
         ("samples = 3", "anything that is drawn"),
         ("samples = 0\n[vary]\nmpc.max_iterations = { integer = [20, 30] }", "1 or more"),
         ("[vary]\nmpc.max_iterations = { integer = [20, 30] }", "give `samples`"),

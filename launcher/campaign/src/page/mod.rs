@@ -84,7 +84,7 @@ mod tests {
             [("scenario", Rate::over(vec![(3, 6); 3]))],
             "6 that could not be flown are counted as neither"
         );
-        let html = page(&Page::new(&plan, &table), "launcher campaign x.toml --only").unwrap();
+        let html = page(&Page::new(&plan, &table), "trefoil campaign x.toml --only").unwrap();
         for part in [
             "50.0 <small>%</small>",
             "14.6 to 85.4 %",
@@ -92,7 +92,7 @@ mod tests {
             "3 draws are too few to say much.",
             "plant.airframe.mass_kg",
             "class=\"border\"",
-            "<code>launcher campaign x.toml --only ",
+            "<code>trefoil campaign x.toml --only ",
         ] {
             assert!(html.contains(part), "{part}");
         }

@@ -1,7 +1,7 @@
 //! Control of a stack that flies: a socket in the run's folder, on which its launcher answers.
 //!
 //! ```text
-//! launcher status, swap, inject, clear, stop -- a request, one line of JSON -->    launcher fly
+//! trefoil status, swap, inject, clear, stop -- a request, one line of JSON -->    trefoil fly
 //!                                       <-- the response, one line of JSON --
 //! ```
 //!

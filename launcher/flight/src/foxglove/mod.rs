@@ -11,9 +11,9 @@
 //! | `/view/course` | `PosesInFrame` | once | the course of the mission |
 //!
 //! `export --to foxglove` and the live server call the same [`Scene`]. Rates are lower than those of the ring, because
-//! a picture needs no more: at 100 Hz, these messages add a tenth to a log (`docs/tools.md`). True motion and true actuators are shown,
-//! only of delivered, intact messages. The thrust is `K_F Omega^2`, without faults and effects of moving air. The wind
-//! is the mean wind at the vehicle, without turbulence.
+//! a picture needs no more: at 100 Hz, these messages add a tenth to a log (`docs/tools.md`). True motion and true
+//! actuators are shown, only of delivered, intact messages. The thrust is `K_F Omega^2`, without faults and effects of
+//! moving air. The wind is the mean wind at the vehicle, without turbulence.
 
 mod parts;
 mod shapes;

@@ -143,7 +143,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
     let number = run.scenario.fault.len();
     if !run.page.fault_table.enter(number, &fault) {
         return Err(format!(
-            "a flight takes {MAX_LIVE_FAULTS} faults, and this one has had them; `launcher stop` it and fly again"
+            "a flight takes {MAX_LIVE_FAULTS} faults, and this one has had them; `trefoil stop` it and fly again"
         ));
     }
     run.driver.apply_fault(number, &fault);
@@ -163,7 +163,7 @@ fn clear(run: &mut Run, target: Option<FaultTarget>, sender: Option<Sender>) -> 
     let cleared: Vec<(usize, Fault)> = faults.map(|(number, fault)| (number, cut(fault))).collect();
     if !run.page.fault_table.has_room_for(cleared.iter().map(|(number, _)| *number)) {
         return Err(format!(
-            "a flight takes {MAX_LIVE_FAULTS} changes to its faults; name a target, or `launcher stop` it and fly again"
+            "a flight takes {MAX_LIVE_FAULTS} changes to its faults; name a target, or `trefoil stop` it and fly again"
         ));
     }
     for (number, fault) in &cleared {

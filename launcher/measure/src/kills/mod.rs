@@ -3,11 +3,11 @@
 //! | module | holds |
 //! |---|---|
 //! | [`plan`] | victims and moments, a function of the seed and the flight's number |
-//! | [`one_flight`] | one `launcher fly` through its kills |
+//! | [`one_flight`] | one `trefoil fly` through its kills |
 //! | [`logged`] | traces of the kills in the log, and its holes |
 //! | [`judge`] | the rules for a flight after its kills |
 //!
-//! Every flight is the survey of `launcher fly` without a file, 3 s in real time, started by the command. Two flights
+//! Every flight is the survey of `trefoil fly` without a file, 3 s in real time, started by the command. Two flights
 //! run at once. Each has a namespace that later flights use again, so that every start follows a kill.
 
 pub mod judge;

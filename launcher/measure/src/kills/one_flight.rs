@@ -1,4 +1,4 @@
-//! One `launcher fly` with its kills.
+//! One `trefoil fly` with its kills.
 
 use std::fs;
 use std::path::Path;

@@ -5,7 +5,7 @@
 //! | [`plan`] | kinds of flights, and orders given in flight |
 //! | [`one_flight`] | one flight through processes, and its replay |
 //!
-//! Every flight is the survey of `launcher fly` without a file, started by the command. One flight runs at a time.
+//! Every flight is the survey of `trefoil fly` without a file, started by the command. One flight runs at a time.
 
 pub mod one_flight;
 pub mod plan;

@@ -36,12 +36,12 @@ impl Work {
         if let Some(first) = &replayed.first {
             let (field, tick) = (&first.differs.field, first.tick);
             bail!(
-                "the flight does not repeat: {} differs at tick {tick} ({field}); see `launcher replay`",
+                "the flight does not repeat: {} differs at tick {tick} ({field}); see `trefoil replay`",
                 first.topic.name()
             );
         }
         if replayed.compared() == 0 {
-            bail!("the flight does not repeat: no message of it could be compared; see `launcher replay`");
+            bail!("the flight does not repeat: no message of it could be compared; see `trefoil replay`");
         }
         let disturbed = disturbed(recording, script);
         let flights = (disturbed.len() + bursts(&disturbed).count()) as u64;

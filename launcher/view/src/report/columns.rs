@@ -142,7 +142,7 @@ impl Columns {
             1 => format!("{samples}, each one drawn."),
             bucket => format!(
                 "{samples}, drawn as the smallest and the largest of every {bucket}; \
-                 <code>launcher report RUN --from TIME --to TIME</code> draws every sample of a part."
+                 <code>trefoil report RUN --from TIME --to TIME</code> draws every sample of a part."
             ),
         }
     }

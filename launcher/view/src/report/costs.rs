@@ -12,10 +12,10 @@ pub fn section(costs: &Costs, happened: &Happenings) -> String {
         Costs::None => return String::new(),
         Costs::Known(explained) => Shown { explained, happened }.section(),
         Costs::TooMany(ticks) => format!(
-            "<p>{ticks} ticks were disturbed: <code>launcher explain RUN</code> says what each of them cost, and writes \
+            "<p>{ticks} ticks were disturbed: <code>trefoil explain RUN</code> says what each of them cost, and writes \
              explain.html into the run’s folder.</p>"
         ),
-        Costs::TooLong => "<p>The flight is long: <code>launcher explain RUN</code> finds the costs.</p>".into(),
+        Costs::TooLong => "<p>The flight is long: <code>trefoil explain RUN</code> finds the costs.</p>".into(),
         Costs::Unknown(why) => {
             let why = escape(&format!("{why:#}"));
             format!("<p>Not known, because the flight cannot be flown again: {why}.</p>")

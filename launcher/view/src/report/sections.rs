@@ -137,7 +137,7 @@ fn repeats(run: &RunRecord) -> bool {
 pub fn repeat(run: &RunRecord) -> &'static str {
     match run.mode {
         Mode::Realtime if repeats(run) => {
-            "In real time no two flights are alike. <code>launcher replay RUN</code> flies this one again from its log, bit \
+            "In real time no two flights are alike. <code>trefoil replay RUN</code> flies this one again from its log, bit \
              for bit: compare the state hash."
         }
         Mode::Realtime => "In real time no two flights are alike; in lockstep and in process they are, bit for bit.",

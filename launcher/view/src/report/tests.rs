@@ -409,7 +409,7 @@ fn the_state_hash_is_shown_if_a_repeat_or_a_replay_gives_it_again() {
     {
         let run = RunRecord { state_hash: Some("0123abcd".into()), mode, replays, ..survey() };
         assert_eq!(metrics(&run).contains("0123abcd"), shown, "{mode:?} {replays}");
-        assert_eq!(page(&run).contains("launcher replay RUN"), replays, "{mode:?} {replays}");
+        assert_eq!(page(&run).contains("trefoil replay RUN"), replays, "{mode:?} {replays}");
     }
 }
 
