@@ -75,7 +75,7 @@ fn a_push_sideways_costs_no_altitude_once_it_is_known() {
         "run.duration_s=40",
         "guidance.ki_w=0",
         "guidance.disturbance_observer_radps=5",
-        "mpc.disturbance_gain=0.1",
+        "attitude.disturbance_gain=0.1",
         "plant.disturbance=[[1.0, [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]]]",
     ]);
     let last = outcome.run()["metrics"]["final_position_error_m"].as_f64().expect("a number");
@@ -85,7 +85,7 @@ fn a_push_sideways_costs_no_altitude_once_it_is_known() {
 #[test]
 fn a_delay_of_70_ms_is_flown_if_it_is_measured() {
     let late = |compensation: &str| {
-        let compensation = format!("mpc.delay_compensation={compensation}");
+        let compensation = format!("attitude.delay_compensation={compensation}");
         flown(&["run.duration_s=20", "run.command_delay_ms=70", "bounds.max_position_error_m=1", &compensation])
     };
     let outcome = late("\"measured\"");

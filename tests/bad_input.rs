@@ -14,13 +14,13 @@ fn check_refused(arguments: &[&str], message: &[&str]) -> Outcome {
 
 #[test]
 fn settings_that_cannot_be() {
-    check_refused(&["--set", "mpc.np=30"], &["--set mpc.np=30", "`mpc.prediction_horizon_s = 0.3`"]);
-    check_refused(&["--set", "mpc.max_iterations=\"many\""], &["--set mpc.max_iterations"]);
-    check_refused(&["--set", "mpc.r=[1, 2]"], &["--set mpc.r", "4"]);
+    check_refused(&["--set", "mpc.np=30"], &["--set mpc.np=30", "`attitude.mpc.prediction_horizon_s = 0.3`"]);
+    check_refused(&["--set", "attitude.mpc.max_iterations=\"many\""], &["--set attitude.mpc.max_iterations"]);
+    check_refused(&["--set", "attitude.mpc.r=[1, 2]"], &["--set attitude.mpc.r", "4"]);
     check_refused(&["--set", "plant.rotor_lag_s=-1.0"], &["rotor_lag_s"]);
     check_refused(
-        &["--set", "mpc={prediction_horizon_s=0.03, control_horizon_s=0.05}"],
-        &["mpc.control_horizon_s", "5 and 3 samples at 100 Hz"],
+        &["--set", "attitude.mpc={prediction_horizon_s=0.03, control_horizon_s=0.05}"],
+        &["attitude.mpc.control_horizon_s", "5 and 3 samples at 100 Hz"],
     );
     check_refused(&["--set", "run.duration_s=nan"], &["duration_s"]);
     check_refused(&["--set", "mission.trajectory=loop"], &["survey", "circle"]);
@@ -62,8 +62,8 @@ fn check_refuses_what_fly_refuses() {
     let path = path.to_str().expect("a plain path");
     for (text, expected) in [
         (
-            "[mpc]\nq = [0, 0, 0, 1e12, 0, 0, 0]\nr = [1e-12, 1e-12, 1e-12, 1e-12]\nterminal = \"zero\"",
-            "`mpc.r` is so small beside `mpc.q`",
+            "[attitude.mpc]\nq = [0, 0, 0, 1e12, 0, 0, 0]\nr = [1e-12, 1e-12, 1e-12, 1e-12]\nterminal = \"zero\"",
+            "`attitude.mpc.r` is so small beside `attitude.mpc.q`",
         ),
         ("[mission]\nwaypoints_m = [[0, 0, 0], [1, 2, 3]]", "`mission.trajectory` = \"waypoints\" with it"),
         (

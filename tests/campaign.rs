@@ -29,10 +29,10 @@ run.command_delay_ms = [0.0, 10.0]
 plant.airframe.mass_kg = { uniform = [1.0, 1.2] }
 
 [controller.cone]
-mpc.constraints = "cone"
+attitude.mpc.constraints = "cone"
 
 [controller.lqr]
-mpc.law = "lqr"
+attitude.law = "lqr"
 
 [random_faults]
 count = [0, 1]
@@ -256,20 +256,25 @@ fn one_flight_again_is_the_flight_of_the_table() {
 
 #[test]
 fn the_plan_is_the_same_again_and_says_what_cannot_be_flown() {
-    let place = Place::new("[vary]\nmpc.prediction_horizon_s = [0.04, 0.2]\nmpc.control_horizon_s = [0.03, 0.05]\n");
+    let place = Place::new(
+        "[vary]\nattitude.mpc.prediction_horizon_s = [0.04, 0.2]\nattitude.mpc.control_horizon_s = [0.03, 0.05]\n",
+    );
     let [one, two] = [(); 2].map(|()| place.fly(&["--plan"], "out"));
     check(&one, 0, &[]);
     let said = String::from_utf8_lossy(&one.stdout).into_owned();
     assert_eq!(said, String::from_utf8_lossy(&two.stdout));
     assert_eq!(said.lines().count(), 5);
-    assert!(said.contains("2\tscenario\t0.05\t0.04\t-\tinvalid: `mpc.control_horizon_s` = 0.05 is longer than `mpc.prediction_horizon_s` = 0.04"), "{said}");
+    let invalid = "2\tscenario\t0.05\t0.04\t-\tinvalid: `attitude.mpc.control_horizon_s` = 0.05 is longer than \
+                   `attitude.mpc.prediction_horizon_s` = 0.04";
+    assert!(said.contains(invalid), "{said}");
     assert!(!place.at("out").exists(), "a plan writes nothing");
 }
 
 #[test]
 fn a_flight_that_cannot_be_flown_is_told_and_counted_as_neither() {
     let place = Place::new(
-        "[settings]\nrun.duration_s = 0.5\n[vary]\nmpc.prediction_horizon_s = [0.04, 0.2]\nmpc.control_horizon_s = [0.03, 0.05]\n",
+        "[settings]\nrun.duration_s = 0.5\n[vary]\nattitude.mpc.prediction_horizon_s = [0.04, 0.2]\n\
+         attitude.mpc.control_horizon_s = [0.03, 0.05]\n",
     );
     let output = place.fly(&[], "out");
     check(&output, 1, &["1 flights could not be flown"]);
@@ -279,9 +284,9 @@ fn a_flight_that_cannot_be_flown_is_told_and_counted_as_neither() {
 #[test]
 fn what_is_wrong_is_told_before_anything_is_flown() {
     for (text, parts) in [
-        ("[vary]\nmpc.np = [3, 4]\n", &["small.toml", "`mpc.np` is now `mpc.prediction_horizon_s`"][..]),
+        ("[vary]\nmpc.np = [3, 4]\n", &["small.toml", "`mpc.np` is `attitude.mpc.prediction_horizon_s` now"][..]),
         ("[vary]\nplant.airframe.mass_kg = [1.1, -1.0]\n", &["small.toml", "`plant.airframe.mass_kg` = -1.0"]),
-        ("[vary]\nmpc.max_iterations = 3\n", &["small.toml", "[settings]"]),
+        ("[vary]\nattitude.mpc.max_iterations = 3\n", &["small.toml", "[settings]"]),
         ("sedes = 3\n", &["small.toml", "seeds"]),
         ("seeds = 60\n[settings]\nrun.duration_s = 0.5\n", &["small.toml", "seeds change no flight", "remove `seeds`"]),
         ("seeds = [4, 5, 4]\n", &["small.toml", "`run.seed` lists 4 twice"]),
@@ -312,16 +317,17 @@ fn what_is_wrong_is_told_before_anything_is_flown() {
 
 #[test]
 fn what_shares_a_draw_is_one_observation_and_copies_are_told() {
-    let noise = "run.duration_s = 0.5\nplant.noise.position_m = 0.01\nmpc.law = 'pid'\n";
-    let place =
-        Place::new(&format!("seeds = 20\n[settings]\n{noise}[vary]\nmpc.prediction_horizon_s = [0.2, 0.25, 0.3]\n"));
+    let noise = "run.duration_s = 0.5\nplant.noise.position_m = 0.01\nattitude.law = 'pid'\n";
+    let place = Place::new(&format!(
+        "seeds = 20\n[settings]\n{noise}[vary]\nattitude.mpc.prediction_horizon_s = [0.2, 0.25, 0.3]\n"
+    ));
     let output = place.fly(&[], "out");
     check(&output, 0, &[]);
     let said = String::from_utf8_lossy(&output.stdout);
     for part in [
         "scenario      60  60     20  100.0 %  83.2 to 100.0 %",
         "Of 60 flights 20 differ",
-        "`mpc.prediction_horizon_s` had no effect",
+        "`attitude.mpc.prediction_horizon_s` had no effect",
         "The 3 flights that a controller has of each of the 20 draws are one observation.",
     ] {
         assert!(said.contains(part), "{part}: {said}");

@@ -30,7 +30,7 @@ fn flights_of_any_length_rate_and_mode_are_laid_side_by_side_and_over_each_other
 
     assert_eq!(line(&said, "run.rate_hz"), ["100", "200", "100"]);
     assert_eq!(line(&said, "run.mode"), ["inprocess", "lockstep", "realtime"]);
-    assert!(!said.contains("mpc.law"), "what is the same is not told: {said}");
+    assert!(!said.contains("attitude.law"), "what is the same is not told: {said}");
     assert!(said.contains("Metrics, each over its whole flight, of 8.00, 2.00, 1.00 s"), "{said}");
     let told = line(&said, "position error, maximum [m]");
     let measured = [&long, &fast, &real].map(|run| format!("{:.4}", run.metric("max_position_error_m")));

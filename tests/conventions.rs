@@ -59,11 +59,11 @@ fn every_shipped_file_and_every_record_fits_its_schema_and_an_unknown_key_does_n
     for (schema, text) in [
         ("scenario", "[plant]\nrotor_lag = 0.03"),
         ("scenario", "run.rate_hz = 10"),
-        ("scenario", "mpc.law = 'lqg'"),
-        ("scenario", "mpc.r = [1.0, 1.0]"),
+        ("scenario", "attitude.law = 'lqg'"),
+        ("scenario", "attitude.mpc.r = [1.0, 1.0]"),
         ("campaign", "[settings]\nrun.duration = 3.0"),
         ("campaign", "[case.step]\nscenari = 'step.toml'"),
-        ("campaign", "[vary]\nmpc.max_iterations = { uniform = [1.0] }"),
+        ("campaign", "[vary]\nattitude.mpc.max_iterations = { uniform = [1.0] }"),
         ("campaign", "[[promise]]\nmetric = 'max_position_error_m'"),
     ] {
         let path = folder.path().join("wrong.toml");
@@ -97,7 +97,7 @@ fn a_shipped_scenario_flies_by_its_name_in_any_folder_and_a_file_of_that_name_wi
     assert_eq!(unknown.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&unknown.stderr).contains("did you mean `survey`"));
     let campaign = folder.path().join("mine.toml");
-    std::fs::write(&campaign, "seeds = 2\n[controller.pid]\nmpc.law = 'pid'\n").expect("can be written");
+    std::fs::write(&campaign, "seeds = 2\n[controller.pid]\nattitude.law = 'pid'\n").expect("can be written");
     for (arguments, said) in [
         (&["fly", "mine.toml"][..], "`trefoil campaign mine.toml` flies it"),
         (&["campaign", "lows"], "did you mean `laws`?"),
@@ -168,12 +168,12 @@ fn diagnostics_have_colours_only_where_they_are_wanted() {
         for name in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE"] {
             command.env_remove(name);
         }
-        let output = run(command.env(variable, value).args(["fly", "--set", "mpc.npp=3"]));
+        let output = run(command.env(variable, value).args(["fly", "--set", "attitude.mpc.npp=3"]));
         assert_eq!(output.status.code(), Some(2));
         String::from_utf8(output.stderr).expect("UTF-8")
     };
     let plain = refused("TERM", "xterm");
-    assert!(plain.starts_with("error: unknown key `mpc.npp`") && !plain.contains('\x1b'), "a pipe: {plain}");
+    assert!(plain.starts_with("error: unknown key `attitude.mpc.npp`") && !plain.contains('\x1b'), "a pipe: {plain}");
     let forced = refused("CLICOLOR_FORCE", "1");
     assert!(forced.starts_with("\x1b[1;31merror:\x1b[0m unknown key"), "{forced}");
     assert_eq!(forced.replace("\x1b[1;31m", "").replace("\x1b[1;32m", "").replace("\x1b[0m", ""), plain);

@@ -17,7 +17,7 @@ fn count(run: &Value, node: &str, what: &str) -> u64 {
 
 const PATIENT: &str = "supervision.hang_ms=5000";
 /// No message is ready a microsecond after the sample.
-const IMPOSSIBLE: &str = "deadline.mixer_ms=0.001";
+const IMPOSSIBLE: &str = "node.mixer.deadline_ms=0.001";
 
 #[test]
 fn late_messages_are_sent_and_counted() {
@@ -30,7 +30,7 @@ fn late_messages_are_sent_and_counted() {
 
 #[test]
 fn skipped_messages_never_arrive() {
-    let run = fly(&[IMPOSSIBLE, "deadline.mixer_policy=skip"]).run();
+    let run = fly(&[IMPOSSIBLE, "node.mixer.late=skip"]).run();
     assert_eq!(run["timing"]["age_at_actuator"]["n"], 0, "no command of the mixer is ever applied");
     assert_eq!(run["diverged"], Value::Bool(false));
 }
@@ -38,7 +38,7 @@ fn skipped_messages_never_arrive() {
 #[test]
 fn held_messages_repeat_the_last_timely_one() {
     // None is timely but by the first, which has nothing before it: the flight is one long first command.
-    let outcome = fly(&[IMPOSSIBLE, "deadline.mixer_policy=hold", "mission.trajectory=hover"]);
+    let outcome = fly(&[IMPOSSIBLE, "node.mixer.late=hold", "mission.trajectory=hover"]);
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     assert!(outcome.run()["timing"]["age_at_actuator"]["n"].as_u64().is_some_and(|n| n > 50));
 }
@@ -48,13 +48,13 @@ fn a_controller_that_is_late_does_without_its_solver() {
     let turn = [
         "mission.heading_deg=[[0.7, 90.0]]",
         "guidance.heading_rate_limit_dps=0",
-        "mpc.constraints=cone",
-        "mpc.r=[0.3, 70.0, 20.0, 100.0]",
-        "deadline.attitude_mpc_ms=0.001",
+        "attitude.mpc.constraints=cone",
+        "attitude.mpc.r=[0.3, 70.0, 20.0, 100.0]",
+        "node.attitude-mpc.deadline_ms=0.001",
     ];
     let solved = |outcome: &Outcome| outcome.run()["solver"]["solved"].as_u64().expect("a count");
     assert!(solved(&fly(&turn)) > 0, "the turn needs the solver");
-    let hurried = fly(&[&turn[..], &["deadline.attitude_mpc_policy=degrade"]].concat());
+    let hurried = fly(&[&turn[..], &["node.attitude-mpc.late=degrade"]].concat());
     assert_eq!(solved(&hurried), 0);
     assert!(hurried.run()["solver"]["fallback"].as_u64().is_some_and(|n| n > 0), "{}", hurried.run()["solver"]);
 }
@@ -62,7 +62,7 @@ fn a_controller_that_is_late_does_without_its_solver() {
 #[test]
 fn the_policy_stop_ends_the_flight_with_its_own_code() {
     for node in ["plant", "mixer"] {
-        let settings = [format!("deadline.{node}_ms=0.001"), format!("deadline.{node}_policy=stop")];
+        let settings = [format!("node.{node}.deadline_ms=0.001"), format!("node.{node}.late=stop")];
         let outcome = fly(&settings.each_ref().map(String::as_str));
         assert_eq!(outcome.code(), Some(4), "{}", outcome.stderr);
         assert!(outcome.stderr.contains("past its deadline of 0.001 ms"), "{}", outcome.stderr);
@@ -73,7 +73,7 @@ fn the_policy_stop_ends_the_flight_with_its_own_code() {
 
 #[test]
 fn what_was_asked_of_the_kernel_is_in_the_record() {
-    let run = fly(&["realtime.affinity=[0]", "realtime.mixer.priority=40", "realtime.plant.policy=other"]).run();
+    let run = fly(&["realtime.affinity=[0]", "node.mixer.priority=40", "node.plant.policy=other"]).run();
     let scheduling = &run["provenance"]["scheduling"];
     assert_eq!(scheduling["guidance"]["affinity"], "0");
     assert_eq!(scheduling["plant"]["policy"], "other");

@@ -147,7 +147,10 @@ proptest! {
     fn words_of_a_scenario_in_any_order(
         words in vec(prop_oneof![
             select(WORDS.to_vec()),
-            select(vec!["[run]\n", "[mpc]\n", "prediction_horizon_s", "control_horizon_s", "np", "q", "seed", "fault", "at_s", "target", "kind", "\"mixer\"", "1"]),
+            select(vec![
+                "[run]\n", "[attitude.mpc]\n", "[mpc]\n", "prediction_horizon_s", "control_horizon_s", "np", "q", "seed",
+                "fault", "at_s", "target", "kind", "\"mixer\"", "1",
+            ]),
         ], 0..30),
     ) {
         check_scenario(words.concat().as_bytes(), &[]);

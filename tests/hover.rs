@@ -15,7 +15,8 @@ const FLIGHT_S: f64 = 60.0;
 /// Step within which a margin is that of flights \[ms\].
 const GRID_MS: f64 = 10.0;
 /// Settings whose margins do not follow the default profile.
-const PID: [&str; 4] = ["profile=paper", "mpc.law=pid", "mpc.pid.kp=[4, 48, 48, 48]", "mpc.pid.kd=[12, 12, 12]"];
+const PID: [&str; 4] =
+    ["profile=paper", "attitude.law=pid", "attitude.pid.kp=[4, 48, 48, 48]", "attitude.pid.kd=[12, 12, 12]"];
 
 fn scenario(settings: &[&str]) -> Scenario {
     let settings: Vec<String> = settings.iter().map(|&setting| setting.to_owned()).collect();
@@ -68,22 +69,25 @@ fn the_papers_loop_loses_its_stability_between_5_and_6_ms_of_delay() {
 #[test]
 fn a_compensated_delay_has_more_than_the_margin_of_one_that_is_not() {
     let margin = |set: &[&str]| loops(&[&PID[..], set].concat()).delay_margin.expect("stable as set");
-    let [plain, measured] =
-        [&["mpc.actuator_lag_model_s=0.03"][..], &["mpc.actuator_lag_model_s=0.03", "mpc.delay_compensation=measured"]]
-            .map(margin);
+    let [plain, measured] = [
+        &["attitude.actuator_lag_model_s=0.03"][..],
+        &["attitude.actuator_lag_model_s=0.03", "attitude.delay_compensation=measured"],
+    ]
+    .map(margin);
     assert!(measured.ms > plain.ms, "{plain:?} {measured:?}");
 }
 
 #[test]
 fn a_law_of_higher_gain_has_the_larger_bandwidth() {
     let of = |gains: &[&str]| {
-        let loops = loops(&[&["profile=paper", "mpc.law=pid"][..], gains].concat());
+        let loops = loops(&[&["profile=paper", "attitude.law=pid"][..], gains].concat());
         let (attitude, position) = (loops.attitude.expect("stable"), loops.position.expect("stable"));
         [attitude.w_radps, attitude.phi_radps, attitude.theta_radps, attitude.psi_radps, position.down_radps]
             .map(|radps| radps.expect("a bandwidth"))
     };
-    let slow = of(&["mpc.pid.kp=[2, 24, 24, 24]", "mpc.pid.ki=[1, 20, 20, 20]", "mpc.pid.kd=[9, 9, 9]"]);
-    let fast = of(&["mpc.pid.kp=[4, 48, 48, 48]", "mpc.pid.ki=[4, 64, 64, 64]", "mpc.pid.kd=[12, 12, 12]"]);
+    let slow = of(&["attitude.pid.kp=[2, 24, 24, 24]", "attitude.pid.ki=[1, 20, 20, 20]", "attitude.pid.kd=[9, 9, 9]"]);
+    let fast =
+        of(&["attitude.pid.kp=[4, 48, 48, 48]", "attitude.pid.ki=[4, 64, 64, 64]", "attitude.pid.kd=[12, 12, 12]"]);
     assert!(slow.iter().zip(fast).all(|(slow, fast)| *slow < fast), "{slow:?} {fast:?}");
 }
 

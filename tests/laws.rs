@@ -23,7 +23,7 @@ proptest! {
         slower in prop::array::uniform3(-0.1..0.1_f64), w_mps in -0.5..0.5_f64, tilt_reaction in prop::bool::ANY,
     ) {
         let mut scenario = Scenario::from(Profile::Paper);
-        (scenario.mpc.law, scenario.mpc.geometric) = (Law::Geometric, GAINS);
+        (scenario.attitude.law, scenario.attitude.geometric) = (Law::Geometric, GAINS);
         (scenario.plant.tilt_reaction, scenario.mixer.tilt_reaction) = (tilt_reaction, tilt_reaction);
         let trim = Trim::solve(&scenario.airframe, tilt_reaction);
         let stamp = Stamp { tick: 0, sequence: 1, ..Stamp::default() };
@@ -59,9 +59,9 @@ fn a_second_implementation_of_indi_demands_the_same() {
     let Some(python) = python_with(&["numpy"]) else { return };
     let settings = [
         "run.duration_s=4.0",
-        "mpc.law=indi",
-        "mpc.actuator_lag_model_s=0.03",
-        "mpc.delay_compensation=false",
+        "attitude.law=indi",
+        "attitude.actuator_lag_model_s=0.03",
+        "attitude.delay_compensation=false",
         "mission.trajectory=hover",
         "initial.attitude_deg=[20.0, -25.0, 40.0]",
         "plant.airframe.mass_kg=1.15",
@@ -85,7 +85,7 @@ fn a_second_implementation_of_indi_demands_the_same() {
 fn sensed_actuators_need_no_model_of_their_lag() {
     let settings = [
         "run.duration_s=8.0",
-        "mpc.law=indi",
+        "attitude.law=indi",
         "mission.trajectory=hover",
         "initial.attitude_deg=[20.0, -25.0, 40.0]",
         "run.command_delay_ms=10.0",
@@ -95,7 +95,7 @@ fn sensed_actuators_need_no_model_of_their_lag() {
         "bounds.final_position_error_m=0.1",
     ];
     let code = |origin: &str| {
-        let origin = format!("mpc.indi.actuators={origin}");
+        let origin = format!("attitude.indi.actuators={origin}");
         let set = settings.into_iter().chain([origin.as_str()]).flat_map(|setting| ["--set", setting]);
         fly(&["--mode", "inprocess", "--no-log"].into_iter().chain(set).collect::<Vec<_>>()).code()
     };

@@ -106,7 +106,7 @@ fn a_program_that_misses_a_deadline_with_the_policy_stop_ends_with_exit_code_4()
     let folder = tempfile::tempdir().unwrap();
     let program = program(&library_folder(folder.path()), "own", &[]);
     let slow = "fault=[{at_s=1, for_s=0.1, target='attitude-mpc', kind='slow', ms=15.0}]";
-    let late = survey("realtime", &program, &[slow, "deadline.policy=stop"]);
+    let late = survey("realtime", &program, &[slow, "deadline.late=stop"]);
     assert_eq!(late.code(), Some(i32::from(contract::exit::BUDGET_BROKEN)), "{}", late.stderr);
 }
 

@@ -441,7 +441,10 @@ fn foxglove_gets_the_channels_of_the_log_with_their_bytes() {
         let channels = text(&mut socket);
         let ours = channels["channels"].as_array().expect("channels");
         let topics: Vec<&str> = ours.iter().filter_map(|channel| channel["topic"].as_str()).collect();
-        assert!(topics.starts_with(&["/state", "/reference", "/controls", "/actuators", "/events"]), "{topics:?}");
+        assert!(
+            topics.starts_with(&["/state", "/reference", "/controls", "/actuators", "/truth", "/events"]),
+            "{topics:?}"
+        );
         let subscribe = json!({ "op": "subscribe", "subscriptions": [{ "id": 7, "channelId": ours[0]["id"] }] });
         socket.send(Message::text(subscribe.to_string())).expect("it is sent");
         let mut before = None;
@@ -738,7 +741,7 @@ fn a_recorded_flight_plays_in_a_browser_narrow_and_wide_light_and_dark_and_by_ke
 /// Settings of a campaign whose flights fail half the time.
 const CAMPAIGN: &str = "[settings]\nrun.duration_s = 3.0\nbounds.max_position_error_m = 0.03\n[vary]\n\
                         plant.airframe.mass_kg = { uniform = [0.9, 1.4] }\nrun.command_delay_ms = { uniform = [0.0, 30.0] }\n\
-                        [controller.mpc]\nmpc.law = \"mpc\"\n[controller.pid]\nmpc.law = \"pid\"\n";
+                        [controller.mpc]\nattitude.law = \"mpc\"\n[controller.pid]\nattitude.law = \"pid\"\n";
 
 /// `trefoil campaign` of a number of samples in a folder of its own, with more arguments.
 fn campaign(folder: &Path, out: &str, samples: u32, more: &[&str]) -> Command {

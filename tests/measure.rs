@@ -85,7 +85,7 @@ fn the_samples_are_kept() {
 
 #[test]
 fn a_flight_of_ones_own_is_measured_and_exported() {
-    let settings = ["--set", "run.duration_s=1", "--set", "mpc.constraints=cone"];
+    let settings = ["--set", "run.duration_s=1", "--set", "attitude.mpc.constraints=cone"];
     let flown =
         crate::harness::fly(&[&["scenarios/aggressive/upset.toml", "--mode", "inprocess"], &settings[..]].concat());
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -197,7 +197,7 @@ fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
     }
     assert!(targets.iter().all(|target| target["verdict"] == "inconclusive"), "a quick run judges nothing: {printed}");
     assert_eq!((output.status.code(), &printed["quick"]), (Some(0), &Value::Bool(true)));
-    assert_eq!(printed["provenance"]["schema_version"], 5, "{}", printed["provenance"]);
+    assert_eq!(printed["provenance"]["schema_version"], 6, "{}", printed["provenance"]);
 
     // Every ring came round, in both placements, and every flight at every rate has its slots.
     let results = &printed["results"];

@@ -186,7 +186,7 @@ fn the_page_of_a_campaign_can_be_read() {
     let text = "samples = 12\n[settings]\nrun.duration_s = 6.0\nbounds.max_position_error_m = 0.05\n\
                 fault = [{ at_s = 2.0, target = \"mixer\", kind = \"kill\" }]\n\
                 [vary]\nplant.airframe.mass_kg = { uniform = [0.9, 1.4] }\nrun.command_delay_ms = { uniform = [0.0, 30.0] }\n\
-                [controller.mpc]\nmpc.law = \"mpc\"\n[controller.pid]\nmpc.law = \"pid\"\n";
+                [controller.mpc]\nattitude.law = \"mpc\"\n[controller.pid]\nattitude.law = \"pid\"\n";
     std::fs::write(&file, text).expect("written");
     let out = folder.path().join("campaign");
     run(&["campaign", file.to_str().expect("a plain path"), "--out"], &[&out]);

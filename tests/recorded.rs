@@ -31,7 +31,7 @@ fn the_log_holds_every_message() {
 fn a_run_tells_when_where_and_by_what_it_was_made() {
     let outcome = fly(&["--mode", "inprocess", "--no-log", "--set", "run.duration_s=0.1"]);
     let provenance = outcome.run()["provenance"].clone();
-    assert_eq!(provenance["schema_version"], 5);
+    assert_eq!(provenance["schema_version"], 6);
     let date = provenance["date"].as_str().expect("a date");
     assert!(date.len() == 20 && date.starts_with("20") && date.ends_with('Z') && date.as_bytes()[10] == b'T', "{date}");
     assert!(provenance["host"].as_str().is_some_and(|host| !host.is_empty()), "{provenance}");
@@ -67,7 +67,7 @@ fn logs_are_read_in_bounded_memory_whatever_stands_in_them() {
     std::fs::create_dir(&forged).expect("a folder can be made");
     let mut scenario = Scenario::default();
     (scenario.run.duration_s, scenario.run.rate_hz) = (86_400.0, 2000);
-    (scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s) = (0.1, 0.1);
+    (scenario.attitude.mpc.prediction_horizon_s, scenario.attitude.mpc.control_horizon_s) = (0.1, 0.1);
     let mut log = LogWriter::create(&forged.join("flight.mcap"), &to_toml(&scenario), 10_000_000).expect("a log");
     for (tick, sequence) in [(0, 1), (172_000_000, 2)] {
         let stamp = Stamp { tick, sequence, epoch: 1, ..Stamp::default() };

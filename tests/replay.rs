@@ -80,7 +80,7 @@ fn a_flight_that_was_given_faults_in_flight_repeats_from_its_folder() {
 fn what_deadlines_withheld_repeats_too() {
     let late = "--set=fault=[{ at_s = 0.5, for_s = 0.2, target = \"attitude-mpc\", kind = \"slow\", ms = 4.0 }]";
     for policy in ["skip", "hold", "degrade", "send"] {
-        let due = format!("deadline={{ attitude_mpc_ms = 3.0, attitude_mpc_policy = '{policy}' }}");
+        let due = format!("node.attitude-mpc={{ deadline_ms = 3.0, late = '{policy}' }}");
         let outcome = fly(&["--set", "run.duration_s=1.0", late, "--set", &due, "--set", "supervision.hang_ms=5000"]);
         assert!(outcome.code().is_some_and(|code| code <= 1), "{policy}: {}", outcome.stderr);
         assert_repeats(&outcome.out);
@@ -94,9 +94,9 @@ fn other_settings_show_what_another_controller_would_have_done() {
     let alone = ask(&[]);
     assert!(alone.contains("no difference in what was compared\ncompared: 301 of 1204 messages"), "{alone}");
     assert!(alone.contains("not computed: plant (not asked for), guidance (not asked for), mixer"), "{alone}");
-    let open = ask(&["--set", "mpc.law=lqr"]);
+    let open = ask(&["--set", "attitude.law=lqr"]);
     assert!(open.contains("other answers from tick") && open.contains("attitude-mpc 1, demand["), "{open}");
-    let closed = ask(&["--set", "mpc.law=lqr", "--closed"]);
+    let closed = ask(&["--set", "attitude.law=lqr", "--closed"]);
     assert!(closed.contains("with these settings") && closed.contains("position error, maximum [m]"), "{closed}");
     let wrong = of_run(&["replay", "--node", "attitude-mpc", "--set", "guidance.kp=1"], &outcome.out);
     assert_eq!(wrong.status.code(), Some(2), "{}", text(&wrong));
@@ -175,7 +175,7 @@ fn a_replay_begins_with_what_the_nodes_remembered_and_so_flies_what_comes_after_
         check(&["--from", "10.2s"], 0, &["no difference in what was compared\n", "10.20 to 12.50 s of 12.50 s", begun]);
         check(&["--from", "11s", "--node", "mixer"], 0, &["no difference in what was compared\n", begun]);
         check(&["--from", "10s"], 0, &["10.00 to 12.50 s of 12.50 s"]); // that is before it
-        let sets = ["--from", "11s", "--node", "attitude-mpc", "--set", "mpc.law=lqr", "--closed"];
+        let sets = ["--from", "11s", "--node", "attitude-mpc", "--set", "attitude.law=lqr", "--closed"];
         check(&sets, 0, &["other answers from tick 11", begun]);
         rewrite(&outcome.out.join("flight.mcap"), |record| !(300..310).contains(&record.stamp().tick));
         check(
@@ -215,7 +215,7 @@ fn what_was_not_compared_is_not_the_same() {
     check(&[], 1, "it has 803 records, and run.json tells of 804");
     rewrite(&path, |record| record.stamp().tick < 150);
     check(&[], 1, "what was read ends at 1.49 s of 2.00 s");
-    check(&["--node", "attitude-mpc", "--set", "mpc.law=lqr"], 1, "other answers from");
+    check(&["--node", "attitude-mpc", "--set", "attitude.law=lqr"], 1, "other answers from");
     std::fs::write(&path, &whole).expect("written");
     std::fs::remove_file(outcome.out.join("run.json")).expect("removed");
     check(&[], 1, "there is no run.json");

@@ -8,14 +8,14 @@ use flight::log;
 
 const UPSET: &str = "scenarios/aggressive/upset.toml";
 const KINDS: [&str; 3] = ["nan", "infeasible", "iteration-cap"];
-const SOLVERS: [&str; 2] = ["mpc.solver=clarabel", "mpc.solver=active-set"];
+const SOLVERS: [&str; 2] = ["attitude.mpc.solver=clarabel", "attitude.mpc.solver=active-set"];
 /// The ticks on which the faults here act.
 const FAULTY: std::ops::Range<usize> = 30..40;
 
 /// The upset with a fault of the solver while the actuators are at their limits.
 fn faulty(kind: &str, solver: &str, mode: &str) -> Outcome {
     let fault = format!("fault=[{{at_s=0.3, for_s=0.1, target=\"mpc\", kind=\"{kind}\"}}]");
-    fly(&[UPSET, "--mode", mode, "--set", "mpc.constraints=cone", "--set", &fault, "--set", solver])
+    fly(&[UPSET, "--mode", mode, "--set", "attitude.mpc.constraints=cone", "--set", &fault, "--set", solver])
 }
 
 fn check_flies_on(kind: &str, solver: &str) {
@@ -67,7 +67,7 @@ fn a_failing_solver_fails_the_same_way_in_every_mode() {
 
 #[test]
 fn run_json_counts_every_tick_of_the_solver() {
-    let run = fly(&[UPSET, "--mode", "inprocess", "--no-log", "--set", "mpc.constraints=cone"]).run();
+    let run = fly(&[UPSET, "--mode", "inprocess", "--no-log", "--set", "attitude.mpc.constraints=cone"]).run();
     let solver = &run["solver"];
     let count = |key: &str| solver[key].as_u64().unwrap_or_else(|| panic!("no {key} in {solver}"));
     assert!(count("solved") > 0, "{solver}");

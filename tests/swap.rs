@@ -76,7 +76,7 @@ fn a_candidate_like_the_old_one_is_kept_and_the_flight_is_the_same() {
 
 #[test]
 fn another_law_is_kept_and_flies_otherwise() {
-    let run = check_same(&[swap(1.0, "attitude-mpc", ", set=['mpc.law=\"lqr\"']")]);
+    let run = check_same(&[swap(1.0, "attitude-mpc", ", set=['attitude.law=\"lqr\"']")]);
     assert_eq!(endings(&run, "attitude-mpc"), ["kept"]);
     assert_ne!(run["state_hash"], flown(&[], "inprocess").run()["state_hash"]);
 }

@@ -65,7 +65,7 @@ fn own_controller() -> String {
 fn what_was_swapped_by_hand_can_be_flown_again() {
     let ns = namespace();
     let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=6.0"]);
-    let said = swapped(&ns, &["attitude-mpc", "--set", "mpc.law=lqr", "--bounds", PATIENT], 0);
+    let said = swapped(&ns, &["attitude-mpc", "--set", "attitude.law=lqr", "--bounds", PATIENT], 0);
     assert!(said.contains("epoch 2 on-standby") && said.contains("epoch 2 kept"), "{said}");
     let garbage = "fault=[{at_s=0, target=\"controls\", kind=\"garbage\"}]";
     let said = swapped(&ns, &["attitude-mpc", "--set", garbage, "--may-fail"], 1);

@@ -136,7 +136,7 @@ fn a_vehicle_that_trips_over_its_feet_tips_over() {
 fn a_vehicle_that_is_unlike_its_model_flies() {
     let outcome = flown("mismatch", &[]);
     assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
-    let nominal = flown("mismatch", &["mpc.disturbance_gain=0", "guidance.disturbance_observer_radps=0"]);
+    let nominal = flown("mismatch", &["attitude.disturbance_gain=0", "guidance.disturbance_observer_radps=0"]);
     let error = |outcome: &Outcome| outcome.metric("rms_position_error_m");
     assert!(error(&outcome) < 0.5 * error(&nominal), "the estimates earn their place");
 }
@@ -162,7 +162,7 @@ fn another_airframe_flies_with_its_own_trim_and_weights() {
     let are_alike = own.iter().zip(&paper).all(|(own, paper)| (own / paper - 1.0).abs() < 0.05);
     assert!(are_alike, "the same closed loop: {own:?} and {paper:?} rad/s");
     let own = outcome.metric("max_position_error_m");
-    let copied = flown("second-airframe", &["mpc.r=[0.3, 70.0, 20.0, 1200.0]"]);
+    let copied = flown("second-airframe", &["attitude.mpc.r=[0.3, 70.0, 20.0, 1200.0]"]);
     assert!(copied.metric("commands_saturated") + copied.metric("max_position_error_m") >= own);
 }
 
@@ -221,10 +221,12 @@ fn ten_seconds_without_a_receiver_are_borne_in_gusts() {
 
 #[test]
 fn fast_legs_fly_inside_their_bound_by_models_over_the_velocity_alone() {
-    let error = |model: &str| flown("fast-legs", &[&format!("mpc.model={model}")]).metric("max_position_error_m");
+    let error =
+        |model: &str| flown("fast-legs", &[&format!("attitude.mpc.model={model}")]).metric("max_position_error_m");
     let [hover, scheduled] = ["hover", "scheduled"].map(error);
     assert!(scheduled < 0.12 && hover > 1.5 * scheduled, "{hover} {scheduled}");
-    let nominal = flown("fast-legs", &["mpc.model=hover", "mpc.disturbance_gain=0"]).metric("max_position_error_m");
+    let nominal =
+        flown("fast-legs", &["attitude.mpc.model=hover", "attitude.disturbance_gain=0"]).metric("max_position_error_m");
     assert!(nominal < 0.12, "it is the estimate that hover's model misleads: {nominal}");
 }
 
@@ -258,13 +260,13 @@ fn an_own_vehicle_flies_as_well_as_that_of_table_i_without_weights_of_its_own() 
         assert_eq!(outcome.code(), Some(0), "{setting}: {}", outcome.stderr);
         assert!(!outcome.stderr.contains("warning"), "{}", outcome.stderr);
     }
-    let others = ["mpc.r=[0.3, 70.0, 20.0, 1200.0]", "run.command_delay_ms=20"];
+    let others = ["attitude.mpc.r=[0.3, 70.0, 20.0, 1200.0]", "run.command_delay_ms=20"];
     let own = flown("survey", &[&OWN[..], &others[1..]].concat());
     let outcome = flown("survey", &[&OWN[..], &others].concat());
     let [own, of_others] = [&own, &outcome].map(|outcome| outcome.metric("max_position_error_m"));
     assert!(of_others > 2.0 * own, "the weights of Table I: {of_others} m, its own {own} m");
     assert!(
-        outcome.stderr.contains("`mpc.r`") && outcome.stderr.contains("[0.075, 3.14, 3.78, 17.6]"),
+        outcome.stderr.contains("`attitude.mpc.r`") && outcome.stderr.contains("[0.075, 3.14, 3.78, 17.6]"),
         "{}",
         outcome.stderr
     );

@@ -103,8 +103,8 @@ mod tests {
     /// Gain of a plan of 20 moves with a preview, and the set of its moves.
     fn of(constraints: Constraints) -> (Gain, DemandSet) {
         let mut scenario = Scenario::default();
-        (scenario.mpc.control_horizon_s, scenario.guidance.preview_s) = (0.2, 0.4);
-        scenario.mpc.disturbance_gain = 0.1;
+        (scenario.attitude.mpc.control_horizon_s, scenario.guidance.preview_s) = (0.2, 0.4);
+        scenario.attitude.disturbance_gain = 0.1;
         let envelope = Envelope::new(&scenario.airframe, false, scenario.limits());
         let moves = match constraints {
             Constraints::Box => DemandSet::bounding_box(&envelope),

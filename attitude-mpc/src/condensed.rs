@@ -30,7 +30,7 @@
 use airframe::linear::{INPUTS, STATES};
 use airframe::riccati;
 use contract::Scenario;
-use contract::scenario::{Mpc, ScenarioError, Terminal};
+use contract::scenario::{Attitude, Mpc, ScenarioError, Terminal};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn, Vector4};
 
 use crate::at_speed::FlightModel;
@@ -104,14 +104,14 @@ pub struct Course {
 impl Condensed {
     /// Condenses the problem of a model and its weights; the error names weights for which it is singular.
     pub fn new(model: &PredictionModel, scenario: &Scenario) -> Result<Self, ScenarioError> {
-        let (q, p) = state_weights(model, &scenario.mpc)?;
-        Self::weighted(model, scenario, &q, &p, scenario.mpc.disturbance_gain > 0.0)
+        let (q, p) = state_weights(model, &scenario.attitude.mpc)?;
+        Self::weighted(model, scenario, &q, &p, scenario.attitude.disturbance_gain > 0.0)
     }
 
     /// Condenses the problem of a model at a flight condition. The inputs' target always holds the reference: `follows`
     /// in `input_targets` is `true`.
     pub fn at_speed(flight: &FlightModel, scenario: &Scenario) -> Result<Self, ScenarioError> {
-        let (model, weights) = (&flight.model, &scenario.mpc);
+        let (model, weights) = (&flight.model, &scenario.attitude.mpc);
         let (mut q, r) = stage_weights(model.states(), weights);
         flight.lean_on(&mut q);
         let p = terminal_weight(model, weights, &q, &r)?;
@@ -126,7 +126,7 @@ impl Condensed {
         p: &DMatrix<f64>,
         follows: bool,
     ) -> Result<Self, ScenarioError> {
-        let (n, weights) = (model.states(), &scenario.mpc);
+        let (n, weights) = (model.states(), &scenario.attitude.mpc);
         let (np, nu) = (scenario.np(), scenario.nu());
         let r = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r));
         let r2 = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r_rate));
@@ -224,8 +224,9 @@ fn dare(model: &PredictionModel, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<D
     let regularised = q + DMatrix::identity(q.nrows(), q.nrows()) * DARE_REGULARISATION;
     riccati::solve(&model.a, &model.b, &regularised, r).ok_or_else(|| {
         ScenarioError::of(
-            "`mpc.q`, `mpc.r` and `airframe` leave the Riccati equation without a solution".into(),
-            "weights and inertias nearer to each other, or `mpc.terminal` = \"q\" with `mpc.law` = \"mpc\"".into(),
+            "`attitude.mpc.q`, `attitude.mpc.r` and `airframe` leave the Riccati equation without a solution".into(),
+            "weights and inertias nearer to each other, or `attitude.mpc.terminal` = \"q\" with `attitude.law` = \"mpc\""
+                .into(),
         )
     })
 }
@@ -241,20 +242,20 @@ fn factor(hessian: &DMatrix<f64>) -> Result<Cholesky<f64, Dyn>, ScenarioError> {
 
 fn singular_hessian() -> ScenarioError {
     ScenarioError::of(
-        "`mpc.r` is so small beside `mpc.q` that the moves of a plan cannot be told apart".into(),
-        "a larger `mpc.r`, a smaller `mpc.q`, or a shorter `mpc.control_horizon_s`".into(),
+        "`attitude.mpc.r` is so small beside `attitude.mpc.q` that the moves of a plan cannot be told apart".into(),
+        "a larger `attitude.mpc.r`, a smaller `attitude.mpc.q`, or a shorter `attitude.mpc.control_horizon_s`".into(),
     )
 }
 
 /// Gain of the linear-quadratic regulator, the same cost over an infinite horizon without constraints:
 /// `u = gain (x; r; d; v)`, 4 x (n + 15). It does not preview.
-pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<Gain, ScenarioError> {
-    let (q, r) = stage_weights(model.states(), weights);
+pub fn regulator(model: &PredictionModel, settings: &Attitude) -> Result<Gain, ScenarioError> {
+    let (q, r) = stage_weights(model.states(), &settings.mpc);
     let s = dare(model, &q, &r)?;
     let bs = model.b.transpose() * s;
     let k = factor(&(&bs * &model.b + r))?.solve(&(bs * &model.a));
     let n = model.states();
-    let inputs = input_targets(model, weights.disturbance_gain > 0.0);
+    let inputs = input_targets(model, settings.disturbance_gain > 0.0);
     let mut gain = &k * targets(model, &inputs) + inputs;
     let mut on_state = gain.columns_mut(0, n);
     on_state -= &k;

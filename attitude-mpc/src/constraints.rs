@@ -57,12 +57,12 @@ impl PlanSet {
     /// Builds the set of a scenario; `None` if the scenario has no constraint on the moves.
     pub fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Option<Self> {
         let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
-        let moves = match scenario.mpc.constraints {
+        let moves = match scenario.attitude.mpc.constraints {
             Constraints::None => return None,
             Constraints::Box => DemandSet::bounding_box(&envelope),
             Constraints::Cone => DemandSet::exact(&envelope),
         };
-        let states = match scenario.mpc.state_constraints {
+        let states = match scenario.attitude.mpc.state_constraints {
             StateConstraints::None => None,
             StateConstraints::Soft => Some(StateLimits::new(scenario, course, roll_trim_rad)),
         };
@@ -126,7 +126,7 @@ impl PlanSet {
 
 impl StateLimits {
     fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Self {
-        let Mpc { attitude_limit_deg, rates_limit_dps, state_penalty, .. } = &scenario.mpc;
+        let Mpc { attitude_limit_deg, rates_limit_dps, state_penalty, .. } = &scenario.attitude.mpc;
         let rows = LIMITED * scenario.nu();
         let limits: Vec<f64> =
             attitude_limit_deg.iter().chain(rates_limit_dps).map(|limit| limit.to_radians()).collect();
@@ -173,7 +173,7 @@ mod tests {
         assert!(set(&Scenario::from(Profile::Paper)).is_none());
         for constraints in [Constraints::Box, Constraints::Cone] {
             let mut scenario = crate::fixture::constrained();
-            scenario.mpc.constraints = constraints;
+            scenario.attitude.mpc.constraints = constraints;
             let set = set(&scenario).unwrap();
             let hover = DVector::zeros(20);
             assert!(set.violation(&hover) < -0.1 && set.touching(&hover, 1e-6) == 0);
@@ -206,7 +206,7 @@ mod tests {
     #[test]
     fn predicted_states_are_those_of_the_model() {
         let mut scenario = crate::fixture::constrained();
-        scenario.mpc.state_constraints = StateConstraints::Soft;
+        scenario.attitude.mpc.state_constraints = StateConstraints::Soft;
         let model = PredictionModel::new(&scenario);
         let mut set = set(&scenario).unwrap();
         let given = DVector::from_fn(26, |i, _| 0.1 * (1.0 + i as f64).sin());
@@ -230,7 +230,7 @@ mod tests {
     #[test]
     fn val_box_with_the_limits_of_the_paper() {
         let mut scenario = Scenario::from(Profile::Paper);
-        scenario.mpc.constraints = Constraints::Box;
+        scenario.attitude.mpc.constraints = Constraints::Box;
         let rows = set(&scenario).unwrap().moves.linear;
         for (key, side) in [("lo", 0), ("hi", 1)] {
             let theirs = fixture::vector(&fixture::reference()["reference"]["box_outer"][key]);

@@ -1,4 +1,5 @@
-//! Term of the equation of w that the hover model lacks, for the disturbance estimate: `mpc.model = "coupled"`.
+//! Term of the equation of w that the hover model lacks, for the disturbance estimate: `attitude.mpc.model =
+//! "coupled"`.
 //!
 //! ```text
 //! w' = q u - p v + g cos phi cos theta + F_z / m                                      (11)

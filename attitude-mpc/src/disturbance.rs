@@ -7,9 +7,9 @@
 //!
 //! `S / Ts` converts the velocity error of one sample to the force or moment that causes it, so `K` is the share of the
 //! error that each sample adds to the estimate. It is the gain of a Kalman filter of a disturbance that walks at
-//! random: at first little is known of `d`, and `K` falls from [`FIRST_GAIN`] to `L`, `mpc.disturbance_gain`, at which
-//! it stays. So a wrong mass is found in tenths of a second, and afterwards the estimate is too slow to cost delay
-//! margin (docs/mpc.md). Because `d` is in the prediction and cancelled in the inputs' target
+//! random: at first little is known of `d`, and `K` falls from [`FIRST_GAIN`] to `L`, `attitude.disturbance_gain`, at
+//! which it stays. So a wrong mass is found in tenths of a second, and afterwards the estimate is too slow to cost
+//! delay margin (docs/mpc.md). Because `d` is in the prediction and cancelled in the inputs' target
 //! ([`condensed`](crate::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings, *Disturbance
 //! models for offset-free model-predictive control*, AICHE Journal 49 (2003).
 

@@ -3,7 +3,7 @@
 use contract::Scenario;
 use contract::message::{Reference, Stamp, State};
 use contract::scenario::{
-    Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Model, Mpc, Plant, Profile, Terminal,
+    Attitude, Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Model, Mpc, Plant, Profile, Terminal,
 };
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
@@ -25,16 +25,19 @@ pub fn with_lag() -> Scenario {
     let paper = Scenario::from(Profile::Paper);
     Scenario {
         plant: Plant { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
-        mpc: Mpc {
-            q: [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0],
-            r: [0.4, 300.0, 85.0, 300.0],
-            prediction_horizon_s: 0.2,
-            control_horizon_s: 0.05,
-            terminal: Terminal::Dare,
-            constraints: Constraints::Cone,
+        attitude: Attitude {
             actuator_lag_model_s: 0.03,
             delay_compensation: DelayCompensation::Sample(true),
-            ..paper.mpc
+            mpc: Mpc {
+                q: [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0],
+                r: [0.4, 300.0, 85.0, 300.0],
+                prediction_horizon_s: 0.2,
+                control_horizon_s: 0.05,
+                terminal: Terminal::Dare,
+                constraints: Constraints::Cone,
+                ..paper.attitude.mpc
+            },
+            ..paper.attitude
         },
         ..paper
     }
@@ -42,14 +45,16 @@ pub fn with_lag() -> Scenario {
 
 /// Profile `robust` with the exact limits in a plan of ten moves.
 pub fn constrained() -> Scenario {
-    let robust = Scenario::default();
-    Scenario { mpc: Mpc { constraints: Constraints::Cone, control_horizon_s: 0.1, ..robust.mpc }, ..robust }
+    let mut scenario = Scenario::default();
+    (scenario.attitude.mpc.constraints, scenario.attitude.mpc.control_horizon_s) = (Constraints::Cone, 0.1);
+    scenario
 }
 
 /// Settings of profile `robust` without an estimate of a disturbance.
 pub fn without_estimate() -> Scenario {
-    let robust = Scenario::default();
-    Scenario { mpc: Mpc { model: Model::Hover, disturbance_gain: 0.0, ..robust.mpc }, ..robust }
+    let mut scenario = Scenario::default();
+    (scenario.attitude.mpc.model, scenario.attitude.disturbance_gain) = (Model::Hover, 0.0);
+    scenario
 }
 
 /// Builds a fault of the solver.
@@ -137,7 +142,10 @@ fn case(case: &Value) -> Case {
 
 fn scenario(cfg: &Value) -> Scenario {
     let mut scenario = Scenario::from(Profile::Paper);
-    let mpc = &mut scenario.mpc;
+    let attitude = &mut scenario.attitude;
+    attitude.actuator_lag_model_s = cfg["lag_model_tau"].as_f64().unwrap_or(0.0);
+    attitude.delay_compensation = DelayCompensation::Sample(cfg["delay_comp_samples"] == 1);
+    let mpc = &mut attitude.mpc;
     mpc.q = std::array::from_fn(|i| number(&cfg["Q"][i]));
     mpc.r = std::array::from_fn(|i| number(&cfg["R"][i]));
     mpc.prediction_horizon_s = number(&cfg["Np"]) * 0.01;
@@ -152,8 +160,6 @@ fn scenario(cfg: &Value) -> Scenario {
         "none" => Constraints::None,
         other => panic!("constraints {other}"),
     };
-    mpc.actuator_lag_model_s = cfg["lag_model_tau"].as_f64().unwrap_or(0.0);
-    mpc.delay_compensation = DelayCompensation::Sample(cfg["delay_comp_samples"] == 1);
     scenario.plant.rotor_speed_min = number(&cfg["om_min"]);
     scenario.plant.rotor_speed_max_ratio = number(&cfg["ommax_scale"]);
     scenario.plant.tilt_max_deg = number(&cfg["mu_max"]).to_degrees();

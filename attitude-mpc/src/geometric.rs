@@ -6,7 +6,7 @@
 //! F_z   = (m (a - g) - F_y sin phi cos theta) / (cos phi cos theta)      a = kp e_v + ki integral(e_v), down
 //! ```
 //!
-//! `[mpc.geometric]` has the gains; they mean what those of the law [`pid`](crate::pid) do, and its anti-windup is
+//! `[attitude.geometric]` has the gains; they mean what those of the law [`pid`](crate::pid) do, and its anti-windup is
 //! used. The errors are those of [`level`](crate::level). A feedback of this kind on SO(3) with an integral is in
 //! Goodarzi, Lee and Leok, *Geometric nonlinear PID control of a quadrotor UAV on SE(3)*, ECC 2013. Tests
 //! `the_geometric_demand_gives_the_wanted_acceleration_in_the_plant` (tests/laws.rs),

@@ -6,7 +6,7 @@
 //! u  = H(u_a) + J (nu - H(dw/dt))                 u_a: inputs that the actuators produce
 //! ```
 //!
-//! `H` is one low-pass: two first-order ones in series with the bandwidth `mpc.indi.filter_radps`. Filtering the
+//! `H` is one low-pass: two first-order ones in series with the bandwidth `attitude.indi.filter_radps`. Filtering the
 //! acceleration delays it, and the actuators must be delayed alike (Smeur, Chu and de Croon, *Adaptive incremental
 //! nonlinear dynamic inversion for attitude control of micro air vehicles*, Journal of Guidance, Control, and Dynamics
 //! 39(3), 2016). `H` is linear, so the law filters the difference once, and the two cannot get out of step:
@@ -20,10 +20,11 @@
 //! moment and every error of the model. The climb is a loop of the same kind, by the acceleration of the vertical
 //! speed. The actuators' positions enter by the exact map of [`airframe::mixing`], not by its derivative.
 //!
-//! With `mpc.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure from
-//! it: with "modelled", the default, the controller simulates them under the command in force, with the lag
-//! `mpc.actuator_lag_model_s`; docs/laws.md has what a wrong lag costs. Tests `the_actuators_alone_are_no_disturbance`,
-//! `a_constant_moment_leaves_no_offset`, `sensed_actuators_need_no_model_of_their_lag`.
+//! With `attitude.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure
+//! from it: with "modelled", the default, the controller simulates them under the command in force, with the lag
+//! `attitude.actuator_lag_model_s`; docs/laws.md has what a wrong lag costs. Tests
+//! `the_actuators_alone_are_no_disturbance`, `a_constant_moment_leaves_no_offset`,
+//! `sensed_actuators_need_no_model_of_their_lag`.
 
 use airframe::Actuation;
 use bytemuck::{Pod, Zeroable};

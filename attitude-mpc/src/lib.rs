@@ -178,31 +178,31 @@ impl AttitudeMpc {
     /// Builds the controller of a scenario; the error names settings for which its problem is singular or infeasible.
     pub fn try_new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let model = PredictionModel::new(scenario);
-        let (states, weights, sample_s) = (model.states(), &scenario.mpc, scenario.sample_s());
+        let (states, settings, sample_s) = (model.states(), &scenario.attitude, scenario.sample_s());
         let level = || Level::new(&scenario.airframe, &model.trim, &model.mixing);
-        let of_gain = |gain| match weights.model {
+        let of_gain = |gain| match settings.mpc.model {
             Model::Coupled => UnconstrainedLaw::Coupled(gain, Coupling::new(scenario.airframe.mass_kg)),
             _ => UnconstrainedLaw::Gain(gain),
         };
-        let (unconstrained, constrained) = match weights.law {
+        let (unconstrained, constrained) = match settings.law {
             Law::Mpc => {
                 let problem = Condensed::new(&model, scenario)?;
                 let constrained = Constrained::new(scenario, &problem, model.trim.roll_rad);
-                let law = match weights.model {
+                let law = match settings.mpc.model {
                     Model::Hover | Model::Coupled => of_gain(problem.gain),
                     Model::Scheduled => UnconstrainedLaw::Scheduled(Box::new(Schedule::new(scenario)?)),
                 };
                 (law, constrained)
             }
-            Law::Lqr => (of_gain(condensed::regulator(&model, weights)?), None),
-            Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, &weights.pid, sample_s)), None),
+            Law::Lqr => (of_gain(condensed::regulator(&model, settings)?), None),
+            Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, &settings.pid, sample_s)), None),
             Law::Geometric => {
-                (UnconstrainedLaw::Geometric(Geometric::new(level(), &weights.geometric, sample_s)), None)
+                (UnconstrainedLaw::Geometric(Geometric::new(level(), &settings.geometric, sample_s)), None)
             }
-            Law::Indi => (UnconstrainedLaw::Indi(Indi::new(level(), &weights.indi, sample_s)), None),
+            Law::Indi => (UnconstrainedLaw::Indi(Indi::new(level(), &settings.indi, sample_s)), None),
         };
         let (moves, changes) =
-            if weights.law == Law::Mpc { (scenario.nu(), condensed::change_count(scenario)) } else { (1, 0) };
+            if settings.law == Law::Mpc { (scenario.nu(), condensed::change_count(scenario)) } else { (1, 0) };
         Ok(Self {
             memory: Memory::new(states, model.trim.actuation),
             work: Work {
@@ -215,8 +215,8 @@ impl AttitudeMpc {
                 computed: INPUTS * moves,
                 plan: DVector::zeros(INPUTS * moves),
             },
-            law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, sample_s),
-            delay_compensation: scenario.mpc.delay_compensation,
+            law: DisturbanceLaw::new(&scenario.airframe, settings.disturbance_gain, sample_s),
+            delay_compensation: settings.delay_compensation,
             idle_speed: scenario.plant.ground.present.then(|| scenario.idle_speed()),
             sample_ns: scenario.sample_ns(),
             model,

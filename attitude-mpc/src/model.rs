@@ -54,8 +54,8 @@ impl PredictionModel {
     /// Builds the controller's model of a scenario's vehicle.
     pub fn new(scenario: &Scenario) -> Self {
         let vehicle = &scenario.airframe;
-        let lag_s = scenario.mpc.actuator_lag_model_s;
-        let servo_lag_s = scenario.mpc.servo_lag_model_s.unwrap_or(lag_s);
+        let lag_s = scenario.attitude.actuator_lag_model_s;
+        let servo_lag_s = scenario.attitude.servo_lag_model_s.unwrap_or(lag_s);
         let sample_s = scenario.sample_s();
         let trim = Trim::solve(vehicle, scenario.mixer.tilt_reaction);
         let mixing = MixingMatrix::new(vehicle, scenario.mixer.tilt_reaction);
@@ -220,7 +220,7 @@ mod tests {
         let goal = model.inputs_of(&command)[0];
         assert!(goal < x[STATES] && x[STATES] < 0.0, "{} between {goal} and 0", x[STATES]);
         // The lag of the inputs agrees with the lag of the rotor speeds to first order in the step.
-        let share = 1.0 - (-0.01_f64 / scenario.mpc.actuator_lag_model_s).exp();
+        let share = 1.0 - (-0.01_f64 / scenario.attitude.actuator_lag_model_s).exp();
         assert!((x[STATES] / goal - share).abs() < 0.01);
         assert_eq!(model.actuate(&once, &command, 0), once);
     }
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn each_actuator_has_its_own_lag() {
         let mut scenario = Scenario::default();
-        scenario.mpc.servo_lag_model_s = Some(0.3);
+        scenario.attitude.servo_lag_model_s = Some(0.3);
         let model = PredictionModel::new(&scenario);
         let at = model.trim.actuation;
         let rotor = |i: usize| {
@@ -261,7 +261,7 @@ mod tests {
             [(Profile::Paper, 0.0, 100), (Profile::Robust, 0.03, 100), (Profile::Robust, 0.001, 50)]
         {
             let mut scenario = Scenario::from(profile);
-            (scenario.mpc.actuator_lag_model_s, scenario.run.rate_hz) = (lag_s, rate_hz);
+            (scenario.attitude.actuator_lag_model_s, scenario.run.rate_hz) = (lag_s, rate_hz);
             let model = PredictionModel::new(&scenario);
             let n = model.states();
             let start = DVector::from_fn(n, |row, _| 0.1 * (row as f64 - 3.0));

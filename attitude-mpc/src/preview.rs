@@ -102,7 +102,7 @@ mod tests {
             [(Model::Hover, DelayCompensation::Sample(true)), (Model::Scheduled, DelayCompensation::Sample(false))]
         {
             let mut scenario = Scenario::default();
-            (scenario.mpc.model, scenario.mpc.delay_compensation) = (model, delay);
+            (scenario.attitude.mpc.model, scenario.attitude.delay_compensation) = (model, delay);
             scenario.guidance.preview_s = STEP_NS as f64 * 1e-9 * PREVIEW as f64;
             // The reference moves until 240 ms, which is an element of both previews.
             let demand = |of: u64| {

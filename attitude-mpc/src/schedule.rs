@@ -1,4 +1,5 @@
-//! Gain-scheduled MPC: one MPC for each flight condition, blended by the measured velocity: `mpc.model = "scheduled"`.
+//! Gain-scheduled MPC: one MPC for each flight condition, blended by the measured velocity: `attitude.mpc.model =
+//! "scheduled"`.
 //!
 //! The conditions are trimmed level flights ([`LevelFlight`]) on a grid of velocities ahead and to the right, because
 //! this vehicle flies in any direction without turning its nose. Each has its own model, terminal weight and gain, all
@@ -116,9 +117,10 @@ impl Condition {
             let [ahead, right] = way_mps;
             ScenarioError::of(
                 format!(
-                    "`mpc.model` = \"scheduled\", and nothing holds {ahead} m/s ahead and {right} m/s to the right"
+                    "`attitude.mpc.model` = \"scheduled\", and nothing holds {ahead} m/s ahead and {right} m/s to the \
+                     right"
                 ),
-                "less drag in `[plant]`, or `mpc.model` = \"hover\"".into(),
+                "less drag in `[plant]`, or `attitude.mpc.model` = \"hover\"".into(),
             )
         })?;
         let model = FlightModel::new(scenario, &FlightPoint::from(&level));

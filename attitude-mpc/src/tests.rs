@@ -42,7 +42,7 @@ fn at_hover_the_demand_is_zero() {
         [Profile::Paper, Profile::Robust].into_iter().flat_map(|profile| LAWS.map(|law| (profile, law)))
     {
         let mut scenario = Scenario::from(profile);
-        scenario.mpc.law = law;
+        scenario.attitude.law = law;
         let mut mpc = AttitudeMpc::new(&scenario);
         for tick in 0..10 {
             let (state, reference) = hover(&mpc, tick);
@@ -63,7 +63,7 @@ fn each_reference_pushes_its_own_way() {
 #[test]
 fn a_pid_whose_demand_is_not_followed_demands_less() {
     let mut scenario = Scenario::from(Profile::Robust);
-    (scenario.mpc.law, scenario.mpc.constraints) = (Law::Pid, Constraints::None);
+    (scenario.attitude.law, scenario.attitude.mpc.constraints) = (Law::Pid, Constraints::None);
     let mut mpc = AttitudeMpc::new(&scenario);
     let mut yawing = |tick| {
         let (state, reference) = violent_turn(&mpc, tick); // the command in force stays that of trim
@@ -75,8 +75,8 @@ fn a_pid_whose_demand_is_not_followed_demands_less() {
 
 fn check_directions(law: Law) {
     let mut scenario = Scenario::from(Profile::Robust);
-    scenario.mpc.constraints = Constraints::None;
-    scenario.mpc.law = law;
+    scenario.attitude.mpc.constraints = Constraints::None;
+    scenario.attitude.law = law;
     let demand = |change: fn(&mut Reference)| {
         let mut mpc = AttitudeMpc::new(&scenario);
         let (state, mut reference) = hover(&mpc, 0);
@@ -98,8 +98,8 @@ fn val_problems_of_the_independent_simulator() {
     for (case, solver) in cases.iter().flat_map(|case| solvers.map(|solver| (case, solver))) {
         let Case { name, scenario, state, reference, previous, plan, objective, active, tolerance } = case;
         let mut scenario = scenario.clone();
-        scenario.mpc.time_limit_ms = 0.0;
-        scenario.mpc.solver = solver;
+        scenario.attitude.mpc.time_limit_ms = 0.0;
+        scenario.attitude.mpc.solver = solver;
         let mut mpc = AttitudeMpc::new(&scenario);
         mpc.memory.delay.outputs[0] = *previous;
         let controls = mpc.step(0, state, reference);
@@ -155,7 +155,7 @@ fn a_bad_input_repeats_the_demand_and_changes_nothing_else() {
 fn delay_compensation_plans_from_the_next_sample() {
     let plan_from = |compensate: bool, x: Option<&DVector<f64>>| {
         let mut scenario = Scenario::default();
-        scenario.mpc.delay_compensation = DelayCompensation::Sample(compensate);
+        scenario.attitude.delay_compensation = DelayCompensation::Sample(compensate);
         let mut mpc = AttitudeMpc::new(&scenario);
         mpc.memory.delay.outputs[0] = [-1.0, 0.1, 0.05, -0.02];
         let (_, reference) = hover(&mpc, 0);
@@ -179,7 +179,7 @@ fn delay_compensation_plans_from_the_next_sample() {
 #[test]
 fn the_estimate_waits_for_two_samples_in_a_row() {
     let mut scenario = Scenario::default();
-    scenario.mpc.disturbance_gain = 0.5;
+    scenario.attitude.disturbance_gain = 0.5;
     let mut mpc = AttitudeMpc::new(&scenario);
     for (tick, learns) in [(7, false), (9, false), (9, false), (10, true)] {
         let before = mpc.memory.disturbance;
@@ -230,9 +230,9 @@ const PUSH: [f64; 4] = [0.5, -0.02, 0.03, 0.01];
 /// trim as the reference \[rad\].
 fn settle(law: Law, disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
     let mut scenario = fixture::constrained();
-    scenario.mpc.law = law;
-    scenario.mpc.disturbance_gain = disturbance_gain;
-    scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // this vehicle has no delay beyond its lag
+    scenario.attitude.law = law;
+    scenario.attitude.disturbance_gain = disturbance_gain;
+    scenario.attitude.delay_compensation = DelayCompensation::Sample(false); // this vehicle has no delay beyond its lag
     let mut mpc = AttitudeMpc::new(&scenario);
     let push = Vector4::from(PUSH);
     let mut x = DVector::zeros(11);
@@ -286,7 +286,7 @@ fn a_constant_moment_leaves_no_offset() {
 fn a_law_without_an_estimate_drops_that_of_the_law_before() {
     let of = |law| {
         let mut scenario = fixture::without_estimate();
-        scenario.mpc.law = law;
+        scenario.attitude.law = law;
         AttitudeMpc::new(&scenario)
     };
     let mut before = of(Law::Indi);
@@ -317,9 +317,9 @@ proptest! {
         let mut scenario = fixture::constrained();
         scenario.plant.rotor_speed_max_ratio = ratio;
         scenario.mixer.tilt_reaction = reaction;
-        scenario.mpc.time_limit_ms = 0.0;
-        scenario.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
-        scenario.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
+        scenario.attitude.mpc.time_limit_ms = 0.0;
+        scenario.attitude.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
+        scenario.attitude.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         if broken {
             scenario.fault = vec![fixture::fault(FaultKind::Nan, 0.0, None)];
         }
@@ -343,12 +343,12 @@ proptest! {
         [exact, own, soft] in prop::array::uniform3(prop::bool::ANY), law in prop::sample::select(&LAWS[..]),
     ) {
         let mut scenario = Scenario::default();
-        scenario.mpc.law = law;
-        scenario.mpc.disturbance_gain = 0.5;
-        scenario.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
-        scenario.mpc.time_limit_ms = 0.0;
-        scenario.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
-        scenario.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
+        scenario.attitude.law = law;
+        scenario.attitude.disturbance_gain = 0.5;
+        scenario.attitude.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
+        scenario.attitude.mpc.time_limit_ms = 0.0;
+        scenario.attitude.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
+        scenario.attitude.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         let mut mpc = AttitudeMpc::new(&scenario);
         let (state, reference) = hover(&mpc, tick.saturating_sub(1));
         mpc.step(state.stamp.tick, &state, &reference);

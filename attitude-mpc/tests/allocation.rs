@@ -31,8 +31,8 @@ fn the_explicit_path_allocates_nothing() {
         [(Profile::Paper, Constraints::None), (Profile::Robust, Constraints::Box), (Profile::Robust, Constraints::Cone)]
     {
         let mut scenario = Scenario::from(profile);
-        scenario.mpc.constraints = constraints;
-        scenario.mpc.disturbance_gain = 0.1;
+        scenario.attitude.mpc.constraints = constraints;
+        scenario.attitude.disturbance_gain = 0.1;
         let mut mpc = AttitudeMpc::new(&scenario);
         for _ in 0..3 {
             let (controls, allocations) = step(&mut mpc, &scenario, 0.01);
@@ -46,7 +46,7 @@ fn the_explicit_path_allocates_nothing() {
 #[test]
 fn the_prediction_over_a_measured_delay_allocates_nothing() {
     let mut scenario = Scenario::default();
-    scenario.mpc.delay_compensation = DelayCompensation::Named(DelayName::Measured);
+    scenario.attitude.delay_compensation = DelayCompensation::Named(DelayName::Measured);
     let mut mpc = AttitudeMpc::new(&scenario);
     let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
     for tick in 10..20 {
@@ -68,8 +68,8 @@ fn no_model_allocates() {
     for model in [Model::Coupled, Model::Scheduled] {
         for profile in [Profile::Paper, Profile::Robust] {
             let mut scenario = Scenario::from(profile);
-            scenario.mpc.model = model;
-            scenario.mpc.disturbance_gain = 0.1;
+            scenario.attitude.mpc.model = model;
+            scenario.attitude.disturbance_gain = 0.1;
             let mut mpc = AttitudeMpc::new(&scenario);
             for _ in 0..3 {
                 let (controls, allocations) = step(&mut mpc, &scenario, 0.01);
@@ -85,7 +85,7 @@ fn no_model_allocates() {
 fn no_law_allocates() {
     for law in [Law::Mpc, Law::Lqr, Law::Pid, Law::Geometric, Law::Indi] {
         let mut scenario = Scenario::default();
-        scenario.mpc.law = law;
+        scenario.attitude.law = law;
         let mut mpc = AttitudeMpc::new(&scenario);
         for _ in 0..3 {
             let (controls, allocations) = step(&mut mpc, &scenario, 0.01);
@@ -103,10 +103,10 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
         (Solver::ActiveSet, StateConstraints::Soft, 0),
     ] {
         let mut scenario = Scenario::from(Profile::Robust);
-        scenario.mpc.constraints = Constraints::Cone;
-        scenario.mpc.solver = solver;
-        scenario.mpc.state_constraints = soft;
-        scenario.mpc.rates_limit_dps = [90.0; 3];
+        scenario.attitude.mpc.constraints = Constraints::Cone;
+        scenario.attitude.mpc.solver = solver;
+        scenario.attitude.mpc.state_constraints = soft;
+        scenario.attitude.mpc.rates_limit_dps = [90.0; 3];
         scenario.run.mode = Mode::Inprocess; // no time limit, which a loaded machine would reach
         let mut mpc = AttitudeMpc::new(&scenario);
         for _ in 0..3 {
@@ -120,8 +120,8 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
 fn a_failing_solver_allocates_no_more() {
     for (solver, expected) in [(Solver::Clarabel, 1), (Solver::ActiveSet, 0)] {
         let mut scenario = Scenario::from(Profile::Robust);
-        scenario.mpc.constraints = Constraints::Cone;
-        scenario.mpc.solver = solver;
+        scenario.attitude.mpc.constraints = Constraints::Cone;
+        scenario.attitude.mpc.solver = solver;
         scenario.fault = vec![Fault::new(FaultTarget::Mpc, FaultKind::Infeasible, 0.0, None)];
         let mut mpc = AttitudeMpc::new(&scenario);
         for _ in 0..3 {

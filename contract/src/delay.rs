@@ -6,8 +6,8 @@
 //!      in force    output of k-m    output of k-m+1     k-1            delay = m Ts + f
 //! ```
 //!
-//! An output is a demand of attitude-mpc, with `mpc.delay_compensation = "measured"`, or a command of the mixer, for
-//! the descent of a broken vehicle. STATE tells which command is in force, and the age at which it took effect: the
+//! An output is a demand of attitude-mpc, with `attitude.delay_compensation = "measured"`, or a command of the mixer,
+//! for the descent of a broken vehicle. STATE tells which command is in force, and the age at which it took effect: the
 //! time from the sample that it answers to its effect at the actuators. The delay is that age, averaged over the
 //! commands (`SHARE`) and at most [`MAX_DELAY`] samples, whatever STATE claims. The outputs that no command in force
 //! has answered yet act one after the other; an output that a newer command has overtaken, or whose time has passed

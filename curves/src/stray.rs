@@ -2,8 +2,10 @@
 //!
 //! Given times decide how far a smooth curve swings out: a vehicle that has little time for a short leg and much for
 //! the next passes the point between them fast, and takes most of the second leg to come back. The path depends on
-//! nothing but the ratios of the times. Those of the [fastest](crate::fastest) curve are in proportion to the ways, so
-//! the same points with these ratios are the offer.
+//! nothing but the ratios of the times. Those of the [fastest] curve are in proportion to the ways, so the same points
+//! with these ratios are the offer.
+//!
+//! [fastest]: crate::fastest
 
 use nalgebra::Vector3;
 

@@ -24,7 +24,7 @@
 
 // Vehicle and settings, given when a node is created. The trim is the hover of this vehicle.
 typedef struct {
-  // `[node.<name>.settings]` of the scenario as a JSON object.
+  // `[node.NAME.settings]` of the scenario as a JSON object.
   const char *settings_json;
   // Time between two samples [s].
   double dt_s;

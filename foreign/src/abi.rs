@@ -20,7 +20,7 @@ pub const TREFOIL_MEMORY_BYTES: u32 = 1000;
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 pub struct TrefoilSetup {
-    /// `[node.<name>.settings]` of the scenario as a JSON object.
+    /// `[node.NAME.settings]` of the scenario as a JSON object.
     pub settings_json: *const c_char,
     /// Time between two samples \[s\].
     pub dt_s: f64,

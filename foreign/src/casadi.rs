@@ -21,7 +21,7 @@ use std::path::Path;
 
 use bytemuck::{bytes_of, cast_slice, pod_read_unaligned};
 use contract::message::Kinematics;
-use contract::scenario::{NodeProgram, Scenario};
+use contract::scenario::{NodeSettings, Scenario};
 use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
 use plant::vehicle::start;
@@ -88,7 +88,7 @@ pub struct Casadi {
 impl Function {
     /// Finds the CasADi function of the library at `path`; `None` if it has none. Of several, the settings of the
     /// `program` name one as `function`.
-    pub fn find(handle: &Handle, path: &Path, program: &NodeProgram) -> Option<Result<Self, String>> {
+    pub fn find(handle: &Handle, path: &Path, program: &NodeSettings) -> Option<Result<Self, String>> {
         // SAFETY: the addresses are only compared with null.
         let has = |symbol: &str| unsafe { handle.get::<*const c_void>(symbol.as_bytes()) }.is_ok();
         let wanted = program.settings.get("function").and_then(toml::Value::as_str);

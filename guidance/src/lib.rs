@@ -22,7 +22,7 @@
 //! both.
 //!
 //! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and
-//! the delay of the commands if attitude-mpc measures it (`mpc.delay_compensation`).
+//! the delay of the commands if attitude-mpc measures it (`attitude.delay_compensation`).
 //!
 //! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction
 //! by PID and observer stays, as if the vehicle kept its place beside the trajectory.
@@ -125,7 +125,7 @@ impl Guidance {
             heading: HeadingCommand::new(scenario),
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
-            leads_by_delay: scenario.mpc.delay_compensation.is_measured(),
+            leads_by_delay: scenario.attitude.delay_compensation.is_measured(),
             memory: Memory::default(),
         };
         let start = guidance.trajectory.at(0.0);

@@ -180,7 +180,7 @@ fn the_observer_holds_while_the_vehicle_is_upset() {
 fn feed_forward_leads_by_the_measured_delay_only_if_the_controller_measures_it() {
     let answer = |delay_compensation, lead_s, age_ns| {
         let mut s = scenario(Profile::Robust, TrajectoryKind::Circle);
-        (s.mpc.delay_compensation, s.guidance.lead_s) = (delay_compensation, lead_s);
+        (s.attitude.delay_compensation, s.guidance.lead_s) = (delay_compensation, lead_s);
         s.mission.period_s = 10.0;
         let (mut guidance, trajectory) = (Guidance::new(&s), Trajectory::new(&s));
         let answers = (300..310).map(|tick| {

@@ -105,7 +105,9 @@ fn of_run(run: &Path, args: &ExportArgs) -> anyhow::Result<()> {
 
 /// Writes the FMU, and says where.
 fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
-    scenario.iter().for_each(|path| scenarios::tell(Kind::Scenario, path));
+    if let Some(path) = scenario {
+        scenarios::tell(Kind::Scenario, path);
+    }
     let out = args.out.as_deref().map_or_else(|| Ok("trefoil.fmu".into()), |out| named_file(out, "fmu"))?;
     let scenario = settings::load(scenario, &args.set)?;
     check(&scenario).map_err(|why| anyhow!(why))?;

@@ -1,9 +1,12 @@
 //! Examples and exit codes of every command, for `--help`, the manual pages and the page of commands.
 
+use std::ffi::OsString;
+
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory, Parser};
 use contract::exit;
+use contract::scenario::moved::{self, Kind, MOVED};
 use flight::provenance::Program;
 
 /// Commands in the list of `--help`, by what they are for. Those that packagers and other programs call have no place.
@@ -70,7 +73,7 @@ pub const HELP: &[Help] = &[
         exits: FLIES,
     },
     help("new", &["new my-controller --lang c", "new my-guidance --lang c --node guidance"]),
-    help("check", &["check survey", "check mine.toml --set mpc.prediction_horizon_s=0.3"]),
+    help("check", &["check survey", "check mine.toml --set attitude.mpc.prediction_horizon_s=0.3"]),
     Help {
         command: "doctor",
         examples: &["doctor", "doctor scenarios/survey.toml --json"],
@@ -91,7 +94,7 @@ pub const HELP: &[Help] = &[
     help("status", &["status", "status --watch"]),
     Help {
         command: "swap",
-        examples: &["swap attitude-mpc --set mpc.law=lqr", "swap mixer --exec ./my-mixer --standby 2s"],
+        examples: &["swap attitude-mpc --set attitude.law=lqr", "swap mixer --exec ./my-mixer --standby 2s"],
         exits: &[
             (exit::FLOWN, "the candidate stays"),
             (exit::OUT_OF_BOUNDS, "the candidate was removed, and the old process is active"),
@@ -202,10 +205,36 @@ fn add(command: Command, path: &[&str], help: &Help) -> Command {
 
 /// Parses the arguments of this process.
 pub fn parse<C: Parser>() -> Result<C, clap::Error> {
+    parse_from(std::env::args_os().collect())
+}
+
+/// Parses `arguments`, of which the first is the name of the program.
+pub fn parse_from<C: Parser>(arguments: Vec<OsString>) -> Result<C, clap::Error> {
     let mut command = command::<C>();
-    let matches = command.try_get_matches_from_mut(std::env::args_os());
-    let matches = matches.map_err(|error| with_advice(error, &command, &std::env::args().collect::<Vec<_>>()))?;
+    let words: Vec<String> = arguments.iter().map(|word| word.to_string_lossy().into_owned()).collect();
+    let matches = command.try_get_matches_from_mut(arguments);
+    let matches = matches.map_err(|error| match old_command(&words) {
+        Some(title) if error.use_stderr() => command.error(error.kind(), title),
+        _ => with_advice(error, &command, &words),
+    })?;
     C::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}
+
+/// Returns what takes the place of a command of an earlier version, or of an option of one.
+fn old_command(words: &[String]) -> Option<String> {
+    let is_said = |old: &str| {
+        let (mut names, mut options) = (words.iter().skip(1), words.iter());
+        old.split(' ').all(|part| {
+            let is_option = part.starts_with("--");
+            if is_option {
+                options.any(|word| word.split('=').next() == Some(part))
+            } else {
+                names.next().is_some_and(|word| word == part)
+            }
+        })
+    };
+    let (kind, old, _) = MOVED.iter().find(|(kind, old, _)| *kind == Kind::Command && is_said(old))?;
+    moved::find(*kind, old).map(|moved| moved.title)
 }
 
 /// Adds what may have been meant to the error for a word that no option takes: a unit apart from its number, or the

@@ -1,8 +1,9 @@
-//! The pages of docs/reference/ and the schemas of docs/schema/ are generated from the code. Regenerate with
-//! `TREFOIL_WRITE_REFERENCE=1 cargo test -p launcher reference`.
+//! The pages of docs/reference/, docs/names.md and the schemas of docs/schema/ are generated from the code. Regenerate
+//! with `TREFOIL_WRITE_REFERENCE=1 cargo test -p launcher reference`.
 
 mod command_line;
 mod log;
+mod names;
 mod page;
 mod scenario;
 mod written;

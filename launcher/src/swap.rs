@@ -37,7 +37,7 @@ pub struct SwapArgs {
     /// instead of --settings
     #[arg(long, value_name = "PATH")]
     pub exec: Option<String>,
-    /// A setting of the candidate, on top of the run's, value in TOML: --set mpc.law=lqr
+    /// A setting of the candidate, on top of the run's, value in TOML: --set attitude.law=lqr
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Time on standby beside the old process, without being delivered: 2s, 500ms

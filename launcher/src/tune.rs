@@ -38,7 +38,7 @@ fn lines(campaign: &Campaign) -> String {
          seed = 101        # of the training draws\n\
          samples = 10      # draws that each try flies\n\
          flights = 1000    # budget of each controller\n\
-         scale.{name} = [[\"mpc.r.0\"], [\"mpc.r.1\", \"mpc.r.2\"]]"
+         scale.{name} = [[\"attitude.mpc.r.0\"], [\"attitude.mpc.r.1\", \"attitude.mpc.r.2\"]]"
     )
 }
 

@@ -11,13 +11,13 @@ pub fn describe_hover(scenario: &Scenario) -> String {
     rows.iter().fold("\n".into(), |text, (name, value)| text + &format!("# {name}: {value}\n"))
 }
 
-/// Warns on stderr if `mpc.r` is that of another vehicle.
+/// Warns on stderr if `attitude.mpc.r` is that of another vehicle.
 pub fn warn_of_weights(scenario: &Scenario) {
     if let Some(fitting) = weights_that_fit(scenario) {
         eprint_line(&format!(
-            "warning: `mpc.r` = {:?} is not for this `airframe`, whose weights are about {:?}: leave `mpc.r` out, and it \
-             follows the vehicle",
-            scenario.mpc.r,
+            "warning: `attitude.mpc.r` = {:?} is not for this `airframe`, whose weights are about {:?}: leave \
+             `attitude.mpc.r` out, and it follows the vehicle",
+            scenario.attitude.mpc.r,
             fitting.map(three_digits)
         ));
     }

@@ -146,7 +146,7 @@ def test_wrong_answers_are_refused() -> None:
         ({"settings": {"run.mode": "lockstep"}}, "a stepped flight is in process"),
         ({"settings": {"run.duraton_s": 1.0}}, "did you mean `run.duration_s`"),
         ({"settings": {"node.mixer.exec": "/no/such.so"}}, "is not there"),
-        ({"settings": {"swap": [{"at_s": 1.0, "node": "attitude-mpc", "set": ["mpc.law=lqr"]}]}}, "replaces the caller"),
+        ({"settings": {"swap": [{"at_s": 1.0, "node": "attitude-mpc"}]}}, "replaces the caller"),
         ({"scenario": "no-such.toml"}, "cannot read the scenario"),
     ],
 )

@@ -33,8 +33,8 @@ def test_the_timing_of_processes_is_a_frame(tmp_path: Path, namespace: str) -> N
 
 
 def test_a_flight_that_cannot_be_flown_raises_the_words_of_the_launcher() -> None:
-    with pytest.raises(trefoil.Error, match="unknown key `mpc.nq`") as raised:
-        trefoil.fly(settings={"mpc.nq": 1})
+    with pytest.raises(trefoil.Error, match="unknown key `attitude.mpc.nq`") as raised:
+        trefoil.fly(settings={"attitude.mpc.nq": 1})
     assert raised.value.exit_code == 2
 
 

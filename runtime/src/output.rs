@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn the_last_state_is_sent_however_late_it_is() {
         let mut ring = Ring::flying(Mode::Realtime);
-        ring.run.deadline.policy = Late::Skip;
+        ring.run.deadline.late = Late::Skip;
         let mut output = ring.session(Topic::State, 1).output::<State>().unwrap();
         let receiver = ring.queues.receiver::<State>(4).unwrap();
         for (tick, status) in [(0, PlantStatus::Flying), (1, PlantStatus::Finished)] {

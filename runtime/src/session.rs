@@ -117,7 +117,7 @@ impl NodeSession {
     fn become_ready(&mut self) -> Result<Release, SessionError> {
         let Member { page, topic, epoch, timing, .. } = &self.member;
         let release = Release::of(&self.scenario);
-        let scheduling = self.scenario.realtime.of(*topic as usize);
+        let scheduling = self.scenario.scheduling_of(*topic as usize);
         match release {
             Release::Timer { .. } => realtime::enter(&scheduling),
             Release::Barrier => realtime::pin(&scheduling.affinity),

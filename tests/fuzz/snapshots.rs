@@ -18,7 +18,7 @@ use super::cases;
 fn scenario() -> impl Strategy<Value = Scenario> {
     let of = |profile, law| {
         let mut scenario = Scenario::from(profile);
-        scenario.mpc.law = law;
+        scenario.attitude.law = law;
         scenario
     };
     let robust = [Law::Mpc, Law::Pid, Law::Geometric, Law::Indi].map(|law| of(Profile::Robust, law));

@@ -21,7 +21,7 @@ fn cost(
     changes: &DVector<f64>,
     plan: &DVector<f64>,
 ) -> f64 {
-    let (n, weights) = (model.states(), &scenario.mpc);
+    let (n, weights) = (model.states(), &scenario.attitude.mpc);
     let (q, r) = stage_weights(n, weights);
     let p = terminal_weight(model, weights, &q, &r).unwrap();
     let d = Vector4::from_column_slice(given.rows(n + STATES, INPUTS).as_slice());
@@ -38,7 +38,7 @@ fn cost(
             reference += changes.rows(STATES * k, STATES);
         }
         let mut held = -d;
-        if weights.disturbance_gain > 0.0 {
+        if scenario.attitude.disturbance_gain > 0.0 {
             held[0] += 1.1 * 9.81 * model.trim.roll_rad.sin() * target[1]; // m w' = -m g sin(phi_trim) phi + col
         }
         if model.has_lag() {
@@ -71,8 +71,9 @@ fn the_gain_minimises_the_printed_cost() {
     for (setting, preview_s) in settings.into_iter().flat_map(|setting| [(setting, 0.0), (setting, 0.4)]) {
         let (profile, prediction_horizon_s, control_horizon_s, terminal, disturbance_gain, r_rate) = setting;
         let mut scenario = Scenario::from(profile);
-        scenario.mpc =
-            Mpc { prediction_horizon_s, control_horizon_s, terminal, disturbance_gain, r_rate, ..scenario.mpc };
+        scenario.attitude.disturbance_gain = disturbance_gain;
+        scenario.attitude.mpc =
+            Mpc { prediction_horizon_s, control_horizon_s, terminal, r_rate, ..scenario.attitude.mpc };
         scenario.guidance.preview_s = preview_s;
         let (model, condensed) = condensed(&scenario);
         let given = DVector::from_fn(model.states() + GIVEN, |i, _| (1.0 + i as f64).sin() * 0.3);
@@ -127,7 +128,7 @@ fn the_disturbance_is_cancelled_at_rest() {
 #[test]
 fn the_longest_horizon_is_still_finite() {
     let mut scenario = Scenario::default();
-    (scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s) = (2.0, 0.2);
+    (scenario.attitude.mpc.prediction_horizon_s, scenario.attitude.mpc.control_horizon_s) = (2.0, 0.2);
     let (_, condensed) = condensed(&scenario);
     assert!(condensed.gain.given.iter().all(|k| k.is_finite()));
 }
@@ -136,7 +137,7 @@ fn the_longest_horizon_is_still_finite() {
 fn weights_that_rounding_makes_singular_are_refused() {
     let share = |profile: Profile, set: fn(&mut Mpc)| {
         let mut scenario = Scenario::from(profile);
-        set(&mut scenario.mpc);
+        set(&mut scenario.attitude.mpc);
         let hessian = Condensed::new(&PredictionModel::new(&scenario), &scenario).ok()?.hessian;
         let lower = hessian.clone().cholesky()?.l();
         lower.diagonal().iter().zip(&hessian.diagonal()).map(|(left, whole)| left * left / whole).reduce(f64::min)
@@ -157,8 +158,8 @@ fn val_terminal_weight_with_lag() {
     let scenario = fixture::with_lag();
     let model = PredictionModel::new(&scenario);
     let mut q = DMatrix::identity(11, 11) * 1e-9;
-    scenario.mpc.q.iter().enumerate().for_each(|(i, weight)| q[(i, i)] += weight);
-    let r = DMatrix::from_diagonal(&DVector::from_row_slice(&scenario.mpc.r));
+    scenario.attitude.mpc.q.iter().enumerate().for_each(|(i, weight)| q[(i, i)] += weight);
+    let r = DMatrix::from_diagonal(&DVector::from_row_slice(&scenario.attitude.mpc.r));
     let s = riccati::solve(&model.a, &model.b, &q, &r).unwrap();
     fixture::assert_matrix(&s, &fixture::matrix("S_dare_B2"));
 

@@ -16,8 +16,8 @@ const SOLVERS: [Solver; 2] = [Solver::Clarabel, Solver::ActiveSet];
 
 fn scenario(solver: Solver) -> Scenario {
     let mut scenario = crate::fixture::constrained();
-    scenario.mpc.solver = solver;
-    scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
+    scenario.attitude.mpc.solver = solver;
+    scenario.attitude.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
     scenario
 }
 
@@ -81,7 +81,7 @@ fn a_fallback_is_the_mixer_s_projection_of_the_unconstrained_demand() {
     scenario.fault = vec![fault(FaultKind::Nan, 0.0, None)];
     let fallen_back = turn(&scenario, 1)[0];
     scenario.fault.clear();
-    scenario.mpc.constraints = Constraints::None;
+    scenario.attitude.mpc.constraints = Constraints::None;
     let wanted = turn(&scenario, 1)[0].demand.into();
     let envelope = Envelope::new(&scenario.airframe, false, scenario.limits());
     let nearest =
@@ -95,7 +95,7 @@ fn a_solve_out_of_iterations_publishes_the_best_plan_inside() {
     let optimum = turn(&scenario, 1)[0];
     let mut nearer = f64::INFINITY;
     for iterations in [2, 4, 6] {
-        scenario.mpc.max_iterations = iterations;
+        scenario.attitude.mpc.max_iterations = iterations;
         let controls = turn(&scenario, 1)[0];
         assert_eq!((controls.status, controls.iterations), (SolveStatus::LimitReached as u64, u64::from(iterations)));
         assert!(demand_violation(&scenario, controls.demand) <= 0.0);
@@ -114,7 +114,7 @@ fn time_is_limited_only_where_there_is_a_clock() {
     ] {
         let mut scenario = scenario(Solver::Clarabel);
         scenario.run.mode = mode;
-        scenario.mpc.time_limit_ms = 1e-6;
+        scenario.attitude.mpc.time_limit_ms = 1e-6;
         assert_eq!(turn(&scenario, 1)[0].status, status as u64, "{mode:?}");
     }
 }
@@ -122,8 +122,8 @@ fn time_is_limited_only_where_there_is_a_clock() {
 /// Answer at hover with a yaw rate `r_radps`, which (51) may forbid, and a heading step in its direction.
 fn spin(solver: Solver, limits: StateConstraints, r_radps: f64) -> (Controls, AttitudeMpc) {
     let mut scenario = scenario(solver);
-    scenario.mpc.state_constraints = limits;
-    scenario.mpc.state_penalty = 1e4;
+    scenario.attitude.mpc.state_constraints = limits;
+    scenario.attitude.mpc.state_penalty = 1e4;
     let mut mpc = AttitudeMpc::new(&scenario);
     let (mut state, mut reference) = hover(&mpc, 0);
     state.measured.rates_radps[2] = r_radps;

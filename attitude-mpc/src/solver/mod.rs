@@ -29,9 +29,9 @@ use crate::memory::WarmStart;
 
 /// Solver that the scenario selects.
 pub enum Solver {
-    /// Solver of `mpc.solver = "clarabel"`.
+    /// Solver of `attitude.mpc.solver = "clarabel"`.
     Clarabel(Box<ConicSolver>),
-    /// Solver of `mpc.solver = "active-set"`.
+    /// Solver of `attitude.mpc.solver = "active-set"`.
     ActiveSet(Box<ActiveSetSolver>),
 }
 
@@ -39,7 +39,7 @@ impl Solver {
     /// Sets up the problem with the Hessian `H` (4Nu x 4Nu) for the solver of a scenario.
     pub fn new(scenario: &Scenario, hessian: &DMatrix<f64>, set: &PlanSet) -> Self {
         let limits = Limits::of(scenario);
-        match scenario.mpc.solver {
+        match scenario.attitude.mpc.solver {
             Choice::Clarabel => Self::Clarabel(Box::new(ConicSolver::new(hessian, set, limits))),
             Choice::ActiveSet => Self::ActiveSet(Box::new(ActiveSetSolver::new(hessian, set, limits.iterations))),
         }

@@ -38,8 +38,8 @@ pub struct Limits {
 impl Limits {
     /// Reads the limits of a scenario; time is limited in mode `realtime` only.
     pub fn of(scenario: &Scenario) -> Self {
-        let timed = scenario.run.mode == Mode::Realtime && scenario.mpc.time_limit_ms > 0.0;
-        let time_s = if timed { scenario.mpc.time_limit_ms / 1e3 } else { f64::INFINITY };
-        Self { iterations: scenario.mpc.max_iterations, time_s }
+        let timed = scenario.run.mode == Mode::Realtime && scenario.attitude.mpc.time_limit_ms > 0.0;
+        let time_s = if timed { scenario.attitude.mpc.time_limit_ms / 1e3 } else { f64::INFINITY };
+        Self { iterations: scenario.attitude.mpc.max_iterations, time_s }
     }
 }

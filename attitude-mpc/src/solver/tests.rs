@@ -20,8 +20,8 @@ struct SetUp {
 
 fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
     let mut scenario = crate::fixture::constrained();
-    scenario.mpc.solver = solver;
-    scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
+    scenario.attitude.mpc.solver = solver;
+    scenario.attitude.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
     assert_eq!(4 * scenario.nu(), PLAN);
     change(&mut scenario);
     let model = PredictionModel::new(&scenario);
@@ -56,7 +56,7 @@ fn violent() -> DVector<f64> {
 fn a_plan_inside_the_set_is_its_own_optimum() {
     for (choice, constraints) in SOLVERS.into_iter().flat_map(|s| [Constraints::Box, Constraints::Cone].map(|c| (s, c)))
     {
-        let mut set_up = set_up(choice, |scenario| scenario.mpc.constraints = constraints);
+        let mut set_up = set_up(choice, |scenario| scenario.attitude.mpc.constraints = constraints);
         let wanted = DVector::from_fn(PLAN, |i, _| [-2.0, 0.1, -0.1, 0.2][i % 4]);
         let mut plan = DVector::zeros(PLAN);
         assert_eq!(set_up.solve(&wanted, &mut plan), Verdict::Solved);
@@ -125,7 +125,7 @@ proptest! {
         [exact, own] in prop::array::uniform2(prop::bool::ANY),
     ) {
         let mut set_up = set_up(if own { Choice::ActiveSet } else { Choice::Clarabel }, |scenario| {
-            scenario.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
+            scenario.attitude.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
         });
         let (wanted, elsewhere) = (ask(&wanted), ask(&elsewhere));
         let (mut best, mut other) = (DVector::zeros(PLAN), DVector::zeros(PLAN));
@@ -150,8 +150,8 @@ proptest! {
             let mut set_up = set_up(choice, |scenario| {
                 scenario.plant.rotor_speed_max_ratio = ratio;
                 if soft {
-                    scenario.mpc.state_constraints = StateConstraints::Soft;
-                    scenario.mpc.state_penalty = 1e4;
+                    scenario.attitude.mpc.state_constraints = StateConstraints::Soft;
+                    scenario.attitude.mpc.state_penalty = 1e4;
                 }
             });
             // w, three angles, three rates, four lag states; their references; the disturbance.

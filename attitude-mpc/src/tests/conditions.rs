@@ -12,7 +12,7 @@ fn scenario(model: Model) -> Scenario {
     let mut scenario = fixture::constrained();
     scenario.plant.drag_linear_nspm = [0.2, 0.2, 0.1];
     scenario.plant.drag_quadratic_ns2pm2 = 0.02;
-    scenario.mpc.model = model;
+    scenario.attitude.mpc.model = model;
     scenario
 }
 
@@ -115,7 +115,7 @@ fn the_hessian_of_hover_serves_at_speed() {
 fn pitching_at_speed_is_no_force() {
     let mistaken_n = |law, model| {
         let mut scenario = scenario(model);
-        (scenario.mpc.law, scenario.mpc.disturbance_gain) = (law, 1.0);
+        (scenario.attitude.law, scenario.attitude.disturbance_gain) = (law, 1.0);
         let mut mpc = AttitudeMpc::new(&scenario);
         let (mut state, mut reference) = super::hover(&mpc, 0);
         (state.measured.velocity_mps[0], state.measured.rates_radps[1]) = (12.0, 0.2);

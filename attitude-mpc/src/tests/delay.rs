@@ -12,10 +12,10 @@ const SAMPLE_NS: u64 = 10_000_000;
 /// without an estimate, which expects a command to act from a sample on.
 fn controller() -> AttitudeMpc {
     let mut scenario = fixture::without_estimate();
-    scenario.mpc.law = Law::Lqr;
-    scenario.mpc.constraints = Constraints::None;
-    scenario.mpc.actuator_lag_model_s = 0.0;
-    scenario.mpc.delay_compensation = DelayCompensation::Named(DelayName::Measured);
+    scenario.attitude.law = Law::Lqr;
+    scenario.attitude.mpc.constraints = Constraints::None;
+    scenario.attitude.actuator_lag_model_s = 0.0;
+    scenario.attitude.delay_compensation = DelayCompensation::Named(DelayName::Measured);
     AttitudeMpc::new(&scenario)
 }
 

@@ -51,8 +51,9 @@ fn a_missing_reference_shows_in_the_status_from_its_first_tick_on() {
 /// Demands at hover; after tick 0 there are no new references, or only repeated ones with `flags`.
 fn without_references(flags: u64) -> Vec<[f64; 4]> {
     let mut scenario = Scenario::default();
-    scenario.mpc.constraints = Constraints::None; // the descent must not depend on the limits
-    scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // the demand must not depend on the last one
+    scenario.attitude.mpc.constraints = Constraints::None; // the descent must not depend on the limits
+    // The demand must not depend on the last one.
+    scenario.attitude.delay_compensation = DelayCompensation::Sample(false);
     let mut mpc = AttitudeMpc::new(&scenario);
     let answer = |tick| {
         let (state, mut reference) = hover(&mpc, tick);
@@ -86,7 +87,7 @@ fn without_references_the_demand_holds_then_levels_then_descends() {
 #[test]
 fn a_new_reference_is_followed_again() {
     let mut scenario = Scenario::default();
-    scenario.mpc.delay_compensation = DelayCompensation::Sample(false); // as above
+    scenario.attitude.delay_compensation = DelayCompensation::Sample(false); // as above
     let mut mpc = AttitudeMpc::new(&scenario);
     let (state, reference) = hover(&mpc, 400);
     assert!(mpc.step(400, &state, &Reference::default()).demand[0] > 0.1, "none came: down");
@@ -115,7 +116,7 @@ fn a_bad_snapshot_changes_nothing() {
 #[test]
 fn a_warm_start_with_unknown_or_repeated_constraints_is_refused() {
     let mut scenario = fixture::constrained();
-    scenario.mpc.solver = Solver::ActiveSet;
+    scenario.attitude.mpc.solver = Solver::ActiveSet;
     let mut mpc = AttitudeMpc::new(&scenario);
     let mut restore = |count: u64, places: [u16; 2]| {
         let mut warm_start = WarmStart { count, ..WarmStart::default() };
@@ -175,7 +176,7 @@ fn a_restored_controller_continues_with_the_gain_of_the_estimate() {
     super::fly(&mut mpc, 0..10, trim);
     assert!(other.restore(&mpc.snapshot()));
     assert_eq!(other.memory.gain.to_bits(), mpc.memory.gain.to_bits());
-    assert!(mpc.memory.gain < 0.1 && mpc.memory.gain > scenario.mpc.disturbance_gain, "{}", mpc.memory.gain);
+    assert!(mpc.memory.gain < 0.1 && mpc.memory.gain > scenario.attitude.disturbance_gain, "{}", mpc.memory.gain);
 }
 
 #[test]
@@ -183,8 +184,8 @@ fn a_plan_of_many_moves_at_its_limits_is_continued_bit_by_bit() {
     for (moves, fits) in [(20, true), (60, false)] {
         let mut scenario = fixture::constrained();
         let horizon_s = f64::from(moves) * scenario.sample_s();
-        (scenario.mpc.prediction_horizon_s, scenario.mpc.control_horizon_s) = (horizon_s, horizon_s);
-        (scenario.mpc.solver, scenario.mpc.max_iterations) = (Solver::ActiveSet, 1000);
+        (scenario.attitude.mpc.prediction_horizon_s, scenario.attitude.mpc.control_horizon_s) = (horizon_s, horizon_s);
+        (scenario.attitude.mpc.solver, scenario.attitude.mpc.max_iterations) = (Solver::ActiveSet, 1000);
         let tumbling = |tick: u32| ([20.0 - f64::from(tick), 1.2, -1.2, 10.0, 10.0, 10.0, 3.0], 0);
         let path: Vec<_> = (0..8).map(tumbling).collect();
         for [one, other] in continued(&scenario, &path, 4) {
@@ -211,17 +212,18 @@ proptest! {
         law in prop::sample::select(&[Law::Mpc, Law::Mpc, Law::Mpc, Law::Pid, Law::Geometric, Law::Indi][..]),
     ) {
         let mut scenario = Scenario::from(if paper { Profile::Paper } else { Profile::Robust });
-        scenario.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
-        scenario.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
-        scenario.mpc.constraints = Constraints::Cone;
-        scenario.mpc.disturbance_gain = 0.1;
+        scenario.attitude.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
+        scenario.attitude.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
+        scenario.attitude.mpc.constraints = Constraints::Cone;
+        scenario.attitude.disturbance_gain = 0.1;
         if measured {
-            scenario.mpc.delay_compensation = DelayCompensation::Named(DelayName::Measured);
+            scenario.attitude.delay_compensation = DelayCompensation::Named(DelayName::Measured);
         }
-        scenario.mpc.time_limit_ms = 0.0;
-        scenario.mpc.law = law;
-        scenario.mpc.control_horizon_s = f64::from(moves) * scenario.sample_s();
-        scenario.mpc.prediction_horizon_s = scenario.mpc.prediction_horizon_s.max(scenario.mpc.control_horizon_s);
+        scenario.attitude.mpc.time_limit_ms = 0.0;
+        scenario.attitude.law = law;
+        scenario.attitude.mpc.control_horizon_s = f64::from(moves) * scenario.sample_s();
+        let mpc = &mut scenario.attitude.mpc;
+        mpc.prediction_horizon_s = mpc.prediction_horizon_s.max(mpc.control_horizon_s);
         for [one, other] in continued(&scenario, &path, until) {
             prop_assert_eq!(one, other);
         }

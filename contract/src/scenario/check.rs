@@ -27,6 +27,7 @@ use super::{
     Fault, Heading, Late, Law, Mission, Model, Plant, Ramp, RampName, Scenario, Sensors, StateConstraints,
     TrajectoryKind, Turbulence,
 };
+use crate::Topic;
 
 /// Returns every rule that `scenario` breaks. `merged` is the same as a table: those `given`, on top of `defaults`.
 pub fn violations(
@@ -37,7 +38,9 @@ pub fn violations(
     candidate: LoadCandidate,
 ) -> Vec<Violation> {
     let mut settings = vec![];
-    merged.remove("node"); // a program reads its settings itself
+    for (_, node) in merged.get_mut("node").and_then(Value::as_table_mut).into_iter().flatten() {
+        node.as_table_mut().map(|node| node.remove("settings")); // the program checks them
+    }
     ranges::collect("", Value::Table(merged), &mut settings);
     let mut found = Found::default();
     for (key, numbers) in &settings {
@@ -303,7 +306,7 @@ fn check_mission(mission: &Mission, found: &mut Found) {
 }
 
 fn check_controller(scenario: &Scenario, found: &mut Found) {
-    let mpc = &scenario.mpc;
+    let (attitude, mpc) = (&scenario.attitude, &scenario.attitude.mpc);
     let rate_hz = scenario.run.rate_hz;
     found.require(
         1_000_000_000_u32.checked_rem(rate_hz) == Some(0),
@@ -322,44 +325,44 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         check_horizons(scenario, found);
     }
     found.require(
-        match mpc.law {
+        match attitude.law {
             Law::Mpc => true,
             Law::Lqr => matches!(mpc.model, Model::Hover | Model::Coupled),
             Law::Pid | Law::Geometric | Law::Indi => mpc.model == Model::Hover,
         },
-        &["mpc.model", "mpc.law"],
-        "`mpc.model` with a law that has no such model".into(),
-        "`mpc.law` = \"mpc\" with it, or \"lqr\" with \"coupled\"",
+        &["attitude.mpc.model", "attitude.law"],
+        "`attitude.mpc.model` with a law that has no such model".into(),
+        "`attitude.law` = \"mpc\" with it, or \"lqr\" with \"coupled\"",
     );
     found.require(
-        mpc.model != Model::Coupled || mpc.disturbance_gain > 0.0,
-        &["mpc.model", "mpc.disturbance_gain"],
-        "`mpc.model` = \"coupled\" without an estimate, which alone uses the term".into(),
-        "`mpc.disturbance_gain` above 0 with it, for instance 0.1",
+        mpc.model != Model::Coupled || attitude.disturbance_gain > 0.0,
+        &["attitude.mpc.model", "attitude.disturbance_gain"],
+        "`attitude.mpc.model` = \"coupled\" without an estimate, which alone uses the term".into(),
+        "`attitude.disturbance_gain` above 0 with it, for instance 0.1",
     );
     found.require(
         mpc.state_constraints == StateConstraints::None || matches!(mpc.model, Model::Hover | Model::Coupled),
-        &["mpc.model", "mpc.state_constraints"],
-        "`mpc.state_constraints` with a model at speed, where that of hover predicts them".into(),
-        "`mpc.model` = \"hover\" or \"coupled\" with them",
+        &["attitude.mpc.model", "attitude.mpc.state_constraints"],
+        "`attitude.mpc.state_constraints` with a model at speed, where that of hover predicts them".into(),
+        "`attitude.mpc.model` = \"hover\" or \"coupled\" with them",
     );
     found.require(
-        !mpc.delay_compensation.is_measured() || matches!(mpc.model, Model::Hover | Model::Coupled),
-        &["mpc.model", "mpc.delay_compensation"],
-        "`mpc.delay_compensation` = \"measured\" with a model at speed, which predicts whole samples only".into(),
-        "`mpc.model` = \"hover\" or \"coupled\" with it, or `mpc.delay_compensation` = true",
+        !attitude.delay_compensation.is_measured() || matches!(mpc.model, Model::Hover | Model::Coupled),
+        &["attitude.mpc.model", "attitude.delay_compensation"],
+        "`attitude.delay_compensation` = \"measured\" with a model at speed, which predicts whole samples only".into(),
+        "`attitude.mpc.model` = \"hover\" or \"coupled\" with it, or `attitude.delay_compensation` = true",
     );
     found.require(
-        mpc.actuator_lag_model_s <= 0.0 || mpc.actuator_lag_model_s >= 0.001,
-        &["mpc.actuator_lag_model_s"],
-        format!("`mpc.actuator_lag_model_s` = {:?} is too short to model", mpc.actuator_lag_model_s),
+        attitude.actuator_lag_model_s <= 0.0 || attitude.actuator_lag_model_s >= 0.001,
+        &["attitude.actuator_lag_model_s"],
+        format!("`attitude.actuator_lag_model_s` = {:?} is too short to model", attitude.actuator_lag_model_s),
         "0 for no lag, or at least 0.001",
     );
     found.require(
-        mpc.servo_lag_model_s.is_none() || mpc.actuator_lag_model_s > 0.0,
-        &["mpc.servo_lag_model_s", "mpc.actuator_lag_model_s"],
-        "`mpc.servo_lag_model_s` without a lag of the rotors in the model".into(),
-        "`mpc.actuator_lag_model_s`, the lag of the rotors, at least 0.001",
+        attitude.servo_lag_model_s.is_none() || attitude.actuator_lag_model_s > 0.0,
+        &["attitude.servo_lag_model_s", "attitude.actuator_lag_model_s"],
+        "`attitude.servo_lag_model_s` without a lag of the rotors in the model".into(),
+        "`attitude.actuator_lag_model_s`, the lag of the rotors, at least 0.001",
     );
     let preview_s = scenario.guidance.preview_s;
     found.require(
@@ -373,11 +376,11 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
 
 /// Requires 1 <= Nu <= Np <= 200, in samples at the rate of `scenario`.
 fn check_horizons(scenario: &Scenario, found: &mut Found) {
-    let (mpc, rate_hz) = (&scenario.mpc, scenario.run.rate_hz);
+    let (mpc, rate_hz) = (&scenario.attitude.mpc, scenario.run.rate_hz);
     let seconds = |samples: usize| samples as f64 / f64::from(rate_hz);
     let horizons = [
-        ("mpc.prediction_horizon_s", mpc.prediction_horizon_s, scenario.np()),
-        ("mpc.control_horizon_s", mpc.control_horizon_s, scenario.nu()),
+        ("attitude.mpc.prediction_horizon_s", mpc.prediction_horizon_s, scenario.np()),
+        ("attitude.mpc.control_horizon_s", mpc.control_horizon_s, scenario.nu()),
     ];
     let are_possible = horizons.map(|(key, time_s, samples)| {
         let is_possible = (1..=MAX_HORIZON).contains(&samples);
@@ -411,17 +414,24 @@ fn check_horizons(scenario: &Scenario, found: &mut Found) {
 }
 
 fn check_deadlines(scenario: &Scenario, found: &mut Found) {
-    for (rank, key) in ["plant_policy", "guidance_policy", "attitude_mpc_policy", "mixer_policy"].iter().enumerate() {
-        let late = scenario.deadline_of(rank).late;
-        let (refused, allowed) = match (rank, late) {
-            (0, Late::Hold | Late::Degrade) => {
+    for topic in Topic::ALL {
+        let late = scenario.deadline_of(topic as usize).late;
+        let (refused, allowed) = match (topic, late) {
+            (Topic::State, Late::Hold | Late::Degrade) => {
                 (true, "\"send\", \"skip\" or \"stop\": a sample is what was measured, now")
             }
-            (1 | 3, Late::Degrade) => (true, "\"send\", \"skip\", \"hold\" or \"stop\": it has nothing cheaper to do"),
+            (Topic::Reference | Topic::Actuators, Late::Degrade) => {
+                (true, "\"send\", \"skip\", \"hold\" or \"stop\": it has nothing cheaper to do")
+            }
             _ => (false, ""),
         };
-        let keys = [&format!("deadline.{key}"), "deadline.policy"];
-        found.require(!refused, &keys, format!("`deadline.{key}` cannot be {late:?}").to_lowercase(), allowed);
+        let key = format!("node.{}.late", topic.publisher());
+        found.require(
+            !refused,
+            &[&key, "deadline.late"],
+            format!("`{key}` cannot be {late:?}").to_lowercase(),
+            allowed,
+        );
     }
 }
 

@@ -1,4 +1,4 @@
-//! `[guidance]`, `[mpc]` and `[mixer]`: the controllers' settings.
+//! `[guidance]`, `[attitude]` and `[mixer]`: the controllers' settings.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -93,13 +93,40 @@ pub enum RateReference {
     Zero,
 }
 
-/// Settings of the attitude controller, `[mpc]`.
+/// Settings of the attitude controller, `[attitude]`: the law, and what several laws share.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Attitude {
+    /// Control law of the attitude loop.
+    pub law: Law,
+    /// Time constant of the modelled actuator lag \[s\]; 0 = not modelled, else at least 0.001.
+    pub actuator_lag_model_s: f64,
+    /// Time constant of the servo in the model \[s\], at least 0.001; absent = that of the rotors,
+    /// `actuator_lag_model_s`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub servo_lag_model_s: Option<f64>,
+    /// Time over which the state is predicted before solving: `false` = none, `true` = one sample with the last demand,
+    /// `"measured"` = the delay that STATE reports, with the demands that are still under way.
+    pub delay_compensation: DelayCompensation,
+    /// Last gain of the input-disturbance estimate, to which it falls from 0.2: share of the prediction error that one
+    /// sample takes in; 0 = off. By default 2 per second in profile `robust`. The law `indi` has an estimate of its
+    /// own.
+    pub disturbance_gain: f64,
+    /// Model and costs of the laws `mpc` and `lqr`; horizons and constraints of `mpc`.
+    pub mpc: Mpc,
+    /// Gains of the law `pid`.
+    pub pid: PidGains,
+    /// Gains of the law `geometric`, as of `pid`; those of phi, theta, psi are about x, y, z of the level frame, and w
+    /// is the vertical speed.
+    pub geometric: PidGains,
+    /// Gains of the law `indi`.
+    pub indi: IndiGains,
+}
+
+/// Model and costs of the laws `mpc` and `lqr`, `[attitude.mpc]`. Only `mpc` has horizons and constraints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mpc {
-    /// Control law of the attitude loop. `mpc` and `lqr` use weights, model and disturbance estimate; only `mpc` uses
-    /// constraints.
-    pub law: Law,
     /// Point at which the prediction model is linearised.
     pub model: Model,
     /// Diagonal of Q: cost of the squared errors of w \[s2/m2\], of phi, theta, psi \[1/rad2\] and of p, q, r
@@ -136,29 +163,9 @@ pub struct Mpc {
     pub attitude_limit_deg: [f64; 3],
     /// Limits of the body rates p, q, r in either direction \[deg/s\].
     pub rates_limit_dps: [f64; 3],
-    /// Time constant of the modelled actuator lag \[s\]; 0 = not modelled, else at least 0.001.
-    pub actuator_lag_model_s: f64,
-    /// Time constant of the servo in the model \[s\], at least 0.001; absent = that of the rotors,
-    /// `actuator_lag_model_s`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub servo_lag_model_s: Option<f64>,
-    /// Time over which the state is predicted before solving: `false` = none, `true` = one sample with the last demand,
-    /// `"measured"` = the delay that STATE reports, with the demands that are still under way.
-    pub delay_compensation: DelayCompensation,
-    /// Last gain of the input-disturbance estimate, to which it falls from 0.2: share of the prediction error that one
-    /// sample takes in; 0 = off. By default 2 per second in profile `robust`. The law `indi` has an estimate of its
-    /// own.
-    pub disturbance_gain: f64,
-    /// Gains of the law `pid`.
-    pub pid: PidGains,
-    /// Gains of the law `geometric`, as of `pid`; those of phi, theta, psi are about x, y, z of the level frame, and w
-    /// is the vertical speed.
-    pub geometric: PidGains,
-    /// Gains of the law `indi`.
-    pub indi: IndiGains,
 }
 
-/// Prediction over the delay of the commands, `mpc.delay_compensation`: `false`, `true` or `"measured"`.
+/// Prediction over the delay of the commands, `attitude.delay_compensation`: `false`, `true` or `"measured"`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected true, false or \"measured\"")]
 pub enum DelayCompensation {
@@ -183,7 +190,8 @@ pub enum DelayName {
     Measured,
 }
 
-/// Gains of the law `pid`, `[mpc.pid]`: accelerations per error, so that another vehicle has the same poles with them.
+/// Gains of the law `pid`, `[attitude.pid]`: accelerations per error, so that another vehicle has the same poles with
+/// them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PidGains {
@@ -203,7 +211,7 @@ impl Default for PidGains {
     }
 }
 
-/// Gains of the law `indi`, `[mpc.indi]`: accelerations per error, as those of `geometric`, without integrals.
+/// Gains of the law `indi`, `[attitude.indi]`: accelerations per error, as those of `geometric`, without integrals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct IndiGains {
@@ -217,11 +225,11 @@ pub struct IndiGains {
     pub actuators: IndiActuators,
 }
 
-/// Origin of the actuators' positions in the law `indi`, `mpc.indi.actuators`.
+/// Origin of the actuators' positions in the law `indi`, `attitude.indi.actuators`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum IndiActuators {
-    /// Simulated under the command in force, with the lag `mpc.actuator_lag_model_s`.
+    /// Simulated under the command in force, with the lag `attitude.actuator_lag_model_s`.
     #[default]
     Modelled,
     /// As sensed, `plant.sensors.telemetry`.
@@ -235,7 +243,7 @@ impl Default for IndiGains {
     }
 }
 
-/// Control law of the attitude loop, `mpc.law`.
+/// Control law of the attitude loop, `attitude.law`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Law {
@@ -251,7 +259,7 @@ pub enum Law {
     Indi,
 }
 
-/// Linearisation of the prediction model, `mpc.model`.
+/// Linearisation of the prediction model, `attitude.mpc.model`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Model {
@@ -263,7 +271,7 @@ pub enum Model {
     Scheduled,
 }
 
-/// Solver of the constrained problem, `mpc.solver`.
+/// Solver of the constrained problem, `attitude.mpc.solver`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
@@ -273,7 +281,7 @@ pub enum Solver {
     ActiveSet,
 }
 
-/// Constraints on predicted states, `mpc.state_constraints`.
+/// Constraints on predicted states, `attitude.mpc.state_constraints`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum StateConstraints {
@@ -283,7 +291,7 @@ pub enum StateConstraints {
     Soft,
 }
 
-/// Terminal weight P, `mpc.terminal`.
+/// Terminal weight P, `attitude.mpc.terminal`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Terminal {
@@ -295,7 +303,7 @@ pub enum Terminal {
     Dare,
 }
 
-/// Constraints on the actuators, `mpc.constraints`.
+/// Constraints on the actuators, `attitude.mpc.constraints`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Constraints {

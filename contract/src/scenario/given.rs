@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::load::{defaults_of, given, lay, sources, with_defaults, without_place};
 use super::report::{Problem, ScenarioError, Source};
-use super::{NodeProgram, Scenario, candidate, check, shape};
+use super::{NodeSettings, Scenario, candidate, check, moved, shape};
 
 /// Given settings of a scenario. [`scenario`](Self::scenario) adds the defaults of profile and presets below them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -40,11 +40,11 @@ impl Given {
     /// `change` fails.
     pub fn with_programs(
         mut self,
-        change: impl Fn(&mut NodeProgram, &str) -> Result<(), ScenarioError>,
+        change: impl Fn(&mut NodeSettings, &str) -> Result<(), ScenarioError>,
     ) -> Result<Self, ScenarioError> {
         let nodes = self.0.get_mut("node").and_then(Value::as_table_mut);
         for (name, table) in nodes.into_iter().flatten() {
-            let mut program: NodeProgram = table.clone().try_into().expect("it was read as settings");
+            let mut program: NodeSettings = table.clone().try_into().expect("it was read as settings");
             change(&mut program, name)?;
             *table = Value::try_from(program).expect("it came from TOML");
         }
@@ -70,7 +70,8 @@ impl Given {
         }
         lay(&mut given, above);
         let wrong_type = |error: toml::de::Error| {
-            let shapes = settings.iter().filter(|(key, _)| !is_element(key));
+            let is_old = |key: &str| moved::find(moved::Kind::Key, key).is_some();
+            let shapes = settings.iter().filter(|(key, _)| !is_element(key) || is_old(key));
             let shape = shapes.map(|(key, value)| check_shape(&format!("{key} = {value}"), "")).find_map(Result::err);
             shape.unwrap_or_else(|| ScenarioError::of(error.message().to_owned(), String::new()))
         };
@@ -170,19 +171,20 @@ mod tests {
     fn errors_name_the_key() {
         let base = Given::default();
         for (key, value, expected) in [
-            ("mpc.npp", "3", "unknown key `mpc.npp`"),
-            ("mpc.max_iterations", "\"many\"", "`mpc.max_iterations`"),
-            ("mpc.max_iterations", "2.5", "`mpc.max_iterations`"),
-            ("mpc.nu", "2", "`mpc.nu` is now `mpc.control_horizon_s`"),
+            ("attitude.mpc.npp", "3", "unknown key `attitude.mpc.npp`"),
+            ("attitude.mpc.max_iterations", "\"many\"", "`attitude.mpc.max_iterations`"),
+            ("attitude.mpc.max_iterations", "2.5", "`attitude.mpc.max_iterations`"),
+            ("mpc.nu", "2", "`mpc.nu` is `attitude.mpc.control_horizon_s` now"),
             ("plant.airframe.mass_kg", "-1.0", "plant.airframe.mass_kg"),
         ] {
             let refused = base.scenario(&settings(&[(key, value)])).unwrap_err().to_string();
             assert!(refused.contains(expected), "{refused}");
         }
-        let wrong: Table = "mpc.qq = 3".parse().unwrap();
+        let wrong: Table = "attitude.mpc.qq = 3".parse().unwrap();
         let refused = base.with(&wrong, "[settings] of x.toml").unwrap_err().to_string();
         assert!(
-            refused.contains("[settings] of x.toml: unknown key `mpc.qq`") && refused.contains("`mpc.q`"),
+            refused.contains("[settings] of x.toml: unknown key `attitude.mpc.qq`")
+                && refused.contains("`attitude.mpc.q`"),
             "{refused}"
         );
     }

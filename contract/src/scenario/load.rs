@@ -7,7 +7,7 @@ use toml::{Table, Value};
 
 use super::program::{drop_replaced_programs, find_programs};
 use super::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
-use super::{Fault, Profile, Scenario, Sensors, Swap, check, profile, shape};
+use super::{Attitude, Fault, Profile, Scenario, Sensors, Swap, check, profile, shape};
 
 /// Loads the scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the
 /// defaults of the profile they choose. Without a file the overrides are laid on the defaults alone.
@@ -39,8 +39,13 @@ pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> 
 /// Prints all settings as [`to_toml`] does, with those that follow from the vehicle and from the rate as comments: a
 /// file made from this keeps following them.
 pub fn to_toml_that_follows(scenario: &Scenario) -> String {
-    let (own, derived) = (&scenario.mpc, defaults_of(scenario).mpc);
-    let [own, derived] = [own, &derived].map(|mpc| Table::try_from(mpc).expect("settings have a form in TOML"));
+    let flat = |attitude: &Attitude| {
+        let Attitude { mpc, .. } = attitude;
+        let [mut all, mpc] = [Table::try_from(attitude), Table::try_from(mpc)].map(|table| table.expect(HAS_FORM));
+        all.extend(mpc);
+        all
+    };
+    let (own, derived) = (flat(&scenario.attitude), flat(&defaults_of(scenario).attitude));
     let mut following = vec![("vehicle", "r")];
     if scenario.profile == Profile::Robust {
         let keys = ["prediction_horizon_s", "control_horizon_s", "disturbance_gain"];
@@ -53,13 +58,13 @@ pub fn to_toml_that_follows(scenario: &Scenario) -> String {
     })
 }
 
-/// Returns the weights `mpc.r` that the vehicle of `scenario` has by default, if its own are those of another vehicle:
-/// one of them is more than ten times larger or smaller, and the vehicle is no preset.
+/// Returns the weights `attitude.mpc.r` that the vehicle of `scenario` has by default, if its own are those of another
+/// vehicle: one of them is more than ten times larger or smaller, and the vehicle is no preset.
 pub fn weights_that_fit(scenario: &Scenario) -> Option<[f64; 4]> {
-    let fitting = defaults_of(scenario).mpc.r;
+    let fitting = defaults_of(scenario).attitude.mpc.r;
     let is_other = |(own, fitting): (&f64, &f64)| own / fitting > OTHER_VEHICLE || fitting / own > OTHER_VEHICLE;
     let is_preset = scenario.airframe == Parameters::from(scenario.airframe.preset);
-    (!is_preset && scenario.mpc.r.iter().zip(&fitting).any(is_other)).then_some(fitting)
+    (!is_preset && scenario.attitude.mpc.r.iter().zip(&fitting).any(is_other)).then_some(fitting)
 }
 
 /// Prints all settings as a scenario file, exact to the last bit.
@@ -130,6 +135,9 @@ fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
 /// Ratio of two weights of an input that makes the bandwidth of its channel differ by nearly 2: it goes with the fourth
 /// root.
 const OTHER_VEHICLE: f64 = 10.0;
+
+/// Reason why settings can always be written.
+const HAS_FORM: &str = "settings have a form in TOML";
 
 /// Reason why merged settings always have the types of a scenario.
 const READ: &str = "every source was read as a scenario by itself";

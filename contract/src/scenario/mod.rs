@@ -13,13 +13,13 @@
 //! | [`plan`] | the curves of these parts |
 //! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
 //! | `sensors` | `[plant.sensors]` |
-//! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
+//! | `control` | `[guidance]`, `[attitude]`, `[mixer]` |
 //! | `fault` | `[[fault]]` |
 //! | `swap` | `[[swap]]` |
-//! | `program` | `[node.<name>]` |
+//! | `program` | `[node.NAME]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, error messages with their place |
-//! | `moved` | keys of earlier versions |
+//! | [`moved`] | names of earlier versions |
 //! | `given` | settings without the defaults, as a base for the flights of a campaign |
 //! | `schema` | the JSON Schema of a scenario file, with the ranges |
 //! | `words` | the known word nearest to an unknown one |
@@ -32,7 +32,7 @@ pub mod file;
 mod given;
 mod load;
 mod mission;
-mod moved;
+pub mod moved;
 mod part;
 pub mod plan;
 mod profile;
@@ -58,7 +58,7 @@ pub use load::{
 };
 pub use mission::*;
 pub use part::*;
-pub use program::{NodeProgram, Nodes, ProgramKind, any_table, find_programs};
+pub use program::{NodeSettings, Nodes, ProgramKind, any_table, find_programs};
 pub use report::{ScenarioError, Source};
 pub use run::*;
 pub use schema::{as_in_toml, schema, schema_of};

@@ -1,22 +1,131 @@
-//! Keys of earlier versions, which are refused by the name of what takes their place. The table leaves with the first
-//! release.
+//! Names of earlier versions. Each is refused with what takes its place; docs/names.md lists them. The table leaves
+//! with the first release.
 
-/// Replacement of a key.
+use Kind::{Column, Command, Field, Key, Value};
+use Now::{Gone, Name, Seconds};
+
+/// Kind of thing that has a name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Setting of a scenario; or a table of settings, for every key in it without a row of its own.
+    Key,
+    /// Value of a setting, `key = "word"`.
+    Value,
+    /// Command of the launcher, or option of a command.
+    Command,
+    /// Column of a campaign's table of flights.
+    Column,
+    /// Field of run.json.
+    Field,
+}
+
+/// Replacement of a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Now {
+    /// Another name of the same.
+    Name(&'static str),
     /// Key in seconds where the old one was in samples.
     Seconds(&'static str),
     /// None; the words say what to do.
     Gone(&'static str),
 }
 
-/// Old keys.
-pub const MOVED: [(&str, Now); 4] = [
-    ("mpc.np", Now::Seconds("mpc.prediction_horizon_s")),
-    ("mpc.nu", Now::Seconds("mpc.control_horizon_s")),
-    ("plant.sensors.attitude", Now::Gone("no sensor of the EKF measures it; without one `plant.noise` is the error")),
+/// Old names: what has the name, the name, its replacement.
+pub const MOVED: &[(Kind, &str, Now)] = &[
+    (Key, "mpc", Name("attitude.mpc")),
+    (Key, "mpc.law", Name("attitude.law")),
+    (Key, "mpc.actuator_lag_model_s", Name("attitude.actuator_lag_model_s")),
+    (Key, "mpc.servo_lag_model_s", Name("attitude.servo_lag_model_s")),
+    (Key, "mpc.delay_compensation", Name("attitude.delay_compensation")),
+    (Key, "mpc.disturbance_gain", Name("attitude.disturbance_gain")),
+    (Key, "mpc.pid", Name("attitude.pid")),
+    (Key, "mpc.geometric", Name("attitude.geometric")),
+    (Key, "mpc.indi", Name("attitude.indi")),
+    (Key, "mpc.np", Seconds("attitude.mpc.prediction_horizon_s")),
+    (Key, "mpc.nu", Seconds("attitude.mpc.control_horizon_s")),
+    (Value, "attitude.mpc.model = \"ltv\"", Gone("\"coupled\" or \"scheduled\" take its place, see docs/tried.md")),
+    (Key, "realtime.plant", Name("node.plant")),
+    (Key, "realtime.guidance", Name("node.guidance")),
+    (Key, "realtime.attitude-mpc", Name("node.attitude-mpc")),
+    (Key, "realtime.mixer", Name("node.mixer")),
+    (Key, "deadline.plant_ms", Name("node.plant.deadline_ms")),
+    (Key, "deadline.guidance_ms", Name("node.guidance.deadline_ms")),
+    (Key, "deadline.attitude_mpc_ms", Name("node.attitude-mpc.deadline_ms")),
+    (Key, "deadline.mixer_ms", Name("node.mixer.deadline_ms")),
+    (Key, "deadline.policy", Name("deadline.late")),
+    (Key, "deadline.plant_policy", Name("node.plant.late")),
+    (Key, "deadline.guidance_policy", Name("node.guidance.late")),
+    (Key, "deadline.attitude_mpc_policy", Name("node.attitude-mpc.late")),
+    (Key, "deadline.mixer_policy", Name("node.mixer.late")),
+    (Key, "plant.sensors.attitude", Gone("no sensor of the EKF measures it; without one `plant.noise` is the error")),
     (
+        Key,
         "plant.sensors.filter_radps",
-        Now::Gone("the complementary filter has left; set `plant.sensors.filter` = \"ekf\""),
+        Gone("the complementary filter has left; set `plant.sensors.filter` = \"ekf\""),
     ),
+    (Value, "plant.sensors.filter = \"complementary\"", Gone("set \"ekf\"; without it the errors are `plant.noise`")),
+    (Key, "bounds.max_altitude_error_horizontal_m", Name("bounds.max_altitude_error_m")),
+    (Key, "bounds.max_altitude_error_vertical_m", Name("bounds.max_altitude_error_m")),
+    (Value, "fault.target = \"solver\"", Name("fault.target = \"mpc\"")),
+    (Value, "fault.kind = \"second-publisher\"", Gone(A_TEST)),
+    (Value, "fault.kind = \"wrong-layout\"", Gone(A_TEST)),
+    (Value, "fault.kind = \"wrong-user\"", Gone(A_TEST)),
+    (Value, "fault.kind = \"shm-removed\"", Gone(A_TEST)),
+    (Key, "swap.shadow_s", Name("swap.standby_s")),
+    (Key, "swap.bounds.accord", Name("swap.bounds.similarity")),
+    (Command, "swap --shadow", Name("swap --standby")),
+    (Command, "trace", Name("export --to perfetto --worst")),
+    (Command, "export fmu", Name("export --to fmu")),
+    (Command, "measure laws", Name("campaign aggressive")),
+    (Command, "measure conditions", Gone("fly the campaigns conditions and conditions-estimated")),
+    (Command, "measure timing --survey-s", Name("measure timing --survey")),
+    (Column, "max_altitude_error_horizontal_m", Name("max_altitude_error_m")),
+    (Column, "max_altitude_error_vertical_m", Name("max_altitude_error_m")),
+    (Field, "metrics.max_altitude_error_horizontal_m", Name("metrics.max_altitude_error_m")),
+    (Field, "metrics.max_altitude_error_vertical_m", Name("metrics.max_altitude_error_m")),
+    (Field, "but", Name("reservations")),
 ];
+
+const A_TEST: &str = "it tests the stack and no controller, and is a test, tests/isolation.rs";
+
+/// Old name that was used, with what takes its place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Moved {
+    /// Refusal, in words.
+    pub title: String,
+    /// New name, if there is one.
+    pub name: Option<String>,
+    /// The row.
+    pub now: Now,
+}
+
+/// Finds what takes the place of `name`; `None` if it is no old name. Of a key the longest row counts.
+pub fn find(kind: Kind, name: &str) -> Option<Moved> {
+    let rest =
+        |old: &str| name.strip_prefix(old).filter(|rest| rest.is_empty() || kind == Key && rest.starts_with('.'));
+    let rows = MOVED.iter().filter(|(of, old, _)| *of == kind && rest(old).is_some());
+    let (_, old, now) = rows.max_by_key(|(_, old, _)| old.len())?;
+    let new = |new: &str| format!("{new}{}", rest(old).unwrap_or_default());
+    let (name, title) = match *now {
+        Name(key) => (Some(new(key)), format!("`{name}` is `{}` now", new(key))),
+        Seconds(key) => (Some(new(key)), format!("`{name}` is `{}` now, in seconds", new(key))),
+        Gone(words) => (None, format!("there is no `{name}` any more: {words}")),
+    };
+    Some(Moved { title, name, now: *now })
+}
+
+/// Finds the old name that Serde has refused at `key`, which may be a list of tables, by its error for an unknown field
+/// or variant.
+pub(super) fn refused(key: &str, message: &str) -> Option<Moved> {
+    let (_, word) = message.split_once("unknown ")?;
+    let word = word.split('`').nth(1)?;
+    let ends = [format!(".{word}"), format!(" = {word:?}")];
+    let is_it = |old: &str| old.starts_with(key) && ends.iter().any(|end| old.ends_with(end.as_str()));
+    let (kind, old, _) = MOVED.iter().find(|(kind, old, _)| matches!(kind, Key | Value) && is_it(old))?;
+    find(*kind, old)
+}
+
+/// Returns whether old keys were in the table `key`.
+pub(super) fn were_in(key: &str) -> bool {
+    MOVED.iter().any(|(kind, old, _)| *kind == Key && (*old == key || old.starts_with(&format!("{key}."))))
+}

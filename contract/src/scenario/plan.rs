@@ -5,7 +5,7 @@
 //! | tilt | `guidance.angle_limit_deg`, about trim |
 //! | thrust | rotor speeds of `[plant]`, with the moments of hover balanced: `u = s u_trim` |
 //! | vertical speed | `guidance.climb_limit_mps` |
-//! | body rate | `mpc.rates_limit_dps` of roll and pitch: the paper's bound (51) |
+//! | body rate | `attitude.mpc.rates_limit_dps` of roll and pitch: the paper's bound (51) |
 //! | drag | `plant.drag_linear_nspm`, the largest of the three, and `plant.drag_quadratic_ns2pm2` |
 //!
 //! The check of a scenario and guidance build the same plan.
@@ -32,7 +32,7 @@ pub fn limits(scenario: &Scenario) -> Limits {
     let (vehicle, plant, own) = (&scenario.airframe, &scenario.plant, &scenario.mission.limits);
     let trim = Trim::solve(vehicle, plant.tilt_reaction).actuation;
     let drag_nspm = plant.drag_linear_nspm.into_iter().fold(0.0, f64::max);
-    let [roll_dps, pitch_dps, _] = scenario.mpc.rates_limit_dps;
+    let [roll_dps, pitch_dps, _] = scenario.attitude.mpc.rates_limit_dps;
     Limits {
         g_mps2: vehicle.g_mps2,
         drag_linear_1ps: drag_nspm / vehicle.mass_kg,

@@ -7,9 +7,9 @@
 use airframe::{Parameters, Preset, projection};
 
 use super::{
-    Battery, Bounds, BrokenVehicle, Constraints, Deadline, DelayCompensation, DelayName, Derivative, FlownAirframe,
-    Ground, Guidance, Heading, IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode, Model, Mpc,
-    NodeRealtime, Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor,
+    Attitude, Battery, Bounds, BrokenVehicle, Constraints, Deadline, DelayCompensation, DelayName, Derivative,
+    FlownAirframe, Ground, Guidance, Heading, IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode,
+    Model, Mpc, Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor,
     Run, Scenario, Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
 };
 
@@ -43,7 +43,9 @@ const DISTURBANCE_RATE: f64 = 2.0;
 pub(super) fn for_choice(chosen: &Scenario) -> Scenario {
     let (scenario, vehicle) = (Scenario::from(chosen.profile), &chosen.airframe);
     let ratios = scenario.airframe.inertia().component_div(&vehicle.inertia());
-    let r = std::array::from_fn(|i| (scenario.mpc.r[i] * ratios[i] * ratios[i]).clamp(LEAST_WEIGHT, MOST_WEIGHT));
+    let weights = scenario.attitude.mpc.r;
+    let r = std::array::from_fn(|i| (weights[i] * ratios[i] * ratios[i]).clamp(LEAST_WEIGHT, MOST_WEIGHT));
+    let mpc = Mpc { r, ..scenario.attitude.mpc };
     let plant = match vehicle.preset {
         Preset::Paper => scenario.plant,
         Preset::TenInch => Plant {
@@ -54,31 +56,36 @@ pub(super) fn for_choice(chosen: &Scenario) -> Scenario {
             ..scenario.plant
         },
     };
-    let scenario = Scenario { airframe: vehicle.preset.into(), plant, mpc: Mpc { r, ..scenario.mpc }, ..scenario };
+    let attitude = Attitude { mpc, ..scenario.attitude };
+    let scenario = Scenario { airframe: vehicle.preset.into(), plant, attitude, ..scenario };
     match scenario.profile {
         Profile::Paper => scenario,
-        Profile::Robust => for_law(scenario, &chosen.mpc, f64::from(chosen.run.rate_hz)),
+        Profile::Robust => for_law(scenario, &chosen.attitude, f64::from(chosen.run.rate_hz)),
     }
 }
 
 /// Adapts the defaults of profile `robust` to the law and the model of `chosen`, and to the rate.
-fn for_law(scenario: Scenario, chosen: &Mpc, rate_hz: f64) -> Scenario {
-    let Mpc { law, model, .. } = *chosen;
+fn for_law(scenario: Scenario, chosen: &Attitude, rate_hz: f64) -> Scenario {
+    let (law, plan, attitude) = (chosen.law, &chosen.mpc, scenario.attitude);
     let has_gain = matches!(law, Law::Mpc | Law::Lqr);
-    let most_moves = if chosen.constraints == Constraints::None { MOST_SAMPLES } else { MOST_MOVES };
+    let most_moves = if plan.constraints == Constraints::None { MOST_SAMPLES } else { MOST_MOVES };
     let mpc = Mpc {
         model: if has_gain && chosen.disturbance_gain > 0.0 { Model::Coupled } else { Model::Hover },
-        prediction_horizon_s: scenario.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
-        control_horizon_s: chosen.prediction_horizon_s.min(scenario.mpc.control_horizon_s).min(most_moves / rate_hz),
-        delay_compensation: match model {
-            Model::Hover | Model::Coupled => scenario.mpc.delay_compensation,
+        prediction_horizon_s: attitude.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
+        control_horizon_s: plan.prediction_horizon_s.min(attitude.mpc.control_horizon_s).min(most_moves / rate_hz),
+        ..attitude.mpc
+    };
+    let attitude = Attitude {
+        delay_compensation: match plan.model {
+            Model::Hover | Model::Coupled => attitude.delay_compensation,
             Model::Scheduled => DelayCompensation::Sample(true),
         },
         disturbance_gain: if law == Law::Indi { 0.0 } else { DISTURBANCE_RATE / rate_hz },
-        ..scenario.mpc
+        mpc,
+        ..attitude
     };
     let preview_s = if law == Law::Mpc { scenario.guidance.preview_s } else { 0.0 };
-    Scenario { mpc, guidance: Guidance { preview_s, ..scenario.guidance }, ..scenario }
+    Scenario { attitude, guidance: Guidance { preview_s, ..scenario.guidance }, ..scenario }
 }
 
 impl Default for Scenario {
@@ -88,13 +95,15 @@ impl Default for Scenario {
 }
 
 macro_rules! default_is_robust {
-    ($($section:ident: $field:ident),*) => {$(
+    ($($section:ident: $($field:ident).+),*) => {$(
         impl Default for $section {
-            fn default() -> Self { robust().$field }
+            fn default() -> Self { robust()$(.$field)+ }
         }
     )*};
 }
-default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Mixer: mixer);
+default_is_robust!(
+    Run: run, Mission: mission, Plant: plant, Guidance: guidance, Attitude: attitude, Mpc: attitude.mpc, Mixer: mixer
+);
 
 fn paper() -> Scenario {
     Scenario {
@@ -162,27 +171,13 @@ fn paper() -> Scenario {
             lead_s: 0.0,
             preview_s: 0.0,
         },
-        mpc: Mpc {
+        attitude: Attitude {
             law: Law::Mpc,
-            model: Model::Hover,
-            q: [1e2, 1e3, 1e3, 1e3, 1e4, 1e4, 1e4],
-            r: [0.1, 0.1, 0.001, 0.001],
-            r_rate: [0.0; 4],
-            prediction_horizon_s: 0.1,
-            control_horizon_s: 0.05,
-            terminal: Terminal::Zero,
-            constraints: Constraints::None,
-            solver: Solver::Clarabel,
-            max_iterations: 100,
-            time_limit_ms: 5.0,
-            state_constraints: StateConstraints::None,
-            state_penalty: 1e4,
-            attitude_limit_deg: [90.0, 90.0, 360.0],
-            rates_limit_dps: [360.0, 360.0, 360.0],
             actuator_lag_model_s: 0.0,
             servo_lag_model_s: None,
             delay_compensation: DelayCompensation::Sample(false),
             disturbance_gain: 0.0,
+            mpc: horizon(),
             pid: PidGains::default(),
             geometric: PidGains::default(),
             indi: IndiGains::default(),
@@ -195,6 +190,26 @@ fn paper() -> Scenario {
         realtime: Realtime::default(),
         deadline: Deadline::default(),
         supervision: Supervision::default(),
+    }
+}
+
+fn horizon() -> Mpc {
+    Mpc {
+        model: Model::Hover,
+        q: [1e2, 1e3, 1e3, 1e3, 1e4, 1e4, 1e4],
+        r: [0.1, 0.1, 0.001, 0.001],
+        r_rate: [0.0; 4],
+        prediction_horizon_s: 0.1,
+        control_horizon_s: 0.05,
+        terminal: Terminal::Zero,
+        constraints: Constraints::None,
+        solver: Solver::Clarabel,
+        max_iterations: 100,
+        time_limit_ms: 5.0,
+        state_constraints: StateConstraints::None,
+        state_penalty: 1e4,
+        attitude_limit_deg: [90.0, 90.0, 360.0],
+        rates_limit_dps: [360.0, 360.0, 360.0],
     }
 }
 
@@ -254,18 +269,21 @@ fn robust() -> Scenario {
             preview_s: 0.4,
             ..paper.guidance
         },
-        mpc: Mpc {
-            model: Model::Coupled,
-            q: [1e2, 1e3, 1e3, 1e3, 5.0, 5.0, 0.0],
-            r: [0.3, 70.0, 20.0, 1200.0],
-            prediction_horizon_s: 0.2,
-            control_horizon_s: 0.2,
-            terminal: Terminal::Dare,
-            solver: Solver::ActiveSet,
+        attitude: Attitude {
             actuator_lag_model_s: 0.035,
             delay_compensation: DelayCompensation::Named(DelayName::Measured),
             disturbance_gain: 0.02,
-            ..paper.mpc
+            mpc: Mpc {
+                model: Model::Coupled,
+                q: [1e2, 1e3, 1e3, 1e3, 5.0, 5.0, 0.0],
+                r: [0.3, 70.0, 20.0, 1200.0],
+                prediction_horizon_s: 0.2,
+                control_horizon_s: 0.2,
+                terminal: Terminal::Dare,
+                solver: Solver::ActiveSet,
+                ..paper.attitude.mpc
+            },
+            ..paper.attitude
         },
         mixer: Mixer { projection: true, ..paper.mixer },
         ..paper
@@ -274,33 +292,12 @@ fn robust() -> Scenario {
 
 impl Default for Realtime {
     fn default() -> Self {
-        Self {
-            policy: Policy::Fifo,
-            priority: 70,
-            affinity: vec![],
-            lock_memory: true,
-            rttime_ms: 500.0,
-            plant: NodeRealtime::default(),
-            guidance: NodeRealtime::default(),
-            attitude_mpc: NodeRealtime::default(),
-            mixer: NodeRealtime::default(),
-        }
+        Self { policy: Policy::Fifo, priority: 70, affinity: vec![], lock_memory: true, rttime_ms: 500.0 }
     }
 }
 
 impl Default for Deadline {
     fn default() -> Self {
-        Self {
-            end_to_end_ms: None,
-            plant_ms: None,
-            guidance_ms: None,
-            attitude_mpc_ms: None,
-            mixer_ms: None,
-            policy: Late::Send,
-            plant_policy: None,
-            guidance_policy: None,
-            attitude_mpc_policy: None,
-            mixer_policy: None,
-        }
+        Self { end_to_end_ms: None, late: Late::Send }
     }
 }

@@ -1,4 +1,5 @@
-//! `[node.<name>]`: program of a node in place of the launcher's own core, and settings for it.
+//! `[node.NAME]`: settings of one node. Its program in place of the launcher's own core, and its scheduling and
+//! deadline in place of those of all nodes.
 //!
 //! | `exec` | is |
 //! |---|---|
@@ -13,32 +14,34 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
+use super::{Late, Policy};
 use crate::Topic;
 
-/// Programs of all nodes, `[node]`.
+/// Settings of single nodes, `[node]`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Nodes {
-    /// Program of the plant, `[node.plant]`.
-    #[serde(skip_serializing_if = "NodeProgram::is_ours")]
-    pub plant: NodeProgram,
-    /// Program of guidance, `[node.guidance]`.
-    #[serde(skip_serializing_if = "NodeProgram::is_ours")]
-    pub guidance: NodeProgram,
-    /// Program of attitude-mpc, `[node.attitude-mpc]`.
-    #[serde(rename = "attitude-mpc", skip_serializing_if = "NodeProgram::is_ours")]
-    pub attitude_mpc: NodeProgram,
-    /// Program of the mixer, `[node.mixer]`.
-    #[serde(skip_serializing_if = "NodeProgram::is_ours")]
-    pub mixer: NodeProgram,
+    /// Settings of the plant, `[node.plant]`.
+    #[serde(skip_serializing_if = "NodeSettings::is_default")]
+    pub plant: NodeSettings,
+    /// Settings of guidance, `[node.guidance]`.
+    #[serde(skip_serializing_if = "NodeSettings::is_default")]
+    pub guidance: NodeSettings,
+    /// Settings of attitude-mpc, `[node.attitude-mpc]`.
+    #[serde(rename = "attitude-mpc", skip_serializing_if = "NodeSettings::is_default")]
+    pub attitude_mpc: NodeSettings,
+    /// Settings of the mixer, `[node.mixer]`.
+    #[serde(skip_serializing_if = "NodeSettings::is_default")]
+    pub mixer: NodeSettings,
 }
 
-/// Program of one node, `[node.<name>]`.
+/// Settings of one node, `[node.NAME]`: NAME is `plant`, `guidance`, `attitude-mpc` or `mixer`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct NodeProgram {
+pub struct NodeSettings {
     /// File of the library or program. A relative path that exists beside the scenario file is that file; any other is
     /// seen from where the launcher is started, or, without a slash, found in `PATH`. Empty = the launcher's own core.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub exec: String,
     /// SHA-256 of the file; the launcher adds it, and refuses another file where it is given. Empty = any file.
     #[serde(skip_serializing_if = "String::is_empty")]
@@ -53,7 +56,29 @@ pub struct NodeProgram {
     /// Variables added to the environment of the process.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub env: BTreeMap<String, String>,
-    /// Settings handed over as JSON, `[node.<name>.settings]`: any keys.
+    /// Scheduling class; absent = `realtime.policy`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub policy: Option<Policy>,
+    /// `SCHED_FIFO` priority; absent = that of the node's place in the ring, from `realtime.priority` on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub priority: Option<u32>,
+    /// CPUs that the node may run on; absent = `realtime.affinity`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub affinity: Option<Vec<usize>>,
+    /// `true` to lock the memory of the process; absent = `realtime.lock_memory`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lock_memory: Option<bool>,
+    /// CPU time after which the kernel kills the process if it never slept \[ms\]; absent = `realtime.rttime_ms`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rttime_ms: Option<f64>,
+    /// Deadline of the node's message \[ms\]; absent = a share of that of the whole chain: 20 % for STATE, 40 % for
+    /// REFERENCE, 80 % for CONTROLS, all of it for ACTUATORS.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deadline_ms: Option<f64>,
+    /// Treatment of a late message; absent = `deadline.late`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub late: Option<Late>,
+    /// Settings handed to the program as JSON, `[node.NAME.settings]`: any keys.
     #[serde(skip_serializing_if = "Table::is_empty")]
     #[schemars(schema_with = "any_table")]
     pub settings: Table,
@@ -75,7 +100,7 @@ pub enum ProgramKind {
     Executable,
 }
 
-impl NodeProgram {
+impl NodeSettings {
     /// Kind of the program.
     pub fn kind(&self) -> ProgramKind {
         match self.exec.as_str() {
@@ -85,8 +110,7 @@ impl NodeProgram {
         }
     }
 
-    /// Returns whether nothing is set: the node is the launcher's own.
-    pub fn is_ours(&self) -> bool {
+    fn is_default(&self) -> bool {
         *self == Self::default()
     }
 }
@@ -102,13 +126,13 @@ impl Nodes {
         Topic::ALL.into_iter().any(|topic| self.of(topic).kind() == ProgramKind::Executable)
     }
 
-    /// Program of the node that publishes `topic`.
-    pub fn of(&self, topic: Topic) -> &NodeProgram {
+    /// Settings of the node that publishes `topic`.
+    pub fn of(&self, topic: Topic) -> &NodeSettings {
         [&self.plant, &self.guidance, &self.attitude_mpc, &self.mixer][topic as usize]
     }
 
-    /// Program of the node that publishes `topic`, to be changed.
-    pub fn of_mut(&mut self, topic: Topic) -> &mut NodeProgram {
+    /// Settings of the node that publishes `topic`, to be changed.
+    pub fn of_mut(&mut self, topic: Topic) -> &mut NodeSettings {
         match topic {
             Topic::State => &mut self.plant,
             Topic::Reference => &mut self.guidance,
@@ -139,11 +163,20 @@ pub fn find_programs(settings: &mut Table, folder: &Path) {
     swaps.into_iter().flatten().filter_map(|swap| swap.get_mut("exec")).for_each(find);
 }
 
-/// Drops from the settings `below` all of each program that `above` replaces by another `exec`.
+/// Settings of a node that belong to its program.
+const PROGRAM: [&str; 6] = ["exec", "sha256", "args", "files", "env", "settings"];
+
+/// Drops from the settings `below` those of each program that `above` replaces by another `exec`.
 pub(super) fn drop_replaced_programs(below: &mut Table, above: &Table) {
     let Some(nodes) = above.get("node").and_then(Value::as_table) else { return };
     let Some(below) = below.get_mut("node").and_then(Value::as_table_mut) else { return };
-    below.retain(|name, _| nodes.get(name).is_none_or(|program| program.get("exec").is_none()));
+    for (name, node) in below {
+        if let Value::Table(node) = node
+            && nodes.get(name).is_some_and(|above| above.get("exec").is_some())
+        {
+            node.retain(|key, _| !PROGRAM.contains(&key));
+        }
+    }
 }
 
 #[cfg(test)]
@@ -152,7 +185,7 @@ mod tests {
 
     #[test]
     fn the_kind_follows_from_the_name_of_the_file() {
-        let kind = |exec: &str| NodeProgram { exec: exec.into(), ..NodeProgram::default() }.kind();
+        let kind = |exec: &str| NodeSettings { exec: exec.into(), ..NodeSettings::default() }.kind();
         assert_eq!(
             ["", "lib/my.so", "my-program", "my.so.py"].map(kind),
             [ProgramKind::Own, ProgramKind::Library, ProgramKind::Executable, ProgramKind::Executable]
@@ -166,9 +199,16 @@ mod tests {
         let text = "node.mixer = { exec = 'python3', args = ['my.py', '-v'] }\nswap = [{ exec = 'my.py' }]";
         let mut settings: Table = text.parse().unwrap();
         find_programs(&mut settings, folder.path());
-        let mixer: NodeProgram = settings["node"]["mixer"].clone().try_into().unwrap();
+        let mixer: NodeSettings = settings["node"]["mixer"].clone().try_into().unwrap();
         let file = folder.path().join("my.py").to_str().unwrap().to_owned();
         assert_eq!((mixer.exec.as_str(), mixer.args), ("python3", vec![file.clone(), "-v".into()]));
         assert_eq!(settings["swap"][0]["exec"].as_str(), Some(file.as_str()));
+    }
+    #[test]
+    fn another_program_keeps_the_scheduling_of_the_node() {
+        let mut below: Table =
+            "node.mixer = { exec = 'a.so', settings = { gain = 1 }, priority = 40 }".parse().unwrap();
+        drop_replaced_programs(&mut below, &"node.mixer.exec = 'b.so'".parse().unwrap());
+        assert_eq!(below, "node.mixer = { priority = 40 }".parse().unwrap());
     }
 }

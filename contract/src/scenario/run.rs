@@ -5,9 +5,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Deadline, Fault, FlownAirframe, Guidance, Initial, Mission, Mixer, Mpc, NodeDeadline, Nodes, Plant, Realtime,
-    Supervision, Swap,
+    Attitude, Deadline, Fault, FlownAirframe, Guidance, Initial, Mission, Mixer, NodeDeadline, Nodes, Plant, Realtime,
+    Scheduling, Supervision, Swap,
 };
+use crate::Topic;
 
 /// All settings that decide a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,18 +31,18 @@ pub struct Scenario {
     /// The position controller.
     pub guidance: Guidance,
     /// The attitude controller.
-    pub mpc: Mpc,
+    pub attitude: Attitude,
     /// The control allocation.
     pub mixer: Mixer,
     /// Bounds that the run must keep to count as flown.
     pub bounds: Bounds,
-    /// Scheduling of the processes.
+    /// Scheduling of all nodes.
     pub realtime: Realtime,
-    /// Deadlines of the nodes.
+    /// Deadlines of all nodes.
     pub deadline: Deadline,
     /// Detection of failed processes, and their restart.
     pub supervision: Supervision,
-    /// Programs of the nodes in place of the launcher's own cores.
+    /// Settings of single nodes: program, scheduling, deadline.
     pub node: Nodes,
     /// Faults to inject.
     pub fault: Vec<Fault>,
@@ -115,6 +116,9 @@ pub struct Bounds {
 /// a controller takes a command of zero for a cut.
 const IDLE_SHARE: f64 = 0.1;
 
+/// Deadlines of STATE, REFERENCE, CONTROLS and ACTUATORS, as shares of that of the whole chain.
+const DEADLINE_SHARES: [f64; 4] = [0.2, 0.4, 0.8, 1.0];
+
 /// Time between two records of the nodes' memories in the log \[s\].
 const REMEMBERED_S: u64 = 10;
 
@@ -131,12 +135,12 @@ impl Scenario {
 
     /// Prediction horizon Np \[samples\].
     pub fn np(&self) -> usize {
-        self.nearest_samples(self.mpc.prediction_horizon_s)
+        self.nearest_samples(self.attitude.mpc.prediction_horizon_s)
     }
 
     /// Control horizon Nu \[samples\].
     pub fn nu(&self) -> usize {
-        self.nearest_samples(self.mpc.control_horizon_s)
+        self.nearest_samples(self.attitude.mpc.control_horizon_s)
     }
 
     /// Rounds a time to samples; a half is rounded up, also where its product with the rate is a little below it.
@@ -163,9 +167,24 @@ impl Scenario {
         sample_ns / steps.unwrap_or(sample_ns)
     }
 
+    /// Scheduling of the node at place `rank` in the ring, 0 (plant) to 3 (mixer).
+    pub fn scheduling_of(&self, rank: usize) -> Scheduling {
+        let (common, own) = (&self.realtime, self.node.of(Topic::ALL[rank]));
+        Scheduling {
+            policy: own.policy.unwrap_or(common.policy),
+            priority: own.priority.unwrap_or(common.priority + rank as u32),
+            affinity: own.affinity.clone().unwrap_or_else(|| common.affinity.clone()),
+            lock_memory: own.lock_memory.unwrap_or(common.lock_memory),
+            rttime_ms: own.rttime_ms.unwrap_or(common.rttime_ms),
+        }
+    }
+
     /// Deadline of the node at place `rank` in the ring, 0 (plant) to 3 (mixer).
     pub fn deadline_of(&self, rank: usize) -> NodeDeadline {
-        self.deadline.of(rank, self.sample_s())
+        let (common, own) = (&self.deadline, self.node.of(Topic::ALL[rank]));
+        let whole_ms = common.end_to_end_ms.unwrap_or(self.sample_s() * 1e3);
+        let due_ms = own.deadline_ms.unwrap_or(whole_ms * DEADLINE_SHARES[rank]);
+        NodeDeadline { deadline_ns: (due_ms * 1e6).round() as u64, late: own.late.unwrap_or(common.late) }
     }
 
     /// Parameters of the vehicle that flies: `[airframe]`, with the changes of `[plant.airframe]`.
@@ -214,5 +233,37 @@ impl Scenario {
             rotor_rate_limit: self.plant.rotor_rate_limit,
             servo_rate_limit_radps: self.plant.servo_rate_limit_radps,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::{Late, NodeSettings, Policy};
+
+    #[test]
+    fn priorities_rise_downstream_and_a_node_s_own_table_overrides() {
+        let mut scenario = Scenario::default();
+        assert_eq!([0, 1, 2, 3].map(|rank| scenario.scheduling_of(rank).priority), [70, 71, 72, 73]);
+        let own = NodeSettings { priority: Some(40), affinity: Some(vec![1]), ..NodeSettings::default() };
+        scenario.node.mixer = own;
+        scenario.realtime.affinity = vec![0];
+        let [guidance, mixer] = [1, 3].map(|rank| scenario.scheduling_of(rank));
+        assert_eq!((guidance.priority, guidance.affinity), (71, vec![0]));
+        assert_eq!((mixer.priority, mixer.affinity, mixer.policy), (40, vec![1], Policy::Fifo));
+    }
+
+    #[test]
+    fn deadlines_default_to_shares_of_the_chain_and_the_chain_to_the_period() {
+        let mut scenario = Scenario::default();
+        let due = |scenario: &Scenario| [0, 1, 2, 3].map(|rank| scenario.deadline_of(rank).deadline_ns);
+        assert_eq!(due(&scenario), [2_000_000, 4_000_000, 8_000_000, 10_000_000]);
+        scenario.run.rate_hz = 1000;
+        assert_eq!(due(&scenario), [200_000, 400_000, 800_000, 1_000_000]);
+        scenario.deadline.end_to_end_ms = Some(5.0);
+        scenario.node.guidance.deadline_ms = Some(1.5);
+        assert_eq!(due(&scenario), [1_000_000, 1_500_000, 4_000_000, 5_000_000]);
+        scenario.node.attitude_mpc.late = Some(Late::Degrade);
+        assert_eq!([1, 2].map(|rank| scenario.deadline_of(rank).late), [Late::Send, Late::Degrade]);
     }
 }

@@ -213,7 +213,7 @@ pub struct Alignment {
 }
 
 /// Sensors of rotor speeds and tilt, as of speed controllers and servo, `[plant.sensors.telemetry]`. Only the law
-/// `indi` uses them, with `mpc.indi.actuators` = "sensed".
+/// `indi` uses them, with `attitude.indi.actuators` = "sensed".
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Telemetry {

@@ -6,14 +6,15 @@ use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use super::moved::{MOVED, Now};
+use super::moved::{self, Kind, Moved, Now};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
-    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, MissionLimits, Mpc,
-    NodeProgram, NodeRealtime, Nodes, Part, PartKind, Plant, Policy, Profile, Realtime, Scenario, Swap, SwapNode,
-    Wrong,
+    Attitude, Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, MissionLimits,
+    NodeSettings, Nodes, Part, PartKind, Plant, Policy, Profile, Scenario, Swap, SwapNode, Wrong,
 };
+
+const ALL_NAMES: &str = "docs/names.md has all old names with the new ones";
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
 
@@ -54,19 +55,19 @@ pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<u
 /// Makes a scenario that sets every known key.
 fn example() -> Table {
     let robust = Scenario::from(Profile::Robust);
-    let node = NodeRealtime {
-        policy: Some(Policy::Fifo),
-        priority: Some(70),
-        affinity: Some(vec![0, 1]),
-        lock_memory: Some(true),
-        rttime_ms: Some(500.0),
-    };
-    let program = NodeProgram {
+    let node = NodeSettings {
         exec: "my-controller.so".into(),
         sha256: "0".repeat(64),
         args: vec!["my-controller.py".into()],
         files: BTreeMap::from([("my-controller.py".into(), "00".into())]),
         env: [("NAME".into(), "value".into())].into(),
+        policy: Some(Policy::Fifo),
+        priority: Some(70),
+        affinity: Some(vec![0, 1]),
+        lock_memory: Some(true),
+        rttime_ms: Some(500.0),
+        deadline_ms: Some(10.0),
+        late: Some(Late::Skip),
         settings: [("gain".into(), 0.5.into())].into_iter().collect(),
     };
     let all = Scenario {
@@ -93,38 +94,15 @@ fn example() -> Table {
             },
             ..robust.plant
         },
-        mpc: Mpc { servo_lag_model_s: Some(0.08), ..robust.mpc },
+        attitude: Attitude { servo_lag_model_s: Some(0.08), ..robust.attitude },
         bounds: Bounds {
             max_position_error_m: Some(0.7),
             max_altitude_error_m: Some(0.2),
             final_position_error_m: Some(0.1),
             max_fallback_s: Some(2.0),
         },
-        realtime: Realtime {
-            plant: node.clone(),
-            guidance: node.clone(),
-            attitude_mpc: node.clone(),
-            mixer: node,
-            ..robust.realtime
-        },
-        deadline: Deadline {
-            end_to_end_ms: Some(10.0),
-            plant_ms: Some(2.0),
-            guidance_ms: Some(4.0),
-            attitude_mpc_ms: Some(8.0),
-            mixer_ms: Some(10.0),
-            plant_policy: Some(Late::Skip),
-            guidance_policy: Some(Late::Hold),
-            attitude_mpc_policy: Some(Late::Degrade),
-            mixer_policy: Some(Late::Stop),
-            ..robust.deadline
-        },
-        node: Nodes {
-            plant: program.clone(),
-            guidance: program.clone(),
-            attitude_mpc: program.clone(),
-            mixer: program,
-        },
+        deadline: Deadline { end_to_end_ms: Some(10.0), ..robust.deadline },
+        node: Nodes { plant: node.clone(), guidance: node.clone(), attitude_mpc: node.clone(), mixer: node },
         fault: vec![Fault {
             for_s: Some(0.3),
             ms: Some(20.0),
@@ -137,7 +115,7 @@ fn example() -> Table {
         }],
         swap: vec![Swap {
             exec: Some("my-controller".into()),
-            set: vec!["mpc.law=lqr".into()],
+            set: vec!["attitude.law=lqr".into()],
             ..Swap::new(SwapNode::AttitudeMpc, 20.0)
         }],
         ..robust
@@ -167,6 +145,10 @@ impl Keys<'_, '_> {
         for (name, value) in given {
             let key = join(path, name.get_ref());
             let (title, span, help) = match (known.get(name.get_ref().as_ref()), value.get_ref()) {
+                (None, DeValue::Table(given)) if moved::were_in(&key) && !given.is_empty() => {
+                    self.check(&key, given, &Table::new());
+                    continue;
+                }
                 (None, _) => {
                     let (title, help) = self.unknown(path, name.get_ref(), known);
                     (title, name.span(), help)
@@ -195,13 +177,21 @@ impl Keys<'_, '_> {
     /// Returns title and help for the key `name` that is not `known` at `path`.
     fn unknown(&self, path: &str, name: &str, known: &Table) -> (String, String) {
         let key = join(path, name);
-        match MOVED.iter().find(|(old, _)| *old == key) {
-            Some((old, Now::Seconds(new))) => {
-                (format!("`{old}` is now `{new}`, in seconds"), self.in_seconds(old, new))
-            }
-            Some((old, Now::Gone(help))) => (format!("there is no `{old}` any more"), (*help).into()),
-            None => (format!("unknown key `{}`", shortened(&key)), self.nearest(path, name, known)),
+        let is_known = |moved: &Moved| moved.name.as_ref().is_none_or(|new| at(self.example, new).is_some());
+        if let Some(Moved { title, name, now }) = moved::find(Kind::Key, &key).filter(is_known) {
+            let help = match (now, name) {
+                (Now::Seconds(_), Some(new)) => self.in_seconds(&key, &new),
+                _ => ALL_NAMES.into(),
+            };
+            return (title, help);
         }
+        let new = moved::find(Kind::Key, path).and_then(|moved| moved.name);
+        let table = new.as_ref().and_then(|new| at(self.example, new)?.as_table());
+        let help = match (&new, table) {
+            (Some(new), Some(table)) => self.nearest(new, name, table),
+            _ => self.nearest(path, name, known),
+        };
+        (format!("unknown key `{}`", shortened(&key)), help)
     }
 
     /// Returns help on the key `old`, a number of samples: its value as that of the key `new`, at the rate that this
@@ -246,6 +236,9 @@ fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Optio
     let span = span.unwrap_or_default();
     let key = key_at(tree, "", span.start).unwrap_or_default();
     let value = key.split('.').try_fold(&Value::Table(example()), |value, name| value.get(name)).cloned();
+    if let Some(Moved { title, .. }) = moved::refused(&key, message) {
+        return Problem { title, place: Some((source, span)), help: ALL_NAMES.into() };
+    }
     let message = &suggest(message);
     // Serde's messages name Rust's types.
     let message =
@@ -297,6 +290,13 @@ fn key_at(tree: &DeTable, path: &str, byte: usize) -> Option<String> {
         let inner = value.get_ref().as_table().and_then(|tree| key_at(tree, &key, byte));
         inner.or_else(|| value.span().contains(&byte).then_some(key))
     })
+}
+
+/// Returns what stands at a dotted key of a table; where a value stands, the rest of the key is an index in it.
+fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
+    let Some((first, rest)) = key.split_once('.') else { return table.get(key) };
+    let value = table.get(first)?;
+    value.as_table().map_or(Some(value), |table| at(table, rest))
 }
 
 fn join(table: &str, name: &str) -> String {

@@ -21,10 +21,11 @@ fn set_wins_over_file_over_profile() {
 
 #[test]
 fn a_profile_by_set_changes_the_defaults_underneath() {
-    let (_folder, path) = file(b"profile = \"robust\"\n[mpc]\ndisturbance_gain = 0.2\n");
+    let (_folder, path) = file(b"profile = \"robust\"\n[attitude]\ndisturbance_gain = 0.2\n");
     let scenario = load(Some(&path), &["profile=paper".into()]).unwrap();
     let paper = Scenario::from(Profile::Paper);
-    assert_eq!(scenario, Scenario { mpc: Mpc { disturbance_gain: 0.2, ..paper.mpc.clone() }, ..paper });
+    let attitude = Attitude { disturbance_gain: 0.2, ..paper.attitude.clone() };
+    assert_eq!(scenario, Scenario { attitude, ..paper });
 }
 
 #[test]
@@ -37,7 +38,7 @@ fn set_takes_toml_and_bare_words() {
         "plant.noise={position_m=1e-3}",
         "plant.wind_ned_mps=[[15, [5, 0, 0]]]",
         "plant.drag_linear_nspm=[0.2, 0.2, 0.1]",
-        "mpc.delay_compensation=false",
+        "attitude.delay_compensation=false",
     ])
     .unwrap();
     assert_eq!((scenario.name.as_str(), scenario.run.mode), ("wind step", Mode::Lockstep));
@@ -45,7 +46,7 @@ fn set_takes_toml_and_bare_words() {
     assert_eq!(mission, (Ramp::Named(RampName::MinJerk), TrajectoryKind::Waypoints));
     assert_eq!(scenario.plant.noise, Noise { position_m: 1e-3, ..Noise::default() });
     assert_eq!(scenario.plant.wind_ned_mps, [(15.0, [5.0, 0.0, 0.0])]);
-    assert_eq!(scenario.mpc.delay_compensation, DelayCompensation::Sample(false));
+    assert_eq!(scenario.attitude.delay_compensation, DelayCompensation::Sample(false));
 }
 
 #[test]
@@ -62,13 +63,13 @@ fn errors_in_the_shape_name_the_key_and_the_fix() {
     let cases: [(&str, &[&str]); 20] = [
         ("duration_s=3", &["unknown key `duration_s`", "--set duration_s=3", "did you mean `run.duration_s`?"]),
         ("plant.mass_kg=1.2", &["unknown key `plant.mass_kg`", "did you mean `plant.airframe.mass_kg`?"]),
-        ("bounds.max_altitude_error_horizontal_m=0.1", &["did you mean `bounds.max_altitude_error_m`?"]),
-        ("bounds.max_altitude_error_vertical_m=0.2", &["did you mean `bounds.max_altitude_error_m`?"]),
+        ("mpc={qq=1, law=\"pid\"}", &["unknown key `mpc.qq`", "`attitude.mpc.q`?", "`mpc.law` is `attitude.law` now"]),
+        ("realtime.mixer.priority=9", &["`realtime.mixer.priority` is `node.mixer.priority` now", "docs/names.md"]),
         ("plant.rotor_lag=3", &["unknown key `plant.rotor_lag`", "did you mean `plant.rotor_lag_s`?", "substep_s"]),
         ("bounds.x=3", &["unknown key `bounds.x`", "known in `bounds`: final_position_error_m, max_alt"]),
         ("plant.rotor_lag_s=slow", &["`plant.rotor_lag_s`", "string \"slow\", expected a number", "= 0.03"]),
         ("run.seed=-1", &["`run.seed`", "integer `-1`, expected a whole number"]),
-        ("mpc.max_iterations=2.5", &["`mpc.max_iterations`", "expected a whole number"]),
+        ("attitude.mpc.max_iterations=2.5", &["`attitude.mpc.max_iterations`", "expected a whole number"]),
         ("run.mode=lockstpe", &["`run.mode`", "expected one of `realtime`, `lockstep`, `inprocess`"]),
         ("run.mode.x=1", &["`run.mode` is not a table", "run.mode = \"realtime\""]),
         ("run=3", &["`run` is a table", "duration_s, mode, rate_hz, seed"]),
@@ -91,7 +92,7 @@ fn errors_in_the_shape_name_the_key_and_the_fix() {
 
 #[test]
 fn the_message_points_into_the_file_and_lists_all_problems() {
-    let text = "# gusty\n[plant]\ntilt_max_deg = 95\n[mpc]\nmax_iterations = 0\n";
+    let text = "# gusty\n[plant]\ntilt_max_deg = 95\n[attitude.mpc]\nmax_iterations = 0\n";
     let message = from_merged(text, "gusty.toml").unwrap_err().to_string();
     let first = "error: `plant.tilt_max_deg` = 95.0 is out of range
  --> gusty.toml:3:16
@@ -120,7 +121,7 @@ fn of_many_wrong_keys_only_the_first_are_listed() {
 #[test]
 fn unknown_words_get_the_nearest_known_one() {
     check_refused("fault=[{at_s=1, target=\"rotr2\", kind=\"off\"}]", &["did you mean `rotor2`?"]);
-    check_refused("mpc.law=lqrr", &["did you mean `lqr`?"]);
+    check_refused("attitude.law=lqrr", &["did you mean `lqr`?"]);
     for kind in ["iteration cap", "iteration_cap"] {
         check_refused(
             &format!("fault=[{{at_s=1, target=\"mpc\", kind=\"{kind}\"}}]"),
@@ -204,7 +205,7 @@ proptest! {
         scenario.run.seed = seed;
         scenario.guidance.kp_phi = gain;
         scenario.mission.heading_deg = Heading::Steps(vec![(0.0, gain), (0.1, -gain)]);
-        scenario.mpc.r = positive;
+        scenario.attitude.mpc.r = positive;
         scenario.initial.position_m = position_m;
         scenario.plant.wind_ned_mps = vec![(1.0 / 3.0, wind)];
         scenario.plant.drag_quadratic_ns2pm2 = 0.02;
@@ -243,17 +244,17 @@ fn file(content: &[u8]) -> (tempfile::TempDir, PathBuf) {
 fn the_weights_of_the_inputs_follow_the_vehicle_unless_they_are_given() {
     let r = |settings: &[&str]| {
         let settings: Vec<String> = settings.iter().map(|&set| set.to_owned()).collect();
-        load(None, &settings).unwrap().mpc.r
+        load(None, &settings).unwrap().attitude.mpc.r
     };
     let default = r(&[]);
     assert_eq!(r(&["airframe.mass_kg=2.2"]), [default[0] / 4.0, default[1], default[2], default[3]]);
     assert_eq!(r(&["airframe.ixx_kgm2=0.01195"])[2], default[2] * 4.0, "half the inertia of Table I");
-    assert_eq!(r(&["mpc.r=[1.0, 2.0, 3.0, 4.0]", "airframe.mass_kg=2.2"]), [1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(r(&["attitude.mpc.r=[1.0, 2.0, 3.0, 4.0]", "airframe.mass_kg=2.2"]), [1.0, 2.0, 3.0, 4.0]);
     let ten_inch = load(None, &["airframe.preset=ten-inch".into()]).unwrap();
     let heavier = format!("airframe.mass_kg={}", 2.0 * ten_inch.airframe.mass_kg);
-    assert_eq!(r(&["airframe.preset=ten-inch", &heavier])[0], ten_inch.mpc.r[0] / 4.0);
+    assert_eq!(r(&["airframe.preset=ten-inch", &heavier])[0], ten_inch.attitude.mpc.r[0] / 4.0);
     let drawn = Given::load(None, &[]).unwrap().scenario(&[("airframe.mass_kg".into(), 2.2.into())]).unwrap();
-    assert_eq!(drawn.mpc.r[0], default[0] / 4.0, "a campaign's draw too");
+    assert_eq!(drawn.attitude.mpc.r[0], default[0] / 4.0, "a campaign's draw too");
 }
 
 /// Settings as `--set` gives them, with the horizons \[samples\] that they make.
@@ -273,13 +274,17 @@ fn a_horizon_has_the_same_length_at_every_rate() {
     ] {
         let rate = format!("run.rate_hz={rate}");
         assert_eq!(horizons(&[&rate]), robust, "{rate}: at most 200 samples by default");
-        let solved = horizons(&["mpc.constraints=cone", &rate]);
+        let solved = horizons(&["attitude.mpc.constraints=cone", &rate]);
         assert_eq!(solved, [robust[0], robust[1].min(20)], "{rate}: at most 20 moves if they are solved for");
         assert_eq!(horizons(&["profile=paper", &rate]), paper, "{rate}");
-        let horizon = if given[0] == 200 { "mpc.prediction_horizon_s=0.1" } else { "mpc.prediction_horizon_s=0.3" };
-        assert_eq!(horizons(&[horizon, "mpc.control_horizon_s=0.07", &rate]), given, "{rate}");
+        let horizon = if given[0] == 200 {
+            "attitude.mpc.prediction_horizon_s=0.1"
+        } else {
+            "attitude.mpc.prediction_horizon_s=0.3"
+        };
+        assert_eq!(horizons(&[horizon, "attitude.mpc.control_horizon_s=0.07", &rate]), given, "{rate}");
     }
-    let fast = from_set(&["run.rate_hz=2000"]).unwrap().mpc;
+    let fast = from_set(&["run.rate_hz=2000"]).unwrap().attitude.mpc;
     assert_eq!([fast.prediction_horizon_s, fast.control_horizon_s], [0.1, 0.1], "what is flown is what is written");
 }
 
@@ -287,9 +292,13 @@ fn a_horizon_has_the_same_length_at_every_rate() {
 fn the_disturbance_estimate_is_as_fast_at_every_rate() {
     for (rate_hz, gain) in [(50, 0.04), (100, 0.02), (250, 0.008), (2000, 0.001)] {
         let rate = format!("run.rate_hz={rate_hz}");
-        assert_eq!(from_set(&[&rate]).unwrap().mpc.disturbance_gain, gain, "{rate}: 2 per second");
-        assert_eq!(from_set(&["profile=paper", &rate]).unwrap().mpc.disturbance_gain, 0.0, "{rate}");
-        assert_eq!(from_set(&["mpc.disturbance_gain=0.1", &rate]).unwrap().mpc.disturbance_gain, 0.1, "{rate}");
+        assert_eq!(from_set(&[&rate]).unwrap().attitude.disturbance_gain, gain, "{rate}: 2 per second");
+        assert_eq!(from_set(&["profile=paper", &rate]).unwrap().attitude.disturbance_gain, 0.0, "{rate}");
+        assert_eq!(
+            from_set(&["attitude.disturbance_gain=0.1", &rate]).unwrap().attitude.disturbance_gain,
+            0.1,
+            "{rate}"
+        );
     }
 }
 
@@ -303,35 +312,38 @@ fn a_law_by_its_name_alone_has_defaults_that_it_uses() {
         ("geometric", Model::Hover, Constraints::None, 0.0, 0.02),
         ("indi", Model::Hover, Constraints::None, 0.0, 0.0),
     ] {
-        let named = from_set(&[&format!("mpc.law={law}")]).unwrap_or_else(|error| panic!("{law}: {error}"));
-        let own = (named.mpc.model, named.mpc.constraints, named.guidance.preview_s, named.mpc.disturbance_gain);
+        let named = from_set(&[&format!("attitude.law={law}")]).unwrap_or_else(|error| panic!("{law}: {error}"));
+        let Attitude { mpc, disturbance_gain, .. } = &named.attitude;
+        let own = (mpc.model, mpc.constraints, named.guidance.preview_s, *disturbance_gain);
         assert_eq!(own, (model, constraints, preview_s, gain), "{law}");
-        assert!(named.mpc.delay_compensation.is_measured(), "{law}");
+        assert!(named.attitude.delay_compensation.is_measured(), "{law}");
         // With every setting written down, those that it does not use would be refused.
         let written = to_toml(&named);
         assert_eq!(from_merged(&written, "written").unwrap_or_else(|error| panic!("{law}: {error}")), named);
         // What does not depend on the law is as ever.
-        let others = Mpc {
-            law: all.mpc.law,
-            model: all.mpc.model,
-            constraints: all.mpc.constraints,
-            disturbance_gain: all.mpc.disturbance_gain,
-            ..named.mpc
+        let Mpc { model, constraints, .. } = all.attitude.mpc;
+        let others = Attitude {
+            law: all.attitude.law,
+            disturbance_gain: all.attitude.disturbance_gain,
+            mpc: Mpc { model, constraints, ..named.attitude.mpc },
+            ..named.attitude
         };
-        assert_eq!(others, all.mpc, "{law}");
+        assert_eq!(others, all.attitude, "{law}");
     }
 }
 
 #[test]
 fn a_model_or_a_gain_alone_has_defaults_that_go_with_it() {
-    let mpc = from_set(&["mpc.model=scheduled"]).unwrap_or_else(|error| panic!("{error}")).mpc;
-    assert_eq!((mpc.model, mpc.delay_compensation), (Model::Scheduled, DelayCompensation::Sample(true)));
-    assert_eq!(mpc.disturbance_gain, 0.02);
-    let hover = from_set(&["mpc.model=hover"]).unwrap().mpc;
+    let attitude = |set: &str| from_set(&[set]).unwrap_or_else(|error| panic!("{error}")).attitude;
+    let scheduled = attitude("attitude.mpc.model=scheduled");
+    assert_eq!(scheduled.mpc.model, Model::Scheduled);
+    assert_eq!(scheduled.delay_compensation, DelayCompensation::Sample(true));
+    assert_eq!(scheduled.disturbance_gain, 0.02);
+    let hover = attitude("attitude.mpc.model=hover");
     assert!(hover.delay_compensation.is_measured() && hover.disturbance_gain == 0.02);
-    let mpc = from_set(&["mpc.disturbance_gain=0"]).unwrap_or_else(|error| panic!("{error}")).mpc;
-    assert_eq!((mpc.model, mpc.disturbance_gain), (Model::Hover, 0.0), "only an estimate uses the coupling term");
-    assert!(mpc.delay_compensation.is_measured());
+    let none = attitude("attitude.disturbance_gain=0");
+    assert_eq!((none.mpc.model, none.disturbance_gain), (Model::Hover, 0.0), "only an estimate uses the coupling term");
+    assert!(none.delay_compensation.is_measured());
 }
 
 #[test]
@@ -339,17 +351,23 @@ fn a_horizon_has_the_nearest_whole_number_of_samples() {
     for samples in 1..=200_usize {
         let time_s = samples as f64 / 100.0;
         let set = [time_s, time_s].map(|time_s| format!("{time_s}"));
-        let set = [format!("mpc.prediction_horizon_s={}", set[0]), format!("mpc.control_horizon_s={}", set[1])];
+        let set = [
+            format!("attitude.mpc.prediction_horizon_s={}", set[0]),
+            format!("attitude.mpc.control_horizon_s={}", set[1]),
+        ];
         assert_eq!(horizons(&[&set[0], &set[1]]), [samples; 2]);
     }
     // 0.145 * 100 is less than 14.5 in floating point.
     for (time_s, samples) in [("0.124", 12), ("0.125", 13), ("0.145", 15), ("0.155", 16), ("0.1449", 14)] {
-        assert_eq!(horizons(&[&format!("mpc.prediction_horizon_s={time_s}")])[0], samples, "{time_s}");
+        assert_eq!(horizons(&[&format!("attitude.mpc.prediction_horizon_s={time_s}")])[0], samples, "{time_s}");
     }
     for (set, expected) in [
-        ("mpc.prediction_horizon_s=30", "`mpc.prediction_horizon_s` = 30.0 is 3000 samples at 100 Hz"),
-        ("mpc.control_horizon_s=0.0049", "`mpc.control_horizon_s` = 0.0049 is 0 samples at 100 Hz"),
-        ("mpc.control_horizon_s=-0.05", "is 0 samples at 100 Hz"),
+        (
+            "attitude.mpc.prediction_horizon_s=30",
+            "`attitude.mpc.prediction_horizon_s` = 30.0 is 3000 samples at 100 Hz",
+        ),
+        ("attitude.mpc.control_horizon_s=0.0049", "`attitude.mpc.control_horizon_s` = 0.0049 is 0 samples at 100 Hz"),
+        ("attitude.mpc.control_horizon_s=-0.05", "is 0 samples at 100 Hz"),
     ] {
         let refused = from_set(&[set]).expect_err(set).to_string();
         assert!(refused.contains(expected) && refused.contains("allowed: 0.01 to 2 at this rate"), "{refused}");
@@ -363,16 +381,25 @@ fn horizons_in_samples_are_refused_with_their_seconds() {
         (
             "mpc.np = 30",
             [
-                "`mpc.np` is now `mpc.prediction_horizon_s`, in seconds",
-                "at 100 Hz are `mpc.prediction_horizon_s = 0.3`",
+                "`mpc.np` is `attitude.mpc.prediction_horizon_s` now, in seconds",
+                "at 100 Hz are `attitude.mpc.prediction_horizon_s = 0.3`",
             ],
         ),
         (
             "run.rate_hz = 250\n[mpc]\nnu = 7",
-            ["`mpc.nu` is now `mpc.control_horizon_s`", "7 samples at 250 Hz are `mpc.control_horizon_s = 0.028`"],
+            [
+                "`mpc.nu` is `attitude.mpc.control_horizon_s` now",
+                "7 samples at 250 Hz are `attitude.mpc.control_horizon_s = 0.028`",
+            ],
         ),
-        ("mpc.nu = 'many'", ["`mpc.nu` is now", "the number of samples by `run.rate_hz`"]),
-        ("run = 3\nmpc.np = -1", ["`mpc.np` is now", "the number of samples by `run.rate_hz`"]),
+        (
+            "mpc.nu = 'many'",
+            ["`mpc.nu` is `attitude.mpc.control_horizon_s` now", "the number of samples by `run.rate_hz`"],
+        ),
+        (
+            "run = 3\nmpc.np = -1",
+            ["`mpc.np` is `attitude.mpc.prediction_horizon_s` now", "the number of samples by `run.rate_hz`"],
+        ),
     ] {
         let refused = from_merged(text, "old.toml").unwrap_err().to_string();
         assert!(expected.iter().all(|part| refused.contains(part)), "{refused}");
@@ -387,21 +414,21 @@ fn a_file_made_from_a_check_follows_its_vehicle_and_the_record_of_a_flight_does_
     for text in [&checked, &recorded] {
         assert_eq!(load_text(text, "x", &[]).unwrap(), heavy);
     }
-    let lighter = |text: &str| load_text(text, "x", &["airframe.mass_kg=1.1".into()]).unwrap().mpc.r[0];
+    let lighter = |text: &str| load_text(text, "x", &["airframe.mass_kg=1.1".into()]).unwrap().attitude.mpc.r[0];
     assert_eq!([lighter(&checked), lighter(&recorded)], [0.3, 0.075]);
     let slow = load_text(&to_toml_that_follows(&load(None, &[]).unwrap()), "x", &["run.rate_hz=2000".into()]).unwrap();
     assert_eq!([slow.np(), slow.nu()], [200, 200], "the horizons follow the rate");
     assert!(checked.contains("\n# of the rate: disturbance_gain = 0.02\n"), "{checked}");
-    assert_eq!(slow.mpc.disturbance_gain, 0.001, "and so does the gain of the estimate");
+    assert_eq!(slow.attitude.disturbance_gain, 0.001, "and so does the gain of the estimate");
     let paper = to_toml_that_follows(&load(None, &["profile=paper".into()]).unwrap());
     assert!(!paper.contains("# of the rate"), "its horizons do not: {paper}");
     let own = load(
         None,
         &[
-            "mpc.r=[1.0, 2.0, 3.0, 4.0]",
-            "mpc.prediction_horizon_s=0.3",
-            "mpc.control_horizon_s=0.07",
-            "mpc.disturbance_gain=0.1",
+            "attitude.mpc.r=[1.0, 2.0, 3.0, 4.0]",
+            "attitude.mpc.prediction_horizon_s=0.3",
+            "attitude.mpc.control_horizon_s=0.07",
+            "attitude.disturbance_gain=0.1",
         ]
         .map(String::from),
     )
@@ -415,11 +442,14 @@ fn weights_of_another_vehicle_are_noticed() {
         let settings: Vec<String> = settings.iter().map(|&set| set.to_owned()).collect();
         weights_that_fit(&load(None, &settings).unwrap())
     };
-    let of_table_i = "mpc.r=[0.4, 300.0, 85.0, 300.0]";
+    let of_table_i = "attitude.mpc.r=[0.4, 300.0, 85.0, 300.0]";
     assert_eq!(fitting(&["airframe.mass_kg=4.4", of_table_i]).map(|r| r[0]), Some(0.01875));
-    for fits in
-        [&[][..], &["airframe.mass_kg=4.4"], &["airframe.mass_kg=1.4", of_table_i], &["mpc.r=[40.0, 3e4, 8e3, 3e4]"]]
-    {
+    for fits in [
+        &[][..],
+        &["airframe.mass_kg=4.4"],
+        &["airframe.mass_kg=1.4", of_table_i],
+        &["attitude.mpc.r=[40.0, 3e4, 8e3, 3e4]"],
+    ] {
         assert_eq!(fitting(fits), None, "{fits:?}");
     }
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Scheduling of all nodes, `[realtime]`; a node's own table, for instance `[realtime.mixer]`, overrides it.
+/// Scheduling of all nodes, `[realtime]`; `[node.NAME]` overrides it for one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Realtime {
@@ -19,37 +19,6 @@ pub struct Realtime {
     pub lock_memory: bool,
     /// CPU time after which the kernel kills a `SCHED_FIFO` process that never slept \[ms\]; 0 = unlimited.
     pub rttime_ms: f64,
-    /// Overrides for the plant, `[realtime.plant]`.
-    pub plant: NodeRealtime,
-    /// Overrides for guidance, `[realtime.guidance]`.
-    pub guidance: NodeRealtime,
-    /// Overrides for attitude-mpc, `[realtime.attitude-mpc]`.
-    #[serde(rename = "attitude-mpc")]
-    pub attitude_mpc: NodeRealtime,
-    /// Overrides for the mixer, `[realtime.mixer]`.
-    pub mixer: NodeRealtime,
-}
-
-/// Scheduling of one node, `[realtime.<node>]`, in place of that of all nodes.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct NodeRealtime {
-    /// Scheduling class of this node; absent = `realtime.policy`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub policy: Option<Policy>,
-    /// `SCHED_FIFO` priority of this node; absent = that of its place in the ring, from `realtime.priority` on.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub priority: Option<u32>,
-    /// CPUs that this node may run on; absent = `realtime.affinity`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub affinity: Option<Vec<usize>>,
-    /// `true` to lock the memory of this node's process; absent = `realtime.lock_memory`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lock_memory: Option<bool>,
-    /// CPU time after which the kernel kills this node's process if it never slept \[ms\]; absent =
-    /// `realtime.rttime_ms`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rttime_ms: Option<f64>,
 }
 
 /// Scheduling that one process asks the kernel for.
@@ -77,42 +46,19 @@ pub enum Policy {
     Other,
 }
 
-/// Deadlines of the nodes' messages, counted from the plant's sample, `[deadline]`. In force in real time only.
+/// Deadlines of the nodes' messages, counted from the plant's sample, `[deadline]`; `[node.NAME]` overrides them for
+/// one node. In force in real time only.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Deadline {
     /// Deadline of the whole chain \[ms\]; absent = the period.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub end_to_end_ms: Option<f64>,
-    /// Deadline of STATE \[ms\]; absent = 20 % of the whole chain's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub plant_ms: Option<f64>,
-    /// Deadline of REFERENCE \[ms\]; absent = 40 % of the whole chain's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub guidance_ms: Option<f64>,
-    /// Deadline of CONTROLS \[ms\]; absent = 80 % of the whole chain's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub attitude_mpc_ms: Option<f64>,
-    /// Deadline of ACTUATORS \[ms\]; absent = the whole chain's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mixer_ms: Option<f64>,
     /// Treatment of late messages.
-    pub policy: Late,
-    /// Treatment of a late STATE; absent = `policy`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub plant_policy: Option<Late>,
-    /// Treatment of a late REFERENCE; absent = `policy`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub guidance_policy: Option<Late>,
-    /// Treatment of late CONTROLS; absent = `policy`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub attitude_mpc_policy: Option<Late>,
-    /// Treatment of late ACTUATORS; absent = `policy`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mixer_policy: Option<Late>,
+    pub late: Late,
 }
 
-/// Treatment of a message that missed its deadline, `deadline.policy`. Every policy counts the miss.
+/// Treatment of a message that missed its deadline, `deadline.late`. Every policy counts the miss.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Late {
@@ -176,60 +122,4 @@ pub struct NodeDeadline {
     pub deadline_ns: u64,
     /// Treatment of a later one.
     pub late: Late,
-}
-
-impl Realtime {
-    /// Scheduling of the node at place `rank` in the ring, 0 (plant) to 3 (mixer).
-    pub fn of(&self, rank: usize) -> Scheduling {
-        let own = [&self.plant, &self.guidance, &self.attitude_mpc, &self.mixer][rank].clone();
-        Scheduling {
-            policy: own.policy.unwrap_or(self.policy),
-            priority: own.priority.unwrap_or(self.priority + rank as u32),
-            affinity: own.affinity.unwrap_or_else(|| self.affinity.clone()),
-            lock_memory: own.lock_memory.unwrap_or(self.lock_memory),
-            rttime_ms: own.rttime_ms.unwrap_or(self.rttime_ms),
-        }
-    }
-}
-
-impl Deadline {
-    /// Deadline of the node at place `rank` in the ring, 0 (plant) to 3 (mixer), at a sample time \[s\].
-    pub fn of(&self, rank: usize, sample_s: f64) -> NodeDeadline {
-        let whole_ms = self.end_to_end_ms.unwrap_or(sample_s * 1e3);
-        let own_ms = [self.plant_ms, self.guidance_ms, self.attitude_mpc_ms, self.mixer_ms][rank];
-        let due_ms = own_ms.unwrap_or(whole_ms * [0.2, 0.4, 0.8, 1.0][rank]);
-        let late = [self.plant_policy, self.guidance_policy, self.attitude_mpc_policy, self.mixer_policy][rank];
-        NodeDeadline { deadline_ns: (due_ms * 1e6).round() as u64, late: late.unwrap_or(self.policy) }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Scenario;
-
-    #[test]
-    fn priorities_rise_downstream_and_a_node_s_own_table_overrides() {
-        let mut realtime = Scenario::default().realtime;
-        assert_eq!([0, 1, 2, 3].map(|rank| realtime.of(rank).priority), [70, 71, 72, 73]);
-        realtime.mixer = NodeRealtime { priority: Some(40), affinity: Some(vec![1]), ..NodeRealtime::default() };
-        realtime.affinity = vec![0];
-        let [guidance, mixer] = [1, 3].map(|rank| realtime.of(rank));
-        assert_eq!((guidance.priority, guidance.affinity), (71, vec![0]));
-        assert_eq!((mixer.priority, mixer.affinity, mixer.policy), (40, vec![1], Policy::Fifo));
-    }
-
-    #[test]
-    fn deadlines_default_to_shares_of_the_chain_and_the_chain_to_the_period() {
-        let mut scenario = Scenario::default();
-        let due = |scenario: &Scenario| [0, 1, 2, 3].map(|rank| scenario.deadline_of(rank).deadline_ns);
-        assert_eq!(due(&scenario), [2_000_000, 4_000_000, 8_000_000, 10_000_000]);
-        scenario.run.rate_hz = 1000;
-        assert_eq!(due(&scenario), [200_000, 400_000, 800_000, 1_000_000]);
-        scenario.deadline.end_to_end_ms = Some(5.0);
-        scenario.deadline.guidance_ms = Some(1.5);
-        assert_eq!(due(&scenario), [1_000_000, 1_500_000, 4_000_000, 5_000_000]);
-        scenario.deadline.attitude_mpc_policy = Some(Late::Degrade);
-        assert_eq!([1, 2].map(|rank| scenario.deadline_of(rank).late), [Late::Send, Late::Degrade]);
-    }
 }

@@ -1,6 +1,7 @@
 //! Columns that a table of flights has of each outcome.
 
-use anyhow::ensure;
+use anyhow::{bail, ensure};
+use contract::scenario::moved::{self, Moved};
 use contract::scenario::nearest;
 use outcome::metrics::Metrics;
 use outcome::solves::SolverRecord;
@@ -35,6 +36,9 @@ pub fn metrics() -> Vec<String> {
 
 /// Checks that the table of flights has a column `metric` of numbers, for `who`.
 pub fn require_metric(who: &str, metric: &str) -> anyhow::Result<()> {
+    if let Some(Moved { title, .. }) = moved::find(moved::Kind::Column, metric) {
+        bail!("{who}: {title}");
+    }
     let known = metrics();
     let hint = nearest(metric, known.iter().map(String::as_str));
     let hint = hint.map_or(String::new(), |meant| format!("did you mean {meant:?}? "));

@@ -21,7 +21,7 @@
 //! scenario = "step.toml"
 //!
 //! [controller.lqr]                   # each flight is flown under each controller
-//! mpc.law = "lqr"
+//! attitude.law = "lqr"
 //!
 //! [compare]                          # metrics in which the controllers are compared: see `compare`
 //! [[promise]]                        # what must hold of the results: see `promise`

@@ -255,7 +255,7 @@ mod tests {
         Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
     }
 
-    const TWO: &str = "[controller.a]\nmpc.law = 'lqr'\n[controller.b]\nmpc.law = 'pid'\n";
+    const TWO: &str = "[controller.a]\nattitude.law = 'lqr'\n[controller.b]\nattitude.law = 'pid'\n";
 
     #[test]
     fn controllers_are_compared_on_the_same_flights() {
@@ -282,8 +282,12 @@ mod tests {
 
     #[test]
     fn more_samples_leave_the_first_ones_unchanged() {
-        let [few, many] =
-            [3, 30].map(|n| plan(&format!("samples = {n}\n[settings]\nmpc.constraints = 'cone'\n[vary]\nmpc.max_iterations = {{ integer = [20, 30] }}")));
+        let [few, many] = [3, 30].map(|n| {
+            plan(&format!(
+                "samples = {n}\n[settings]\nattitude.mpc.constraints = 'cone'\n[vary]\n\
+            attitude.mpc.max_iterations = {{ integer = [20, 30] }}"
+            ))
+        });
         for number in 0..3 {
             assert_eq!(few.flight(number).scenario.unwrap(), many.flight(number).scenario.unwrap());
         }
@@ -310,8 +314,9 @@ mod tests {
     fn a_column_of_draws_does_not_depend_on_the_rest_of_the_file() {
         let two =
             ["plant.airframe.mass_kg = { uniform = [1.0, 1.2] }\n", "run.command_delay_ms = { uniform = [0, 9] }\n"];
-        let more = "initial.attitude_deg.0 = { uniform = [-9, 9] }\nmpc.max_iterations = { integer = [20, 30] }\n";
-        let listed = "mpc.control_horizon_s = [0.04, 0.05]\n";
+        let more =
+            "initial.attitude_deg.0 = { uniform = [-9, 9] }\nattitude.mpc.max_iterations = { integer = [20, 30] }\n";
+        let listed = "attitude.mpc.control_horizon_s = [0.04, 0.05]\n";
         let faults = "[random_faults]\ncount = [1, 3]\nat_s = [1, 2]\nfor_s = [1, 2]\nkinds = ['drop', 'delay']\n";
         let cases = "[case.calm]\n[case.long]\nrun.duration_s = 30.0\n";
         for sampling in ["random", "latin-hypercube"] {
@@ -326,7 +331,10 @@ mod tests {
                 (format!("{more}{one}{other}"), ""),
                 (format!("{one}{more}{listed}{other}"), TWO),
                 (format!("{one}{other}"), cases),
-                (format!("{one}{other}{more}"), "[controller.b]\nmpc.law = 'pid'\n[controller.a]\nmpc.law = 'lqr'\n"),
+                (
+                    format!("{one}{other}{more}"),
+                    "[controller.b]\nattitude.law = 'pid'\n[controller.a]\nattitude.law = 'lqr'\n",
+                ),
             ] {
                 let with = of(&vary, rest);
                 for (name, cells) in &alone {
@@ -342,19 +350,20 @@ mod tests {
     fn sobol_dimensions_are_in_the_order_of_the_file() {
         let of = |vary: &str| drawn(&format!("samples = 16\nsampling = 'sobol'\n[vary]\n{vary}"));
         let [one, other] =
-            ["run.command_delay_ms = { uniform = [0, 9] }\n", "mpc.max_iterations = { integer = [20, 30] }\n"];
+            ["run.command_delay_ms = { uniform = [0, 9] }\n", "attitude.mpc.max_iterations = { integer = [20, 30] }\n"];
         let first = "initial.attitude_deg.0 = { uniform = [-9, 9] }\n";
         let alone = of(&[one, other].concat());
         let with = of(&[one, other, first].concat());
         assert!(alone.iter().all(|(name, cells)| cells == &with[name]), "a key at the end changes nothing");
         assert_ne!(
-            alone["mpc.max_iterations"],
-            of(&[first, one, other].concat())["mpc.max_iterations"],
+            alone["attitude.mpc.max_iterations"],
+            of(&[first, one, other].concat())["attitude.mpc.max_iterations"],
             "one before does"
         );
 
         let text = format!(
-            "samples = 16\nsampling = 'sobol'\n[vary]\nmpc.control_horizon_s = [0.04, 0.05]\n{one}{other}{first}"
+            "samples = 16\nsampling = 'sobol'\n[vary]\nattitude.mpc.control_horizon_s = [0.04, 0.05]\n\
+             {one}{other}{first}"
         );
         let merged = plan(&text).campaign.merged();
         assert_eq!(drawn(&text), drawn(&merged), "the folder's own file draws the same: {merged}");
@@ -363,24 +372,28 @@ mod tests {
 
     #[test]
     fn contradicting_settings_are_an_invalid_flight_and_a_value_that_never_flies_is_an_error() {
-        let both = plan("[vary]\nmpc.prediction_horizon_s = [0.04, 0.2]\nmpc.control_horizon_s = [0.03, 0.05]");
+        let both = plan(
+            "[vary]\nattitude.mpc.prediction_horizon_s = [0.04, 0.2]\nattitude.mpc.control_horizon_s = [0.03, 0.05]",
+        );
         both.check().unwrap();
         let flies: Vec<bool> = (0..4).map(|number| both.flight(number).scenario.is_ok()).collect();
         assert_eq!(flies, [true, true, false, true], "4 samples with 5 moves");
         let said = plan("[vary]\nplant.airframe.mass_kg = [1.1, -1.0]").check().unwrap_err().to_string();
         assert!(said.contains("[vary] `plant.airframe.mass_kg` = -1.0"), "{said}");
-        let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]\n";
-        for (settings, expected) in
-            [(no_controller, "`mpc.r` is so small"), ("mpc.control_horizon_s = 0.3\n", "`mpc.control_horizon_s` = 0.3")]
-        {
+        let no_controller =
+            "attitude.mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nattitude.mpc.r = [1e-12, 1e-12, 1e-12, 1e-12]\n";
+        for (settings, expected) in [
+            (no_controller, "`attitude.mpc.r` is so small"),
+            ("attitude.mpc.control_horizon_s = 0.3\n", "`attitude.mpc.control_horizon_s` = 0.3"),
+        ] {
             let said = plan(&format!("[vary]\nplant.airframe.mass_kg = [1.0, 1.1]\n{TWO}[controller.c]\n{settings}"))
                 .check()
                 .unwrap_err()
                 .to_string();
             assert!(said.contains("the controller `c` can") && said.contains(expected), "{said}");
         }
-        let said = plan("[vary]\nmpc.qq = [1, 2]").check().unwrap_err().to_string();
-        assert!(said.contains("unknown key `mpc.qq`") && said.contains("did you mean"), "{said}");
+        let said = plan("[vary]\nattitude.mpc.qq = [1, 2]").check().unwrap_err().to_string();
+        assert!(said.contains("unknown key `attitude.mpc.qq`") && said.contains("did you mean"), "{said}");
     }
 
     #[test]
@@ -394,16 +407,17 @@ mod tests {
     #[test]
     fn each_cell_has_the_kind_of_its_column() {
         let plan = plan(
-            "seeds = [7, 9]\n[vary]\nmpc.law = ['mpc', 'lqr']\nplant.airframe.mass_kg = [1, 1.2]\nmixer.projection = [true]",
+            "seeds = [7, 9]\n[vary]\nattitude.law = ['mpc', 'lqr']\nplant.airframe.mass_kg = [1, 1.2]\n\
+             mixer.projection = [true]",
         );
         let columns = plan.columns();
         let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(
             names,
-            ["flight", "controller", "mixer.projection", "mpc.law", "plant.airframe.mass_kg", "run.seed"]
+            ["flight", "controller", "attitude.law", "mixer.projection", "plant.airframe.mass_kg", "run.seed"]
         );
         let cells = plan.cells(&plan.flight(1));
-        assert_eq!(cells[2..], [Cell::Bool(true), Cell::Text("mpc".into()), Cell::Real(1.0), Cell::Int(9)]);
+        assert_eq!(cells[2..], [Cell::Text("mpc".into()), Cell::Bool(true), Cell::Real(1.0), Cell::Int(9)]);
         assert!(columns.iter().zip(&cells).all(|((_, kind), cell)| cell.is(*kind)));
     }
 }

@@ -21,7 +21,7 @@
 //! missing, invalid, or not part of the campaign leave a promise undecided.
 
 use anyhow::{bail, ensure};
-use contract::scenario::any_table;
+use contract::scenario::{any_table, moved};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Table;
@@ -105,6 +105,9 @@ impl Promise {
         };
         known("controller", &self.controllers, controllers)?;
         known("case", &self.cases, cases)?;
+        if let Some(moved) = self.at.keys().find_map(|key| moved::find(moved::Kind::Key, key)) {
+            bail!("[[promise]] {figure:?}: {}", moved.title);
+        }
         known("list of values of", &self.at.keys().cloned().collect::<Vec<_>>(), listed)?;
         metric.iter().try_for_each(|metric| columns::require_metric(&format!("[[promise]] {figure:?}"), metric))?;
         let is_limited = at_most.is_some() != at_least.is_some();

@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn drawn_faults_repeat_and_are_valid_for_every_controller() {
-        let scenarios = [in_process("mpc.law=lqr"), in_process("mpc.law=mpc")];
+        let scenarios = [in_process("attitude.law=lqr"), in_process("attitude.law=mpc")];
         let faults = all();
         let pairs = faults.pairs(&scenarios).unwrap();
         assert!(
@@ -189,8 +189,9 @@ mod tests {
     #[test]
     fn a_pair_that_falls_away_changes_only_the_faults_that_had_it() {
         let faults = all();
-        let [fewer, more] = [["mpc.law=lqr", "mpc.constraints=cone"].as_slice(), &["mpc.constraints=cone"]]
-            .map(|laws| faults.pairs(&laws.iter().map(|law| in_process(law)).collect::<Vec<_>>()).unwrap());
+        let [fewer, more] =
+            [["attitude.law=lqr", "attitude.mpc.constraints=cone"].as_slice(), &["attitude.mpc.constraints=cone"]]
+                .map(|laws| faults.pairs(&laws.iter().map(|law| in_process(law)).collect::<Vec<_>>()).unwrap());
         assert!(fewer.len() < more.len());
         let mut changed = 0;
         for sample in 0..200 {
@@ -208,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_target_or_kind_without_effect_is_refused() {
-        let scenarios = [in_process("mpc.law=lqr")];
+        let scenarios = [in_process("attitude.law=lqr")];
         let refused = |faults: RandomFaults| faults.pairs(&scenarios).unwrap_err().to_string();
         assert!(refused(RandomFaults { targets: Some(vec![FaultTarget::Mpc]), ..all() }).contains("`mpc`"));
         let on_topics =

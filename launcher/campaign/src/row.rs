@@ -213,10 +213,10 @@ mod tests {
 
     #[test]
     fn a_flight_that_cannot_be_flown_is_neither_passed_nor_failed() {
-        let outcome = flown("mpc.prediction_horizon_s = 0.03\nmpc.control_horizon_s = 0.1");
+        let outcome = flown("attitude.mpc.prediction_horizon_s = 0.03\nattitude.mpc.control_horizon_s = 0.1");
         assert_eq!(outcome.standing, Standing::Invalid);
-        assert!(text(&outcome, 2).contains("`mpc.control_horizon_s` = 0.1 "), "{}", text(&outcome, 2));
-        let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]";
+        assert!(text(&outcome, 2).contains("`attitude.mpc.control_horizon_s` = 0.1 "), "{}", text(&outcome, 2));
+        let no_controller = "attitude.mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nattitude.mpc.r = [1e-12, 1e-12, 1e-12, 1e-12]";
         assert_eq!(flown(no_controller).standing, Standing::Invalid);
     }
 

@@ -202,8 +202,10 @@ mod tests {
 
     const FILE: &str = "samples = 2\n[settings]\nrun.duration_s = 2.0\nmission.trajectory = 'hover'\n\
         [vary]\ninitial.attitude_deg.0 = { uniform = [-30.0, 30.0] }\n\
-        [controller.pid]\nmpc.law = 'pid'\nmpc.constraints = 'none'\n[controller.lqr]\nmpc.law = 'lqr'\n\
-        [tune]\nseed = 5\nsamples = 2\nflights = 40\n[tune.scale]\npid = [['mpc.pid.kp.1', 'mpc.pid.kp.2'], ['mpc.pid.kd.1']]\n";
+        [controller.pid]\nattitude.law = 'pid'\nattitude.mpc.constraints = 'none'\n[controller.lqr]\n\
+        attitude.law = 'lqr'\n\
+        [tune]\nseed = 5\nsamples = 2\nflights = 40\n[tune.scale]\n\
+        pid = [['attitude.pid.kp.1', 'attitude.pid.kp.2'], ['attitude.pid.kd.1']]\n";
 
     fn read(text: &str) -> anyhow::Result<Campaign> {
         Campaign::read(text, "x.toml", "x", Path::new(""))
@@ -212,7 +214,8 @@ mod tests {
     #[test]
     fn a_search_repeats_and_finds_gains_that_cost_what_it_says() {
         // Gains that are far too weak, so that there is something to find.
-        let file = FILE.replace("mpc.law = 'pid'\n", "mpc.law = 'pid'\nmpc.pid.kp = [4.0, 12.0, 12.0, 48.0]\n");
+        let file =
+            FILE.replace("attitude.law = 'pid'\n", "attitude.law = 'pid'\nattitude.pid.kp = [4.0, 12.0, 12.0, 48.0]\n");
         let searched = |text: &str| {
             let campaign = read(text).unwrap();
             search(campaign.tune().unwrap(), &campaign, &[], || true, |_, _, _| {}).unwrap().unwrap()
@@ -223,8 +226,8 @@ mod tests {
         assert!(after < 0.9 * before, "it finds better gains: {before} {after}");
         assert!(once[0].flights <= 40, "the budget holds: {}", once[0].flights);
         let keys: Vec<&str> = once[0].settings.iter().map(|(key, _)| key.as_str()).collect();
-        assert_eq!(keys, ["mpc.pid.kd", "mpc.pid.kp"], "whole arrays, which a file can have");
-        let text = FILE.replace("mpc.constraints = 'none'\n", once[0].to_toml().split_once("]\n").unwrap().1);
+        assert_eq!(keys, ["attitude.pid.kd", "attitude.pid.kp"], "whole arrays, which a file can have");
+        let text = FILE.replace("attitude.mpc.constraints = 'none'\n", once[0].to_toml().split_once("]\n").unwrap().1);
         let from_there = searched(&text);
         assert_eq!(from_there[0].cost[0].to_bits(), after.to_bits(), "the printed settings cost what it says");
         assert!(from_there[0].cost[1] <= after, "{:?}", from_there[0].cost);
@@ -245,8 +248,8 @@ mod tests {
             at_border: search.at_border(logarithms),
         };
         let text = tuned(&[beyond, -beyond]).to_toml();
-        assert!(text.contains("factor of `mpc.pid.kp.1`, `mpc.pid.kp.2` is 1000 or more"), "{text}");
-        assert!(text.contains("factor of `mpc.pid.kd.1` is 0.001 or less"), "{text}");
+        assert!(text.contains("factor of `attitude.pid.kp.1`, `attitude.pid.kp.2` is 1000 or more"), "{text}");
+        assert!(text.contains("factor of `attitude.pid.kd.1` is 0.001 or less"), "{text}");
         assert!(!tuned(&[1.0, -1.0]).to_toml().contains("the search ends"));
     }
 
@@ -260,9 +263,9 @@ mod tests {
     fn a_mistake_in_the_tuning_is_named() {
         for (from, to, expected) in [
             ("pid = [[", "pdi = [[", "[controller.pdi]"),
-            ("mpc.pid.kp.1", "mpc.pid.kp.7", "`mpc.pid.kp.7` is no number"),
-            ("mpc.pid.kd.1", "guidance.lead_s", "no factor changes"),
-            (", ['mpc.pid.kd.1']", "", "at least 2"),
+            ("attitude.pid.kp.1", "attitude.pid.kp.7", "`attitude.pid.kp.7` is no number"),
+            ("attitude.pid.kd.1", "guidance.lead_s", "no factor changes"),
+            (", ['attitude.pid.kd.1']", "", "at least 2"),
             ("flights = 40", "flights = 3", "one generation"),
             ("seed = 5\nsamples = 2", "seed = 5\nsamples = 0", "1 or more"),
         ] {

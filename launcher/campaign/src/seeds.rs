@@ -58,8 +58,10 @@ mod tests {
         let said = checked("seeds = 60").unwrap_err().to_string();
         assert!(said.contains("seeds change no flight"), "{said}");
         assert!(
-            checked("seeds = 3\n[vary]\nmpc.prediction_horizon_s = [0.2, 0.3]\nplant.airframe.mass_kg = [1.0, 1.1]")
-                .is_err()
+            checked(
+                "seeds = 3\n[vary]\nattitude.mpc.prediction_horizon_s = [0.2, 0.3]\nplant.airframe.mass_kg = [1.0, 1.1]"
+            )
+            .is_err()
         );
     }
 
@@ -68,6 +70,6 @@ mod tests {
         checked("seeds = 3\n[vary]\nplant.noise.position_m = [0.0, 0.0001, 0.001]").unwrap();
         checked("seeds = 3\n[vary]\nrun.command_jitter_ms = [0.0, 8.0]").unwrap();
         checked("seeds = [7]").unwrap();
-        checked("[vary]\nmpc.prediction_horizon_s = [0.2, 0.3]").unwrap();
+        checked("[vary]\nattitude.mpc.prediction_horizon_s = [0.2, 0.3]").unwrap();
     }
 }

@@ -7,7 +7,7 @@
 //! flights = 9600                     # budget of each controller
 //!
 //! [tune.scale]                       # settings that are searched: each group is scaled by one factor
-//! pid = [["mpc.pid.kp.1", "mpc.pid.kp.2"], ["mpc.pid.kd.0", "mpc.pid.kd.1"]]
+//! pid = [["attitude.pid.kp.1", "attitude.pid.kp.2"], ["attitude.pid.kd.0", "attitude.pid.kd.1"]]
 //! ```
 
 use std::collections::BTreeMap;

@@ -441,22 +441,22 @@ mod tests {
     #[test]
     fn an_invalid_variation_is_refused_with_its_key() {
         for (text, expected) in [
-            ("mpc.q = 3", "belongs into [settings]"),
-            ("mpc.q = []", "an empty list"),
-            ("mpc.q = { uniform = [2, 1] }", "the smaller one first"),
-            ("mpc.q = { uniform = [1, 2], within = [1, 2] }", "mpc.q"),
-            ("mpc.q = { log_uniform = [0, 1] }", "above 0"),
-            ("mpc.q = { normal = { mean = 0, deviation = 0 } }", "deviation above 0"),
-            ("mpc.q = { range = { from = 0, to = 1, steps = 1 } }", "at least 2 steps"),
-            ("mpc.q = {}", "empty"),
-            ("mpc.q = [20, 30, 20]", "lists 20 twice"),
-            ("mpc.q = [1.0, 1]", "lists 1 twice"),
-            ("mpc.q.00 = [20, 30]", "written `0`"),
-            ("mpc.q.'+0' = [20, 30]", "written `0`"),
-            ("mpc.q = { unifrom = [1, 2] }", "did you mean `uniform`?"),
+            ("attitude.mpc.q = 3", "belongs into [settings]"),
+            ("attitude.mpc.q = []", "an empty list"),
+            ("attitude.mpc.q = { uniform = [2, 1] }", "the smaller one first"),
+            ("attitude.mpc.q = { uniform = [1, 2], within = [1, 2] }", "attitude.mpc.q"),
+            ("attitude.mpc.q = { log_uniform = [0, 1] }", "above 0"),
+            ("attitude.mpc.q = { normal = { mean = 0, deviation = 0 } }", "deviation above 0"),
+            ("attitude.mpc.q = { range = { from = 0, to = 1, steps = 1 } }", "at least 2 steps"),
+            ("attitude.mpc.q = {}", "empty"),
+            ("attitude.mpc.q = [20, 30, 20]", "lists 20 twice"),
+            ("attitude.mpc.q = [1.0, 1]", "lists 1 twice"),
+            ("attitude.mpc.q.00 = [20, 30]", "written `0`"),
+            ("attitude.mpc.q.'+0' = [20, 30]", "written `0`"),
+            ("attitude.mpc.q = { unifrom = [1, 2] }", "did you mean `uniform`?"),
         ] {
             let said = format!("{:#}", factors(text).unwrap_err());
-            assert!(said.contains("mpc.q") && said.contains(expected), "{text}: {said}");
+            assert!(said.contains("attitude.mpc.q") && said.contains(expected), "{text}: {said}");
         }
     }
 }

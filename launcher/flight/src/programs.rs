@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use contract::Topic;
 use contract::exit;
-use contract::scenario::{self, Mode, NodeProgram, ProgramKind, Scenario, ScenarioError, Swap, candidate, to_toml};
+use contract::scenario::{self, Mode, NodeSettings, ProgramKind, Scenario, ScenarioError, Swap, candidate, to_toml};
 use runtime::console::eprint_line;
 use rustix::fs::{Access, access};
 use sha2::{Digest, Sha256};
@@ -40,7 +40,7 @@ static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 ///
 /// # Errors
 /// The file is not there, or is another one than the settings name.
-pub fn pin(program: &mut NodeProgram, name: &str) -> Result<(), ScenarioError> {
+pub fn pin(program: &mut NodeSettings, name: &str) -> Result<(), ScenarioError> {
     if program.kind() == ProgramKind::Own {
         return Ok(());
     }
@@ -95,7 +95,7 @@ pub fn pin_swap(run: &Scenario, swap: &mut Swap) -> Result<(), ScenarioError> {
     let name = swap.node.name();
     let Some(topic) = swap.node.topic() else {
         let exec = swap.exec.clone().unwrap_or_default();
-        return pin(&mut NodeProgram { exec, ..NodeProgram::default() }, name);
+        return pin(&mut NodeSettings { exec, ..NodeSettings::default() }, name);
     };
     let own = candidate(run, swap)?;
     let before = own.node.of(topic);

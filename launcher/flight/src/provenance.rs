@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 /// Version of run.json and of the results of `trefoil measure`; grows with every change that affects readers. A file
 /// without a version has version 1.
-pub const SCHEMA_VERSION: u32 = 5;
+pub const SCHEMA_VERSION: u32 = 6;
 
 /// Scheduling and memory limits of a process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -77,15 +77,15 @@ mod tests {
 
     #[test]
     fn settings_without_a_controller_are_refused_with_their_keys() {
-        let [q, r] = ["mpc.q=[0, 0, 0, 1e12, 0, 0, 0]", "mpc.r=[1e-12, 1e-12, 1e-12, 1e-12]"];
+        let [q, r] = ["attitude.mpc.q=[0, 0, 0, 1e12, 0, 0, 0]", "attitude.mpc.r=[1e-12, 1e-12, 1e-12, 1e-12]"];
         for law in ["mpc", "lqr"] {
-            let message = refused(&[q, r, &format!("mpc.law={law}")]);
-            assert!(message.contains("`mpc.r`") && message.contains("`mpc.q`"), "{law}: {message}");
+            let message = refused(&[q, r, &format!("attitude.law={law}")]);
+            assert!(message.contains("`attitude.mpc.r`") && message.contains("`attitude.mpc.q`"), "{law}: {message}");
         }
         let candidate = format!("swap=[{{at_s=1, node='attitude-mpc', set=['{q}', '{r}']}}]");
         let message = refused(&[&candidate]);
-        assert!(message.contains("`[[swap]]` of attitude-mpc: `mpc."), "{message}");
-        load(None, &["mpc={prediction_horizon_s=2, control_horizon_s=0.5}".into()]).unwrap();
+        assert!(message.contains("`[[swap]]` of attitude-mpc: `attitude.mpc."), "{message}");
+        load(None, &["attitude.mpc={prediction_horizon_s=2, control_horizon_s=0.5}".into()]).unwrap();
     }
 
     #[test]

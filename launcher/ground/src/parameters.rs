@@ -25,15 +25,17 @@ pub const NAMES: [(&str, &str); 65] = [
     ("GD_KP_W", "guidance.kp_w"), ("GD_KI_W", "guidance.ki_w"), ("GD_KD_W", "guidance.kd_w"),
     ("GD_ANGLE_DEG", "guidance.angle_limit_deg"), ("GD_CLIMB_MPS", "guidance.climb_limit_mps"),
     ("GD_HEADING_DPS", "guidance.heading_rate_limit_dps"), ("GD_INT_LIMIT", "guidance.integral_limit"),
-    ("MPC_NP_S", "mpc.prediction_horizon_s"), ("MPC_NU_S", "mpc.control_horizon_s"),
-    ("MPC_Q1", "mpc.q.0"), ("MPC_Q2", "mpc.q.1"), ("MPC_Q3", "mpc.q.2"), ("MPC_Q4", "mpc.q.3"), ("MPC_Q5", "mpc.q.4"),
-    ("MPC_Q6", "mpc.q.5"), ("MPC_Q7", "mpc.q.6"),
-    ("MPC_R1", "mpc.r.0"), ("MPC_R2", "mpc.r.1"), ("MPC_R3", "mpc.r.2"), ("MPC_R4", "mpc.r.3"),
-    ("MPC_MAX_ITER", "mpc.max_iterations"), ("MPC_TIME_MS", "mpc.time_limit_ms"), ("MPC_LAG_S", "mpc.actuator_lag_model_s"),
-    ("MPC_DELAY_COMP", "mpc.delay_compensation"), ("MPC_DIST_GAIN", "mpc.disturbance_gain"),
+    ("MPC_NP_S", "attitude.mpc.prediction_horizon_s"), ("MPC_NU_S", "attitude.mpc.control_horizon_s"),
+    ("MPC_Q1", "attitude.mpc.q.0"), ("MPC_Q2", "attitude.mpc.q.1"), ("MPC_Q3", "attitude.mpc.q.2"),
+    ("MPC_Q4", "attitude.mpc.q.3"), ("MPC_Q5", "attitude.mpc.q.4"), ("MPC_Q6", "attitude.mpc.q.5"), ("MPC_Q7", "attitude.mpc.q.6"),
+    ("MPC_R1", "attitude.mpc.r.0"), ("MPC_R2", "attitude.mpc.r.1"), ("MPC_R3", "attitude.mpc.r.2"),
+    ("MPC_R4", "attitude.mpc.r.3"),
+    ("MPC_MAX_ITER", "attitude.mpc.max_iterations"), ("MPC_TIME_MS", "attitude.mpc.time_limit_ms"),
+    ("MPC_LAG_S", "attitude.actuator_lag_model_s"),
+    ("MPC_DELAY_COMP", "attitude.delay_compensation"), ("MPC_DIST_GAIN", "attitude.disturbance_gain"),
     ("MX_PROJECTION", "mixer.projection"), ("MX_TILT_REACT", "mixer.tilt_reaction"),
     ("RT_PRIORITY", "realtime.priority"), ("RT_LOCK_MEMORY", "realtime.lock_memory"), ("RT_RTTIME_MS", "realtime.rttime_ms"),
-    ("DL_END_MS", "deadline.end_to_end_ms"), ("DL_MPC_MS", "deadline.attitude_mpc_ms"),
+    ("DL_END_MS", "deadline.end_to_end_ms"), ("DL_MPC_MS", "node.attitude-mpc.deadline_ms"),
     ("SV_HANG_TICKS", "supervision.hang_ticks"), ("SV_HANG_MS", "supervision.hang_ms"),
     ("SV_WINDOW_S", "supervision.window_s"), ("SV_START_S", "supervision.start_limit_s"),
     ("BD_ERROR_M", "bounds.max_position_error_m"), ("BD_FALLBACK_S", "bounds.max_fallback_s"),
@@ -98,8 +100,9 @@ mod tests {
     #[test]
     fn every_name_fits_is_unique_and_has_a_setting_where_the_scenario_gives_one() {
         let mut scenario = Scenario::default();
-        scenario.mpc.delay_compensation = DelayCompensation::Sample(true); // a parameter has no word for "measured"
-        (scenario.deadline.end_to_end_ms, scenario.deadline.attitude_mpc_ms) = (Some(9.0), Some(7.0));
+        // A parameter has no word for "measured".
+        scenario.attitude.delay_compensation = DelayCompensation::Sample(true);
+        (scenario.deadline.end_to_end_ms, scenario.node.attitude_mpc.deadline_ms) = (Some(9.0), Some(7.0));
         (scenario.bounds.max_position_error_m, scenario.bounds.max_fallback_s) = (Some(0.5), Some(2.0));
         let parameters = Parameters::of(&scenario);
         let names: Vec<&str> = parameters.0.iter().map(|(name, _)| *name).collect();
@@ -108,7 +111,7 @@ mod tests {
         let unique: std::collections::BTreeSet<&str> = names.iter().copied().collect();
         assert_eq!(unique.len(), names.len());
         let value = |name: &str| parameters.0.iter().find(|(of, _)| *of == name).map(|(_, value)| *value);
-        assert_eq!([value("DL_MPC_MS"), value("MPC_Q1")], [Some(7.0), Some(scenario.mpc.q[0] as f32)]);
+        assert_eq!([value("DL_MPC_MS"), value("MPC_Q1")], [Some(7.0), Some(scenario.attitude.mpc.q[0] as f32)]);
         assert_eq!(value("RT_LOCK_MEMORY"), Some(1.0));
     }
 

@@ -14,9 +14,9 @@ const WORD_CHARS: usize = 200;
 /// Largest number of settings of a swap.
 const SETTINGS: usize = 20;
 /// Tables of a scenario that a swap by the page may set: the control laws.
-const LAWS: [&str; 3] = ["guidance", "mpc", "mixer"];
+const LAWS: [&str; 3] = ["guidance", "attitude", "mixer"];
 /// Settings in these that limit the time of a solve.
-const LIMITS: [&str; 2] = ["mpc.max_iterations", "mpc.time_limit_ms"];
+const LIMITS: [&str; 2] = ["attitude.mpc.max_iterations", "attitude.mpc.time_limit_ms"];
 
 /// Order of the page. Times are written as on the command line: `500ms`, `2s`, `inf`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -98,10 +98,8 @@ impl Order {
             Ok(arguments) => arguments,
             Err(said) => return Answer { line: String::new(), ok: false, said },
         };
-        let line = format!(
-            "trefoil {}",
-            arguments.iter().filter(|word| *word != "--").cloned().collect::<Vec<_>>().join(" ")
-        );
+        let line =
+            format!("trefoil {}", arguments.iter().filter(|word| *word != "--").cloned().collect::<Vec<_>>().join(" "));
         match own_program().args(&arguments).stdin(Stdio::null()).output() {
             Ok(output) => {
                 let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
@@ -116,11 +114,13 @@ impl Order {
 fn check_setting(setting: &str) -> Result<(), String> {
     let key = setting.split_once('=').map(|(key, _)| key.trim());
     let is_plain = |key: &&str| key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b"._".contains(&b));
-    let key =
-        key.filter(is_plain).ok_or_else(|| format!("'{setting}' is not KEY=VALUE, as in mpc.disturbance_gain=0.1"))?;
-    // A key that is the table itself could set anything in it.
+    let key = key
+        .filter(is_plain)
+        .ok_or_else(|| format!("'{setting}' is not KEY=VALUE, as in attitude.disturbance_gain=0.1"))?;
     let is_of_law = key.split_once('.').is_some_and(|(table, _)| LAWS.contains(&table));
-    if !is_of_law || LIMITS.contains(&key) {
+    // A key that is the table of a limit could set the limit.
+    let is_limit = LIMITS.iter().any(|limit| limit.starts_with(key));
+    if !is_of_law || is_limit {
         return Err(format!(
             "the page starts no other program and changes no limits: it sets {}.KEY, except {}; on the command line: \
              trefoil swap NODE --set {setting}",
@@ -149,8 +149,8 @@ mod tests {
             (r#"{"command":"clear"}"#, "clear --namespace=here"),
             (r#"{"command":"clear","target":"wind"}"#, "clear --namespace=here -- wind"),
             (
-                r#"{"command":"swap","node":"attitude-mpc","set":["mpc.law=lqr"]}"#,
-                "swap --namespace=here --set=mpc.law=lqr -- attitude-mpc",
+                r#"{"command":"swap","node":"attitude-mpc","set":["attitude.law=lqr"]}"#,
+                "swap --namespace=here --set=attitude.law=lqr -- attitude-mpc",
             ),
             (r#"{"command":"stop"}"#, "stop --namespace=here"),
         ] {
@@ -164,20 +164,20 @@ mod tests {
             r#"{"command":"swap","node":"mixer","exec":"/bin/sh"}"#,
             r#"{"command":"swap","node":"mixer","set":["node.mixer.exec='/tmp/x.so'"]}"#,
             r#"{"command":"swap","node":"mixer","set":["\"node\".mixer.exec='/tmp/x.so'"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["mpc.disturbance_gain=0.1\nnode.mixer.exec='/tmp/x.so'"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["mpc.disturbance_gain"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["attitude.disturbance_gain=0.1\nnode.mixer.exec='/tmp/x.so'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["attitude.disturbance_gain"]}"#,
             r#"{"command":"swap","node":"mixer","set":["realtime.priority=95"]}"#,
             r#"{"command":"swap","node":"mixer","set":["realtime={priority=95}"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["realtime.mixer.affinity=[0]"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["node.mixer.affinity=[0]"]}"#,
             r#"{"command":"swap","node":"mixer","set":["realtime.lock_memory=false"]}"#,
             r#"{"command":"swap","node":"mixer","set":["realtime.rttime_ms=0"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["deadline.policy='send'"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["deadline.late='send'"]}"#,
             r#"{"command":"swap","node":"mixer","set":["supervision.start_limit_s=1000"]}"#,
             r#"{"command":"swap","node":"mixer","set":["run.rate_hz=1000"]}"#,
             r#"{"command":"swap","node":"mixer","set":["profile='paper'"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["mpc.time_limit_ms=0"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["mpc.max_iterations = 9"]}"#,
-            r#"{"command":"swap","node":"mixer","set":["mpc={time_limit_ms=0}"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["attitude.mpc.time_limit_ms=0"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["attitude.mpc.max_iterations = 9"]}"#,
+            r#"{"command":"swap","node":"mixer","set":["attitude.mpc={time_limit_ms=0}"]}"#,
             r#"{"command":"fly"}"#,
             r#"{"command":"stop","namespace":"another"}"#,
         ] {

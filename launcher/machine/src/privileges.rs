@@ -93,7 +93,7 @@ pub(crate) fn check(machine: &Machine, scenario: &Scenario, granted: Option<Gran
 }
 
 fn asked(scenario: &Scenario) -> Vec<Scheduling> {
-    (0..NODES.len()).map(|rank| scenario.realtime.of(rank)).collect()
+    (0..NODES.len()).map(|rank| scenario.scheduling_of(rank)).collect()
 }
 
 /// Returns the number of nodes that will be given `SCHED_FIFO`, by the rules of `sched_setscheduler`.

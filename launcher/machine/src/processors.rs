@@ -14,7 +14,7 @@ const EXIT_LIMIT_US: i64 = 50;
 /// Checks if the processors that the scenario names are there for this process.
 pub(crate) fn affinity(machine: &Machine, scenario: &Scenario) -> Finding {
     const CHECK: &str = "affinity";
-    let mut asked: Vec<usize> = (0..NODES.len()).flat_map(|rank| scenario.realtime.of(rank).affinity).collect();
+    let mut asked: Vec<usize> = (0..NODES.len()).flat_map(|rank| scenario.scheduling_of(rank).affinity).collect();
     asked.sort_unstable();
     asked.dedup();
     if asked.is_empty() || scenario.run.mode == Mode::Inprocess {

@@ -172,7 +172,7 @@ fn privileges_come_from_capabilities_or_limits() {
     fake.limit("Max realtime priority", "99", "99");
     fake.check("scheduling class", Level::Ok, &["SCHED_FIFO"]);
     fake.check("memory lock", Level::Bad, &["sudo setcap cap_ipc_lock+ep /opt/trefoil"]);
-    let lowest = scenario().realtime.of(0).priority.to_string();
+    let lowest = scenario().scheduling_of(0).priority.to_string();
     fake.limit("Max realtime priority", &lowest, &lowest);
     fake.check("scheduling class", Level::Bad, &["SCHED_FIFO for 1 of 4 nodes for want of privilege"]);
     fake.limit("Max locked memory", "unlimited", "unlimited");

@@ -41,7 +41,7 @@ impl InAir {
             without_reference: 0,
             outside: Outside::new(scenario),
             sample_s: scenario.sample_s(),
-            r: scenario.mpc.r,
+            r: scenario.attitude.mpc.r,
         }
     }
 

@@ -40,8 +40,8 @@ pub struct Metrics {
     #[serde(deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub rms_w_error_mps: f64,
-    /// Mean of the demand's part of the cost (4), u'Ru with the weights `mpc.r`. NaN without a demand, and in a file
-    /// from before this metric.
+    /// Mean of the demand's part of the cost (4), u'Ru with the weights `attitude.mpc.r`. NaN without a demand, and in
+    /// a file from before this metric.
     #[serde(default = "nan", deserialize_with = "or_nan")]
     #[schemars(with = "Option<f64>")]
     pub demand_effort: f64,

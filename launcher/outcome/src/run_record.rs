@@ -208,7 +208,9 @@ fn replays(summary: &Summary, how: &Circumstances, scenario: &Scenario) -> bool 
     let is_whole = how.log.as_ref().is_some_and(|log| log.dropped == 0 && log.error.is_none());
     let swapped = scenario.swap.iter().filter_map(|swap| candidate(scenario, swap).ok());
     let has_clock = |own: &Scenario| {
-        own.run.mode == Mode::Realtime && own.mpc.solver == Solver::Clarabel && own.mpc.time_limit_ms > 0.0
+        own.run.mode == Mode::Realtime
+            && own.attitude.mpc.solver == Solver::Clarabel
+            && own.attitude.mpc.time_limit_ms > 0.0
     };
     let may_stop = has_clock(scenario) || swapped.into_iter().any(|own| has_clock(&own));
     is_whole && summary.state_hash().is_some() && (summary.solves.stopped() == 0 || !may_stop)

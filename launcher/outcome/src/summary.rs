@@ -328,7 +328,7 @@ mod tests {
                 for error_m in [metrics.max_position_error_m, metrics.final_position_error_m] {
                     assert!((error_m - 0.5).abs() < 1e-6, "{error_m}");
                 }
-                let effort = f64::midpoint(0.01, 0.25) * Scenario::default().mpc.r[0];
+                let effort = f64::midpoint(0.01, 0.25) * Scenario::default().attitude.mpc.r[0];
                 assert!((metrics.demand_effort - effort).abs() < 1e-12, "{}", metrics.demand_effort);
             }
             assert!((short.on_ground_s - 0.04).abs() < 1e-9 && (long.on_ground_s - 5.04).abs() < 1e-9);

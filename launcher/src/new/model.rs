@@ -26,8 +26,8 @@ impl Model {
             Value::Table((0..rows).map(|i| (0..columns).map(|j| at((i, j))).collect()).collect())
         };
         let (n, m) = (model.a.nrows(), model.b.ncols());
-        let lag_s = scenario.mpc.actuator_lag_model_s;
-        let lags_s = vec![lag_s, lag_s, lag_s, scenario.mpc.servo_lag_model_s.unwrap_or(lag_s)];
+        let lag_s = scenario.attitude.actuator_lag_model_s;
+        let lags_s = vec![lag_s, lag_s, lag_s, scenario.attitude.servo_lag_model_s.unwrap_or(lag_s)];
         Self(vec![
             ("sample_s", "Time between two samples [s]", Value::Number(scenario.sample_s())),
             ("actuator_lag_s", "Lags of rotors 1 to 3 and of the servo in the model [s]", Value::List(lags_s)),

@@ -2,6 +2,7 @@
 
 use contract::Scenario;
 use contract::scenario::{self, Profile, to_toml};
+use contract::topic::NODES;
 use serde_json::Value;
 use toml::Table;
 
@@ -20,6 +21,9 @@ The defaults are those of the profiles `robust` and `paper`; `-` = not set. The 
 frame: ahead, right, down, which is NED turned by the yaw. Rotor speeds are in the paper's unit, called *rotor speed unit*.
 Rules between settings are in the messages of `trefoil check`. A setting that has no effect beside the others is an error.
 ";
+
+/// Description of the table of a node, which each of the four has.
+const A_NODE: &str = "Settings of one node; NAME is `plant`, `guidance`, `attitude-mpc` or `mixer`.";
 
 /// Units that a description names in brackets.
 const UNITS: &[&str] = &[
@@ -97,13 +101,13 @@ const PURE: &[&str] = &[
     "plant.battery.droop",
     "plant.battery.sag",
     "plant.ground.friction",
-    "mpc.max_iterations",
-    "mpc.state_penalty",
-    "mpc.disturbance_gain",
+    "attitude.mpc.max_iterations",
+    "attitude.mpc.state_penalty",
+    "attitude.disturbance_gain",
     "realtime.priority",
     "realtime.affinity",
-    "realtime.plant.priority",
-    "realtime.plant.affinity",
+    "node.NAME.priority",
+    "node.NAME.affinity",
     "supervision.hang_ticks",
     "fault[].value",
     "fault[].probability",
@@ -167,13 +171,29 @@ fn has_numbers(schema: &Value) -> bool {
     }
 }
 
+/// Lists the tables of settings; that of a node stands in it once, as `node.NAME`.
+fn tables(schema: &Value) -> Vec<Object<'_>> {
+    let mut all = objects(schema);
+    let (first, others) = NODES.split_first().expect("there are nodes");
+    all.retain(|object| others.iter().all(|node| object.key != format!("node.{node}")));
+    let rename = |key: &mut String| *key = key.replace(&format!("node.{first}"), "node.NAME");
+    for object in &mut all {
+        rename(&mut object.key);
+        object.fields.iter_mut().for_each(|field| rename(&mut field.key));
+        if object.key == "node.NAME" {
+            object.about = A_NODE;
+        }
+    }
+    all
+}
+
 #[test]
 fn the_page_of_settings_is_generated() {
     let schema = scenario::schema();
     let defaults =
         [Profile::Robust, Profile::Paper].map(|profile| to_toml(&Scenario::from(profile)).parse::<Table>().unwrap());
     let (mut page, mut told) = (PAGE.to_owned(), vec![]);
-    objects(&schema)
+    tables(&schema)
         .iter()
         .filter(|object| !object.fields.is_empty())
         .for_each(|object| describe(&mut page, &mut told, object, &defaults));
@@ -183,17 +203,14 @@ fn the_page_of_settings_is_generated() {
 #[test]
 fn every_setting_that_is_a_number_has_a_unit_in_its_description() {
     let schema = scenario::schema();
-    let objects = objects(&schema);
-    let numbers = objects.iter().flat_map(|object| &object.fields).filter(|field| has_numbers(field.schema));
+    let tables = tables(&schema);
+    let numbers = tables.iter().flat_map(|object| &object.fields).filter(|field| has_numbers(field.schema));
     let mut pure = vec![];
     for Field { key, schema } in numbers {
         if units(text(schema)).is_empty() {
             pure.push(key.as_str());
         }
     }
-    let of_a_node = |key: &str| {
-        ["guidance", "attitude-mpc", "mixer"].iter().any(|node| key.starts_with(&format!("realtime.{node}.")))
-    };
-    let unknown: Vec<_> = pure.iter().filter(|key| !PURE.contains(key) && !of_a_node(key)).collect();
+    let unknown: Vec<_> = pure.iter().filter(|key| !PURE.contains(key)).collect();
     assert!(unknown.is_empty(), "give these settings a unit in brackets, or a place in `PURE`: {unknown:?}");
 }

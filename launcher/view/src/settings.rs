@@ -95,13 +95,13 @@ mod tests {
         let mut other = Scenario { name: "another name".into(), ..usual.clone() };
         assert!(differences(&[&usual, &other]).is_empty());
         other.run.duration_s = 12.5;
-        other.deadline.mixer_ms = Some(9.0);
+        other.node.mixer.deadline_ms = Some(9.0);
         let mut broken = other.clone();
         broken.fault = vec![Fault::new(FaultTarget::Mixer, FaultKind::Kill, 2.0, Some(0.3))];
         let kill = "mixer kill, at_s 2.0, for_s 0.3";
         let expected = [
-            ["deadline.mixer_ms", DASH, "9.0", "9.0"],
             ["fault 1", DASH, DASH, kill],
+            ["node.mixer", DASH, "deadline_ms 9.0", "deadline_ms 9.0"],
             ["run.duration_s", "60.0", "12.5", "12.5"],
         ];
         assert_eq!(differences(&[&usual, &other, &broken]), expected);

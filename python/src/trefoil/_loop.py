@@ -53,7 +53,7 @@ class Loop:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """``[node.<name>.settings]`` of the scenario."""
+        """``[node.NAME.settings]`` of the scenario."""
         return self.setup.settings
 
     @property

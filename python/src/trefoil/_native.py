@@ -58,7 +58,7 @@ class CSetup(c.Structure):
 class Setup:
     """Vehicle and settings. The trim is the hover of this vehicle."""
 
-    #: ``[node.<name>.settings]`` of the scenario.
+    #: ``[node.NAME.settings]`` of the scenario.
     settings: dict[str, Any]
     #: Time between two samples [s].
     dt_s: float

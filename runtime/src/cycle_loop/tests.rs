@@ -94,7 +94,7 @@ fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
 /// Makes a ring in real time with ten seconds between two samples, of which sample 0 was taken `since_ns` ago.
 fn slow_ring(since_ns: u64) -> Ring {
     let mut ring = Ring::flying(Mode::Realtime);
-    ring.run.deadline.plant_ms = Some(2_000.0);
+    ring.run.node.plant.deadline_ms = Some(2_000.0);
     ring.page.set_origin_ns(now_ns() - since_ns);
     ring
 }
@@ -133,7 +133,7 @@ fn by_the_timer_a_node_answers_without_its_input_when_that_is_late() {
 #[test]
 fn by_the_timer_a_node_wakes_for_the_first_sample_even_if_its_input_never_comes() {
     let mut ring = Ring::flying(Mode::Realtime);
-    ring.run.deadline.plant_ms = Some(5_000.0);
+    ring.run.node.plant.deadline_ms = Some(5_000.0);
     let (mut cycles, mut input) = {
         let mut session = ring.session(Topic::Controls, 1);
         let input = session.input::<Reference>().unwrap();
@@ -208,7 +208,7 @@ fn by_the_timer_no_node_answers_to_a_sample_after_the_last() {
 #[test]
 fn a_missed_deadline_with_the_policy_stop_ends_the_loop() {
     let mut ring = Ring::flying(Mode::Realtime);
-    ring.run.deadline.policy = Late::Stop;
+    ring.run.deadline.late = Late::Stop;
     let (mut cycles, mut input) = guidance(&ring, 1);
     let late = cycles.member.timing.ready(3, 0, 50_000_000);
     assert_eq!(late, Some(Late::Stop));

@@ -60,10 +60,10 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     );
     found.require(
         fault.target != FaultTarget::Mpc
-            || scenario.mpc.law == Law::Mpc && scenario.mpc.constraints != Constraints::None,
-        &["fault", "mpc.law", "mpc.constraints"],
+            || scenario.attitude.law == Law::Mpc && scenario.attitude.mpc.constraints != Constraints::None,
+        &["fault", "attitude.law", "attitude.mpc.constraints"],
         "a fault of the solver where nothing is solved".into(),
-        "target \"mpc\" with `mpc.law` = \"mpc\" and `mpc.constraints` = \"box\" or \"cone\"",
+        "target \"mpc\" with `attitude.law` = \"mpc\" and `attitude.mpc.constraints` = \"box\" or \"cone\"",
     );
 }
 

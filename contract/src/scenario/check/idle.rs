@@ -7,7 +7,7 @@
 //! | not a switch | because |
 //! |---|---|
 //! | `run.mode`, `realtime.policy` | one file flies in every mode, on every machine |
-//! | `mpc.law`, for settings that have a default for every law | swaps and campaigns exchange the law alone |
+//! | `attitude.law`, for settings that have a default for every law | swaps and campaigns exchange the law alone |
 //! | `run.duration_s`, for mission and wind | a short flight is the beginning of a long one |
 //!
 //! A setting that a layer above it switches off is dropped, not refused ([`drop_overridden`]).
@@ -68,7 +68,12 @@ const SWITCHES: [Switch; 21] = [
         is_on: |scenario| scenario.mission.trajectory != TrajectoryKind::Parts,
         on: "a trajectory other than \"parts\", which have a `heading_deg` each,",
     },
-    Switch { settings: &["mpc.r_rate"], key: "mpc.law", is_on: |scenario| scenario.mpc.law == Law::Mpc, on: "\"mpc\"" },
+    Switch {
+        settings: &["attitude.mpc.r_rate"],
+        key: "attitude.law",
+        is_on: |scenario| scenario.attitude.law == Law::Mpc,
+        on: "\"mpc\"",
+    },
     Switch {
         settings: &["guidance.lead_s"],
         key: "guidance.acceleration_feedforward",
@@ -81,39 +86,41 @@ const SWITCHES: [Switch; 21] = [
     },
     Switch {
         settings: &["guidance.preview_s"],
-        key: "mpc.law",
+        key: "attitude.law",
         is_on: |scenario| {
-            scenario.mpc.law == Law::Mpc || scenario.node.attitude_mpc.kind() != ProgramKind::Own // which may use it
+            // A program may use it too.
+            scenario.attitude.law == Law::Mpc || scenario.node.attitude_mpc.kind() != ProgramKind::Own
         },
         on: "\"mpc\"",
     },
     Switch {
-        settings: &["mpc.disturbance_gain"],
-        key: "mpc.law",
-        is_on: |scenario| scenario.mpc.law != Law::Indi,
+        settings: &["attitude.disturbance_gain"],
+        key: "attitude.law",
+        is_on: |scenario| scenario.attitude.law != Law::Indi,
         on: "a law other than \"indi\"",
     },
     Switch {
         settings: &["plant.sensors.telemetry"],
-        key: "mpc.indi.actuators",
+        key: "attitude.indi.actuators",
         is_on: |scenario| {
-            scenario.mpc.indi.actuators == IndiActuators::Sensed
+            scenario.attitude.indi.actuators == IndiActuators::Sensed
                 || scenario.node.attitude_mpc.kind() != ProgramKind::Own // which may use it
         },
         on: "\"sensed\"",
     },
     Switch {
-        settings: &["mpc.solver", "mpc.max_iterations", "mpc.time_limit_ms"],
-        key: "mpc.constraints",
+        settings: &["attitude.mpc.solver", "attitude.mpc.max_iterations", "attitude.mpc.time_limit_ms"],
+        key: "attitude.mpc.constraints",
         is_on: |scenario| {
-            scenario.mpc.constraints != Constraints::None || scenario.mpc.state_constraints == StateConstraints::Soft
+            scenario.attitude.mpc.constraints != Constraints::None
+                || scenario.attitude.mpc.state_constraints == StateConstraints::Soft
         },
         on: "\"box\" or \"cone\"",
     },
     Switch {
-        settings: &["mpc.state_penalty", "mpc.attitude_limit_deg", "mpc.rates_limit_dps"],
-        key: "mpc.state_constraints",
-        is_on: |scenario| scenario.mpc.state_constraints == StateConstraints::Soft,
+        settings: &["attitude.mpc.state_penalty", "attitude.mpc.attitude_limit_deg", "attitude.mpc.rates_limit_dps"],
+        key: "attitude.mpc.state_constraints",
+        is_on: |scenario| scenario.attitude.mpc.state_constraints == StateConstraints::Soft,
         on: "\"soft\"",
     },
     Switch {

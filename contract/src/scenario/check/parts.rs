@@ -279,7 +279,11 @@ fn describe(Excess { quantity, asked, has }: &Excess, g_mps2: f64) -> String {
             format!("as little as {:.2} g of thrust, the vehicle idles at {:.2}", g(asked), g(has))
         }
         Quantity::Turn => {
-            format!("a turn at {:.0} deg/s, the vehicle has {:.0} (`mpc.rates_limit_dps`)", deg(asked), deg(has))
+            format!(
+                "a turn at {:.0} deg/s, the vehicle has {:.0} (`attitude.mpc.rates_limit_dps`)",
+                deg(asked),
+                deg(has)
+            )
         }
     }
 }

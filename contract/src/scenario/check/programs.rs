@@ -1,7 +1,7 @@
-//! Checks of `[node.<name>]`.
+//! Checks of the programs in `[node.NAME]`.
 
 use super::found::Found;
-use crate::scenario::{Mode, NodeProgram, ProgramKind, Scenario};
+use crate::scenario::{Mode, NodeSettings, ProgramKind, Scenario};
 use crate::topic::Topic;
 
 /// Finds every rule that the programs of the nodes of `scenario` break.
@@ -9,7 +9,7 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
     for topic in Topic::ALL {
         let (program, name) = (scenario.node.of(topic), topic.publisher());
         let key = |setting: &str| format!("node.{name}.{setting}");
-        let NodeProgram { sha256, args, env, settings, .. } = program;
+        let NodeSettings { sha256, args, env, settings, .. } = program;
         let given = [
             ("sha256", !sha256.is_empty()),
             ("args", !args.is_empty()),

@@ -31,7 +31,8 @@ const PRIORITY: Range = (Included(1.0), Included(95.0));
 const HORIZON_S: Range = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
-/// Allowed range of each number under a key; arrays are checked number by number, tables key by key.
+/// Allowed range of each number under a key, in which `*` is any name; arrays are checked number by number, tables key
+/// by key.
 const RANGES: &[(&str, Range)] = &[
     ("mission", ANY),
     ("initial", ANY),
@@ -125,45 +126,33 @@ const RANGES: &[(&str, Range)] = &[
     ("guidance.integral_limit", NOT_NEGATIVE),
     ("guidance.lead_s", (Included(0.0), Included(10.0))),
     ("guidance.preview_s", (Included(0.0), Included(10.0))),
-    ("mpc.q", (Included(0.0), Included(1e12))),
-    ("mpc.r", (Included(1e-12), Included(1e12))),
-    ("mpc.r_rate", (Included(0.0), Included(1e12))),
-    ("mpc.prediction_horizon_s", HORIZON_S),
-    ("mpc.control_horizon_s", HORIZON_S),
-    ("mpc.actuator_lag_model_s", (Included(0.0), Included(100.0))),
-    ("mpc.servo_lag_model_s", (Included(0.001), Included(100.0))),
-    ("mpc.max_iterations", (Included(1.0), Included(10_000.0))),
-    ("mpc.time_limit_ms", NOT_NEGATIVE),
-    ("mpc.state_penalty", POSITIVE),
-    ("mpc.attitude_limit_deg", POSITIVE),
-    ("mpc.rates_limit_dps", POSITIVE),
-    ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
-    ("mpc.pid", (Included(0.0), Included(1e6))),
-    ("mpc.geometric", (Included(0.0), Included(1e6))),
-    ("mpc.indi", (Included(0.0), Included(1e6))),
-    ("mpc.indi.filter_radps", POSITIVE),
+    ("attitude.mpc.q", (Included(0.0), Included(1e12))),
+    ("attitude.mpc.r", (Included(1e-12), Included(1e12))),
+    ("attitude.mpc.r_rate", (Included(0.0), Included(1e12))),
+    ("attitude.mpc.prediction_horizon_s", HORIZON_S),
+    ("attitude.mpc.control_horizon_s", HORIZON_S),
+    ("attitude.actuator_lag_model_s", (Included(0.0), Included(100.0))),
+    ("attitude.servo_lag_model_s", (Included(0.001), Included(100.0))),
+    ("attitude.mpc.max_iterations", (Included(1.0), Included(10_000.0))),
+    ("attitude.mpc.time_limit_ms", NOT_NEGATIVE),
+    ("attitude.mpc.state_penalty", POSITIVE),
+    ("attitude.mpc.attitude_limit_deg", POSITIVE),
+    ("attitude.mpc.rates_limit_dps", POSITIVE),
+    ("attitude.disturbance_gain", (Included(0.0), Included(1.0))),
+    ("attitude.pid", (Included(0.0), Included(1e6))),
+    ("attitude.geometric", (Included(0.0), Included(1e6))),
+    ("attitude.indi", (Included(0.0), Included(1e6))),
+    ("attitude.indi.filter_radps", POSITIVE),
     ("mixer.projection_weights", (Included(1e-3), Included(1e6))),
     ("bounds", LIFTED),
     ("realtime.priority", PRIORITY),
-    ("realtime.plant.priority", PRIORITY),
-    ("realtime.guidance.priority", PRIORITY),
-    ("realtime.attitude-mpc.priority", PRIORITY),
-    ("realtime.mixer.priority", PRIORITY),
     ("realtime.affinity", CPU),
     ("realtime.rttime_ms", NOT_NEGATIVE),
-    ("realtime.plant.affinity", CPU),
-    ("realtime.guidance.affinity", CPU),
-    ("realtime.attitude-mpc.affinity", CPU),
-    ("realtime.mixer.affinity", CPU),
-    ("realtime.plant.rttime_ms", NOT_NEGATIVE),
-    ("realtime.guidance.rttime_ms", NOT_NEGATIVE),
-    ("realtime.attitude-mpc.rttime_ms", NOT_NEGATIVE),
-    ("realtime.mixer.rttime_ms", NOT_NEGATIVE),
     ("deadline.end_to_end_ms", POSITIVE),
-    ("deadline.plant_ms", POSITIVE),
-    ("deadline.guidance_ms", POSITIVE),
-    ("deadline.attitude_mpc_ms", POSITIVE),
-    ("deadline.mixer_ms", POSITIVE),
+    ("node.*.priority", PRIORITY),
+    ("node.*.affinity", CPU),
+    ("node.*.rttime_ms", NOT_NEGATIVE),
+    ("node.*.deadline_ms", POSITIVE),
     ("supervision.hang_ticks", (Included(1.0), Included(1e6))),
     ("supervision.hang_ms", (Included(1.0), Included(60_000.0))),
     ("supervision.restart_ms", (Included(0.0), Included(60_000.0))),
@@ -187,9 +176,11 @@ pub fn check(settings: &[(String, Vec<f64>)], found: &mut Found) {
 
 /// Returns the ranges that the table has for `key`: its own, and those of the tables that it is in.
 fn ranges_of(key: &str) -> impl Iterator<Item = Range> {
-    let is_under =
-        move |prefix: &str| key.strip_prefix(prefix).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-    RANGES.iter().filter(move |(prefix, _)| is_under(prefix)).map(|(_, range)| *range)
+    let is_under = move |table: &str| {
+        let mut names = key.split('.');
+        table.split('.').all(|of| names.next().is_some_and(|name| of == "*" || of == name))
+    };
+    RANGES.iter().filter(move |(table, _)| is_under(table)).map(|(_, range)| *range)
 }
 
 /// Returns the range of the numbers under `key`: the part that is common to all its ranges.

@@ -20,8 +20,8 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ("airframe.g_mps2=1e308", "at least 0.01, at most 1000"),
         ("airframe.ixx_kgm2=1e-300", "at least 1e-9, at most 1e6"),
         ("plant.substep_s=1e-300", "at least 1e-5, at most 0.01"),
-        ("mpc.q=[1e300, 0, 0, 0, 0, 0, 0]", "at least 0, at most 1e12"),
-        ("mpc.r=[1, 1e-30, 1, 1]", "at least 1e-12, at most 1e12"),
+        ("attitude.mpc.q=[1e300, 0, 0, 0, 0, 0, 0]", "at least 0, at most 1e12"),
+        ("attitude.mpc.r=[1, 1e-30, 1, 1]", "at least 1e-12, at most 1e12"),
         ("guidance.kp_w=1e300", "at least -1e9, at most 1e9"),
         ("initial.velocity_mps=[1e300, 0, 0]", "at least -1e9, at most 1e9"),
         ("plant.substep_s=0", "at least 1e-5, at most 0.01"),
@@ -39,23 +39,23 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ("guidance.angle_limit_deg=81", "above 0, at most 80"),
         ("guidance.w_limit_mps=0", "at least 1e-9, at most 1e9"),
         ("guidance.integral_limit=-1", "at least 0, at most 1e9"),
-        ("mpc.q=[-1, 0, 0, 0, 0, 0, 0]", "at least 0, at most 1e12"),
-        ("mpc.r=[1, 1, 1, 0]", "at least 1e-12, at most 1e12"),
-        ("mpc.actuator_lag_model_s=-1", "at least 0, at most 100"),
-        ("mpc.servo_lag_model_s=0", "at least 0.001, at most 100"),
-        ("mpc.disturbance_gain=1.1", "at least 0, at most 1"),
-        ("mpc.max_iterations=0", "at least 1, at most 10000"),
-        ("mpc.time_limit_ms=-1", "at least 0, at most 1e9"),
-        ("mpc.state_penalty=0", "at least 1e-9, at most 1e9"),
-        ("mpc.attitude_limit_deg=[90, 0, 360]", "at least 1e-9, at most 1e9"),
-        ("mpc.rates_limit_dps=[0, 360, 360]", "at least 1e-9, at most 1e9"),
+        ("attitude.mpc.q=[-1, 0, 0, 0, 0, 0, 0]", "at least 0, at most 1e12"),
+        ("attitude.mpc.r=[1, 1, 1, 0]", "at least 1e-12, at most 1e12"),
+        ("attitude.actuator_lag_model_s=-1", "at least 0, at most 100"),
+        ("attitude.servo_lag_model_s=0", "at least 0.001, at most 100"),
+        ("attitude.disturbance_gain=1.1", "at least 0, at most 1"),
+        ("attitude.mpc.max_iterations=0", "at least 1, at most 10000"),
+        ("attitude.mpc.time_limit_ms=-1", "at least 0, at most 1e9"),
+        ("attitude.mpc.state_penalty=0", "at least 1e-9, at most 1e9"),
+        ("attitude.mpc.attitude_limit_deg=[90, 0, 360]", "at least 1e-9, at most 1e9"),
+        ("attitude.mpc.rates_limit_dps=[0, 360, 360]", "at least 1e-9, at most 1e9"),
         ("bounds.max_position_error_m=0", "above 0"),
         ("realtime.priority=96", "at least 1, at most 95"),
-        ("realtime.mixer.priority=0", "at least 1, at most 95"),
+        ("node.mixer.priority=0", "at least 1, at most 95"),
         ("realtime.affinity=[1024]", "at least 0, at most 1023"),
         ("realtime.rttime_ms=-1", "at least 0, at most 1e9"),
         ("deadline.end_to_end_ms=0", "at least 1e-9, at most 1e9"),
-        ("deadline.guidance_ms=0", "at least 1e-9, at most 1e9"),
+        ("node.guidance.deadline_ms=0", "at least 1e-9, at most 1e9"),
     ];
     for (set, range) in cases {
         let key = set.split_once('=').unwrap().0;
@@ -107,21 +107,22 @@ fn settings_that_contradict_are_refused() {
         ("mission.period_s=30", "`mission.period_s` has no effect here"),
         ("mission.laps=2", "`mission.laps` has no effect here"),
         (
-            "mpc.control_horizon_s=0.21",
-            "`mpc.control_horizon_s` = 0.21 is longer than `mpc.prediction_horizon_s` = 0.2: 21 and 20 samples",
+            "attitude.mpc.control_horizon_s=0.21",
+            "`attitude.mpc.control_horizon_s` = 0.21 is longer than `attitude.mpc.prediction_horizon_s` = 0.2: 21 and 20 \
+             samples",
         ),
         (
-            "mpc={prediction_horizon_s=0.04, control_horizon_s=0.05}",
-            "`mpc.control_horizon_s` of 0.01 to 0.04, or `mpc.prediction_horizon_s` of 0.05 to 2",
+            "attitude.mpc={prediction_horizon_s=0.04, control_horizon_s=0.05}",
+            "`attitude.mpc.control_horizon_s` of 0.01 to 0.04, or `attitude.mpc.prediction_horizon_s` of 0.05 to 2",
         ),
-        ("mpc.prediction_horizon_s=2.01", "0.01 to 2 at this rate, 1 to 200 samples"),
-        ("mpc.control_horizon_s=0", "0.01 to 2 at this rate, 1 to 200 samples"),
-        ("mpc.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
-        ("mpc={actuator_lag_model_s=0, servo_lag_model_s=0.1}", "without a lag of the rotors"),
+        ("attitude.mpc.prediction_horizon_s=2.01", "0.01 to 2 at this rate, 1 to 200 samples"),
+        ("attitude.mpc.control_horizon_s=0", "0.01 to 2 at this rate, 1 to 200 samples"),
+        ("attitude.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
+        ("attitude={actuator_lag_model_s=0, servo_lag_model_s=0.1}", "without a lag of the rotors"),
         ("guidance.preview_s=0.009", "0 for no preview, or at least 0.01"),
-        ("deadline.policy=hold", "`deadline.plant_policy` cannot be hold"),
-        ("deadline.guidance_policy=degrade", "it has nothing cheaper to do"),
-        ("deadline.policy=late", "expected one of `send`, `skip`, `hold`, `degrade`, `stop`"),
+        ("deadline.late=hold", "`node.plant.late` cannot be hold"),
+        ("node.guidance.late=degrade", "it has nothing cheaper to do"),
+        ("deadline.late=late", "expected one of `send`, `skip`, `hold`, `degrade`, `stop`"),
         ("fault=[{at_s=1}]", "missing field `target`"),
         ("fault=[{at_s=1, target=\"mpc\", kind=\"nan\", for=1}]", "unknown field `for`"),
         ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "mpc cannot have kill"),
@@ -179,8 +180,8 @@ fn the_edges_of_the_ranges_are_allowed() {
         "plant.rotor_lag_s=0.0005",
         "plant.tilt_max_deg=90",
         "plant.rotor_effectiveness=[0, 1, 2]",
-        "mpc={prediction_horizon_s=2, control_horizon_s=2}",
-        "mpc.actuator_lag_model_s=0.001",
+        "attitude.mpc={prediction_horizon_s=2, control_horizon_s=2}",
+        "attitude.actuator_lag_model_s=0.001",
         "mission.ramp_s=5",
         "fault=[{at_s=1, target=\"rates\", kind=\"wrong\", how=\"scale\", value=2}]",
         "fault=[{at_s=1, target=\"state\", kind=\"corrupt\", count=1, probability=0.5}]",
@@ -200,12 +201,12 @@ fn swaps_that_cannot_be_flown_are_refused() {
         ("swap=[{at_s=1, node=\"recorder\"}, {at_s=1, node=\"recorder\"}]", "two swaps of recorder at once"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
         (
-            "swap=[{at_s=1, node=\"mixer\", set=[\"mpc.prediction_horizon_s=0\"]}]",
-            "`swap.set`: `mpc.prediction_horizon_s` = 0.0 is 0 samples",
+            "swap=[{at_s=1, node=\"mixer\", set=[\"attitude.mpc.prediction_horizon_s=0\"]}]",
+            "`swap.set`: `attitude.mpc.prediction_horizon_s` = 0.0 is 0 samples",
         ),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"nonsense\"]}]", "`swap.set`: not TOML"),
         ("swap=[{at_s=1, node=\"mixer\"}, {at_s=5, node=\"mixer\"}]", "one after the other"),
-        ("swap=[{at_s=1, node=\"recorder\", set=[\"mpc.terminal=q\"]}]", "without `set`"),
+        ("swap=[{at_s=1, node=\"recorder\", set=[\"attitude.mpc.terminal=q\"]}]", "without `set`"),
         ("swap=[{at_s=1, node=\"recorder\", watch_s=1}]", "nor a trial"),
         ("swap=[{at_s=1, node=\"recorder\"}, {at_s=1, node=\"recorder\"}]", "two swaps of recorder at once"),
         (
@@ -217,9 +218,9 @@ fn swaps_that_cannot_be_flown_are_refused() {
         check_refused(set, &[reason]);
     }
     from_set(&[
-        "mpc.constraints=cone",
+        "attitude.mpc.constraints=cone",
         "fault=[{at_s=9, target=\"mpc\", kind=\"nan\"}]",
-        "swap=[{at_s=1, node=\"mixer\", set=[\"mpc.law=lqr\"]}]",
+        "swap=[{at_s=1, node=\"mixer\", set=[\"attitude.law=lqr\"]}]",
     ])
     .unwrap_or_else(|error| panic!("a fault of the run that the candidate cannot have: {error}"));
     from_set(&["swap=[{at_s=1, node=\"recorder\"}, {at_s=1.1, node=\"recorder\"}]"]).unwrap();
@@ -250,29 +251,35 @@ fn two_swaps_of_a_node_may_not_share_a_tick() {
 
 #[test]
 fn a_candidate_has_its_own_settings_on_top_of_the_run_s() {
-    let scenario = from_set(&["swap=[{at_s=1, node=\"attitude-mpc\", set=[\"mpc.law=lqr\"]}]"]).unwrap();
+    let scenario = from_set(&["swap=[{at_s=1, node=\"attitude-mpc\", set=[\"attitude.law=lqr\"]}]"]).unwrap();
     let own = crate::scenario::candidate(&scenario, &scenario.swap[0]).unwrap();
-    assert_eq!(own.mpc.law, crate::scenario::Law::Lqr);
-    assert_eq!(own.mpc.q, scenario.mpc.q);
+    assert_eq!(own.attitude.law, crate::scenario::Law::Lqr);
+    assert_eq!(own.attitude.mpc.q, scenario.attitude.mpc.q);
     assert!(own.swap.is_empty());
 }
 
 #[test]
 fn a_model_where_it_would_have_no_effect_is_refused() {
-    for others in ["mpc.law=pid", "mpc.law=lqr", "mpc.law=geometric", "mpc.law=indi", "mpc.state_constraints=soft"] {
-        let refused = from_set(&[others, "mpc.model=scheduled"]).expect_err(others).to_string();
-        assert!(refused.contains("`mpc.model`"), "{refused}");
-        from_set(&[others, "mpc.model=hover"]).unwrap();
+    for others in [
+        "attitude.law=pid",
+        "attitude.law=lqr",
+        "attitude.law=geometric",
+        "attitude.law=indi",
+        "attitude.mpc.state_constraints=soft",
+    ] {
+        let refused = from_set(&[others, "attitude.mpc.model=scheduled"]).expect_err(others).to_string();
+        assert!(refused.contains("`attitude.mpc.model`"), "{refused}");
+        from_set(&[others, "attitude.mpc.model=hover"]).unwrap();
     }
-    from_set(&["mpc.model=scheduled"]).unwrap();
-    let coupled = ["mpc.model=coupled", "mpc.disturbance_gain=0.1"];
-    for others in ["mpc.law=mpc", "mpc.law=lqr", "mpc.state_constraints=soft"] {
+    from_set(&["attitude.mpc.model=scheduled"]).unwrap();
+    let coupled = ["attitude.mpc.model=coupled", "attitude.disturbance_gain=0.1"];
+    for others in ["attitude.law=mpc", "attitude.law=lqr", "attitude.mpc.state_constraints=soft"] {
         from_set(&[&coupled[..], &[others]].concat()).unwrap();
     }
     from_set(&coupled[..1]).expect("there is an estimate by default");
-    for refused in [&[coupled[0], "mpc.disturbance_gain=0"][..], &[coupled[0], coupled[1], "mpc.law=pid"]] {
+    for refused in [&[coupled[0], "attitude.disturbance_gain=0"][..], &[coupled[0], coupled[1], "attitude.law=pid"]] {
         let refused = from_set(refused).expect_err("without effect").to_string();
-        assert!(refused.contains("`mpc.model`"), "{refused}");
+        assert!(refused.contains("`attitude.mpc.model`"), "{refused}");
     }
 }
 
@@ -283,9 +290,9 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
         ("mission={trajectory=\"survey\", times_s=[0, 9]}", "`mission.times_s` has no effect here"),
         ("mission.step_m=[1, 2, 3]", "`mission.trajectory` = \"step\" with it"),
         ("mission={trajectory=\"hover\", ramp_s=60}", "`mission.ramp_s` has no effect here"),
-        ("mpc={law=\"lqr\", r_rate=[1, 1, 1, 1]}", "`mpc.law` = \"mpc\" with it"),
-        ("mpc={law=\"indi\", disturbance_gain=0.1}", "`mpc.law` = a law other than \"indi\" with it"),
-        ("mpc.rates_limit_dps=[90, 90, 90]", "`mpc.state_constraints` = \"soft\" with it"),
+        ("attitude={mpc.r_rate=[1, 1, 1, 1], law=\"lqr\"}", "`attitude.law` = \"mpc\" with it"),
+        ("attitude={law=\"indi\", disturbance_gain=0.1}", "`attitude.law` = a law other than \"indi\" with it"),
+        ("attitude.mpc.rates_limit_dps=[90, 90, 90]", "`attitude.mpc.state_constraints` = \"soft\" with it"),
         ("plant.ground.friction=0.1", "`plant.ground.friction` has no effect here"),
         ("plant.turbulence.height_m=20", "`plant.turbulence.wind_at_6m_mps` = a wind above 0 with it"),
         ("plant.battery.sag=0.2", "`plant.battery.energy_wh` = an energy above 0 with it"),
@@ -299,15 +306,16 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
     for (set, expected) in cases {
         check_refused(set, &[expected, "--set ", "^"]);
     }
-    let paper = from_set(&["profile=paper", "mpc.solver=active-set"]).expect_err("nothing is solved").to_string();
-    assert!(paper.contains("`mpc.constraints` = \"box\" or \"cone\" with it"), "{paper}");
+    let paper =
+        from_set(&["profile=paper", "attitude.mpc.solver=active-set"]).expect_err("nothing is solved").to_string();
+    assert!(paper.contains("`attitude.mpc.constraints` = \"box\" or \"cone\" with it"), "{paper}");
     let led = ["profile=paper", "guidance.lead_s=0.1"];
     let nothing = from_set(&led).expect_err("no feed-forward leads").to_string();
     assert!(nothing.contains("`guidance.acceleration_feedforward` = true, or"), "{nothing}");
     from_set(&[&led[..], &["mission.heading_deg=[[1, 90]]"]].concat()).expect("the heading leads");
-    let pid = ["mpc.law=pid", "mpc.constraints=none", "guidance.preview_s=0.2"];
+    let pid = ["attitude.law=pid", "attitude.mpc.constraints=none", "guidance.preview_s=0.2"];
     let unseen = from_set(&pid).expect_err("only the MPC plans ahead").to_string();
-    assert!(unseen.contains("`mpc.law` = \"mpc\" with it"), "{unseen}");
+    assert!(unseen.contains("`attitude.law` = \"mpc\" with it"), "{unseen}");
     let own = [&pid[..], &["node.attitude-mpc.exec=own.so"]].concat();
     from_set(&own).expect("a controller of another language may plan ahead");
 }
@@ -317,7 +325,7 @@ fn a_switch_that_is_turned_off_by_name_leaves_the_others_as_they_are() {
     for settings in [
         ["plant.turbulence.height_m=20", "plant.turbulence.wind_at_6m_mps=0"],
         ["plant.ground.friction=0.1", "plant.ground.present=false"],
-        ["mpc.rates_limit_dps=[90, 90, 90]", "mpc.state_constraints=none"],
+        ["attitude.mpc.rates_limit_dps=[90, 90, 90]", "attitude.mpc.state_constraints=none"],
         ["plant.battery.sag=0.2", "plant.battery.energy_wh=0.0"],
         ["plant.wind_roughness_m=0.1", "plant.wind_ned_mps=[]"],
         ["fault=[{at_s=60, target=\"mixer\", kind=\"kill\"}]", "run.duration_s=60"],
@@ -330,17 +338,17 @@ fn a_switch_that_is_turned_off_by_name_leaves_the_others_as_they_are() {
 
 #[test]
 fn a_measured_delay_needs_the_model_at_hover() {
-    let measured = "mpc.delay_compensation=measured";
-    let refused = from_set(&[measured, "mpc.model=scheduled"]).expect_err("a model at speed").to_string();
-    assert!(refused.contains("`mpc.delay_compensation` = \"measured\" with a model at speed"), "{refused}");
-    from_set(&["mpc.delay_compensation=true", "mpc.model=scheduled"]).unwrap();
+    let measured = "attitude.delay_compensation=measured";
+    let refused = from_set(&[measured, "attitude.mpc.model=scheduled"]).expect_err("a model at speed").to_string();
+    assert!(refused.contains("`attitude.delay_compensation` = \"measured\" with a model at speed"), "{refused}");
+    from_set(&["attitude.delay_compensation=true", "attitude.mpc.model=scheduled"]).unwrap();
     for law in ["mpc", "lqr", "pid"] {
-        let kept = from_set(&[measured, &format!("mpc.law={law}"), "mpc.constraints=none"]).unwrap();
-        assert!(kept.mpc.delay_compensation.is_measured());
+        let kept = from_set(&[measured, &format!("attitude.law={law}"), "attitude.mpc.constraints=none"]).unwrap();
+        assert!(kept.attitude.delay_compensation.is_measured());
         assert_eq!(from_merged(&to_toml(&kept), "written").unwrap(), kept);
     }
     for refused in ["2", "guessed"] {
-        let refused = from_set(&[&format!("mpc.delay_compensation={refused}")]).expect_err(refused).to_string();
+        let refused = from_set(&[&format!("attitude.delay_compensation={refused}")]).expect_err(refused).to_string();
         assert!(refused.contains("expected true, false or \"measured\""), "{refused}");
     }
 }

@@ -220,7 +220,7 @@ mod tests {
         for (key, expected) in [
             ("plant.airframe.mass_kg", "plant.airframe.mass [kg]"),
             ("plant.wind_ned_mps.0.1.0", "plant.wind_ned.0.1.0 [m/s]"),
-            ("mpc.law", "mpc.law"),
+            ("attitude.law", "attitude.law"),
             ("random_fault.0.for_s", "random_fault.0.for [s]"),
         ] {
             assert_eq!(title(key), expected);

@@ -208,7 +208,7 @@ mod tests {
         for (compare, part) in [
             ("with = 'pid'\nmetrics = ['flown_s']", "no controller \"pid\"; there are soft, hard, strict"),
             ("with = 'soft'\nmetrics = ['error']", "no metric \"error\"; there are failed_at_s, flown_s"),
-            ("with = 'soft'\nmetrics = ['max_altitude_error_vertical_m']", "did you mean \"max_altitude_error_m\"?"),
+            ("with = 'soft'\nmetrics = ['max_altitude_error_vertical_m']", "is `max_altitude_error_m` now"),
             ("with = 'soft'\nmetrics = []", "`metrics` is empty"),
             ("with = 'soft'\ncontrollers = ['pid']\nmetrics = ['flown_s']", "no controller \"pid\""),
             ("with = 'soft'\ncontrollers = ['soft']\nmetrics = ['flown_s']", "with which it compares"),

@@ -75,7 +75,8 @@ mod tests {
     #[test]
     fn the_page_has_rates_border_and_the_worst_flights_with_their_commands() {
         let (plan, table) = flown(
-            "samples = 3\n[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.prediction_horizon_s = [0.04, 0.2]\nmpc.control_horizon_s = [0.03, 0.05]\n\
+            "samples = 3\n[settings]\nrun.duration_s = 1.0\n[vary]\nattitude.mpc.prediction_horizon_s = [0.04, 0.2]\n\
+             attitude.mpc.control_horizon_s = [0.03, 0.05]\n\
              bounds.max_position_error_m = [1e-9, 1.0]\nplant.airframe.mass_kg = { uniform = [1.0, 1.3] }\n",
         );
         assert_eq!(table.rows(), 24);
@@ -102,15 +103,16 @@ mod tests {
     #[test]
     fn the_page_says_why_flights_failed_or_could_not_be_flown() {
         let (plan, table) = flown(
-            "[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.prediction_horizon_s = [0.04, 0.2]\nmpc.control_horizon_s = [0.03, 0.05]\n\
+            "[settings]\nrun.duration_s = 1.0\n[vary]\nattitude.mpc.prediction_horizon_s = [0.04, 0.2]\n\
+             attitude.mpc.control_horizon_s = [0.03, 0.05]\n\
              bounds.max_position_error_m = [1e-9, 1.0]\n",
         );
         let html = page(&Page::new(&plan, &table), "").unwrap();
         for part in [
             "<th scope=\"col\">position error</th>",
             "<td data-label=\"position error\">3</td>",
-            "`mpc.control_horizon_s` = 0.05 is longer than `mpc.prediction_horizon_s` = 0.04",
-            "<td data-label=\"flights\">2</td><td data-label=\"the first\">2</td>",
+            "`attitude.mpc.control_horizon_s` = 0.05 is longer than `attitude.mpc.prediction_horizon_s` = 0.04",
+            "<td data-label=\"flights\">2</td><td data-label=\"the first\">4</td>",
             "m in 3 flights, 1 m in 3 flights; mixer",
             "Nothing is drawn: shares count what was listed, without interval or test.",
         ] {
@@ -144,22 +146,24 @@ mod tests {
     #[test]
     fn copies_are_named_and_do_not_count_as_evidence() {
         let (plan, table) = flown(
-            "samples = 4\n[settings]\nrun.duration_s = 0.5\n[vary]\nmpc.prediction_horizon_s = [0.2, 0.3]\n\
-             plant.airframe.mass_kg = { uniform = [1.0, 1.1] }\n[controller.a]\nmpc.law = 'pid'\n\
-             [controller.b]\nmpc.law = 'pid'\nmpc.control_horizon_s = 0.04\n[controller.mpc]\nmpc.law = 'mpc'\n",
+            "samples = 4\n[settings]\nrun.duration_s = 0.5\n[vary]\nattitude.mpc.prediction_horizon_s = [0.2, 0.3]\n\
+             plant.airframe.mass_kg = { uniform = [1.0, 1.1] }\n[controller.a]\nattitude.law = 'pid'\n\
+             [controller.b]\nattitude.law = 'pid'\nattitude.mpc.control_horizon_s = 0.04\n[controller.mpc]\n\
+             attitude.law = 'mpc'\n",
         );
         let html = page(&Page::new(&plan, &table), "").unwrap();
         for part in [
             "Of 24 flights 12 differ; the others are copies bit for bit.",
             "a and b flew every flight alike: they are one law.",
-            "`mpc.prediction_horizon_s` had no effect under a and b:",
+            "`attitude.mpc.prediction_horizon_s` had no effect under a and b:",
             ">a = b</td>",
         ] {
             assert!(html.contains(part), "{part}: {html}");
         }
         assert!(!html.contains("p, Holm"), "two laws are one comparison");
         let (plan, table) = flown(
-            "samples = 40\n[settings]\nrun.duration_s = 0.2\nmpc.law = 'pid'\n[vary]\nmpc.prediction_horizon_s = { uniform = [0.1, 0.5] }\n\
+            "samples = 40\n[settings]\nrun.duration_s = 0.2\nattitude.law = 'pid'\n[vary]\n\
+             attitude.mpc.prediction_horizon_s = { uniform = [0.1, 0.5] }\n\
              [controller.lax]\nbounds.max_position_error_m = 1.0\n[controller.strict]\nbounds.max_position_error_m = 1e-9\n",
         );
         let html = page(&Page::new(&plan, &table), "").unwrap();

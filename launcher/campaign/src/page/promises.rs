@@ -250,7 +250,7 @@ mod tests {
         for (promise, part) in [
             ("passed = \"all\"\ncontrollers = [\"laxer\"]", "no controller \"laxer\"; there are lax, strict"),
             ("passed = \"all\"\ncases = [\"storm\"]", "no case \"storm\""),
-            ("passed = \"all\"\nat = { \"mpc.law\" = 3 }", "no list of values of \"mpc.law\""),
+            ("passed = \"all\"\nat = { \"attitude.law\" = 3 }", "no list of values of \"attitude.law\""),
             ("metric = \"error\"\nat_most = 1.0", "no metric \"error\""),
             ("metric = \"flown_s\"", "give `at_most` or `at_least`"),
             ("passed = \"share\"", "give the share"),

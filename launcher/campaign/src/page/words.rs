@@ -68,7 +68,7 @@ mod tests {
             ("initial.attitude_deg.0", "attitude roll [deg]"),
             ("initial.position_m.2", "position down [m]"),
             ("plant.airframe.mass_kg", "plant.airframe.mass_kg"),
-            ("mpc.q.4", "mpc.q.4"),
+            ("attitude.mpc.q.4", "attitude.mpc.q.4"),
             ("plant.wind_ned_mps.1.0", "plant.wind_ned_mps.1.0"), // the time of a row
         ] {
             assert_eq!(words(key), expected);

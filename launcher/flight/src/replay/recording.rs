@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use contract::Topic;
-use contract::scenario::{Fault, NodeProgram, ProgramKind, Scenario, candidate};
+use contract::scenario::{Fault, NodeSettings, ProgramKind, Scenario, candidate};
 use runtime::limits::HELD_MESSAGES;
 use runtime::shared_role::Origin;
 
@@ -101,12 +101,12 @@ impl Recording {
     /// No process of the node flew this file.
     pub fn trust(&mut self, topic: Topic, file: &str) -> anyhow::Result<()> {
         let name = topic.publisher();
-        let mut found = NodeProgram { exec: file.into(), ..NodeProgram::default() };
+        let mut found = NodeSettings { exec: file.into(), ..NodeSettings::default() };
         programs::pin(&mut found, name)?;
         let mut flown =
             self.settings.iter_mut().filter(|((of, _), _)| *of == topic).map(|(_, own)| own).collect::<Vec<_>>();
         flown.push(&mut self.scenario);
-        let mut libraries: Vec<&mut NodeProgram> =
+        let mut libraries: Vec<&mut NodeSettings> =
             flown.into_iter().map(|settings| settings.node.of_mut(topic)).collect();
         libraries.retain(|program| program.kind() == ProgramKind::Library);
         ensure!(!libraries.is_empty(), "{name} flew no library: leave out --program {name}={file}");

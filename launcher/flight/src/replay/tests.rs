@@ -84,7 +84,7 @@ fn all_faults() -> Vec<Fault> {
 #[test]
 fn a_flight_with_every_kind_of_trouble_repeats_bit_for_bit() {
     let faults = all_faults();
-    let swap = Swap { set: vec!["mpc.law='lqr'".into()], ..Swap::new(SwapNode::AttitudeMpc, 0.5) };
+    let swap = Swap { set: vec!["attitude.law='lqr'".into()], ..Swap::new(SwapNode::AttitudeMpc, 0.5) };
     let end_s = 3.0 + 0.3 * (faults.len() + 3) as f64;
     let flight = flown(end_s, &faults, &[swap]);
     assert!(flight.1.events.iter().any(|event| event.what == What::Kept), "the swap was carried out");
@@ -165,7 +165,7 @@ fn one_node_replayed_alone_repeats_its_messages() {
         assert!((201..=220).contains(&replayed.computed()), "{} messages of {only:?}", replayed.computed());
     }
     let mut lqr = flight.0.clone();
-    lqr.mpc.law = Law::Lqr;
+    lqr.attitude.law = Law::Lqr;
     let plan = Plan {
         only: Some(Topic::Controls),
         settings: Some((Topic::Controls, Box::new(lqr))),

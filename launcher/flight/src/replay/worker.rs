@@ -82,7 +82,7 @@ impl Worker {
         let member = Member::of_recording(ring.page.clone(), topic, epoch, scenario);
         let mut ports: Ports = ring.ports();
         let mut scenario = scenario.clone();
-        scenario.mpc.time_limit_ms = 0.0; // the result must not depend on this machine
+        scenario.attitude.mpc.time_limit_ms = 0.0; // the result must not depend on this machine
         let mut core = match topic {
             Topic::State => {
                 let output = Output::open(&mut ports, &member, &scenario)?;

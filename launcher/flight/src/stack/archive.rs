@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
 use contract::Scenario;
-use contract::scenario::{NodeProgram, SwapNode};
+use contract::scenario::{NodeSettings, SwapNode};
 use contract::topic::Topic;
 use runtime::console::eprint_line;
 use runtime::realtime::ControlPage;
@@ -197,7 +197,7 @@ impl Archive {
     fn spawn(&self, run: &mut Run, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
         let swap = origin.and_then(|i| run.scenario.swap.get(i));
         let exec = swap.and_then(|swap| swap.exec.clone()).unwrap_or_default();
-        let program = NodeProgram { exec, ..NodeProgram::default() };
+        let program = NodeSettings { exec, ..NodeSettings::default() };
         let (log, program) = (self.part(epoch), Some(&program));
         run.children.spawn(&SpawnRequest { epoch, log: Some(&log), program, ..SpawnRequest::default() })
     }

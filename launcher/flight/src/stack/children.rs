@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use contract::scenario::file::read_text;
-use contract::scenario::{NodeProgram, ProgramKind};
+use contract::scenario::{NodeSettings, ProgramKind};
 use contract::topic::Topic;
 use runtime::domain::Domain;
 use runtime::port::Bus;
@@ -50,7 +50,7 @@ pub struct SpawnRequest<'a> {
     /// File that the recorder writes.
     pub log: Option<&'a Path>,
     /// Program of a node other than the launcher's own core.
-    pub program: Option<&'a NodeProgram>,
+    pub program: Option<&'a NodeSettings>,
     /// File with settings of its own, beside the run's.
     pub settings: Option<&'a Path>,
 }

@@ -16,7 +16,7 @@
 
 use campaign::OwnController;
 use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, NodeProgram, from_merged, load};
+use contract::scenario::{Fault, FaultKind, FaultTarget, NodeSettings, from_merged, load};
 use flight::programs;
 use serde::Serialize;
 
@@ -115,7 +115,7 @@ pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
 pub fn with_controller(base: &Scenario, own: &OwnController) -> anyhow::Result<Scenario> {
     let mut scenario = base.clone();
     let exec = own.path().to_string_lossy().into_owned();
-    scenario.node.attitude_mpc = NodeProgram { exec, ..NodeProgram::default() };
+    scenario.node.attitude_mpc = NodeSettings { exec, ..NodeSettings::default() };
     programs::pin_all(&mut scenario)?;
     programs::check(&scenario)?;
     Ok(scenario)

@@ -35,7 +35,7 @@ use outcome::ticks::{Tick, Ticks};
 /// Nodes in the order of their swaps, with their topics and the settings of every other good candidate.
 const NODES: [(SwapNode, Topic, &str); 3] = [
     (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
-    (SwapNode::AttitudeMpc, Topic::Controls, "mpc.law=\"lqr\""),
+    (SwapNode::AttitudeMpc, Topic::Controls, "attitude.law=\"lqr\""),
     (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
 ];
 /// Faults of the wrong candidates: of the topic or of the process.

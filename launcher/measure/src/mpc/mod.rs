@@ -98,7 +98,7 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
 fn compare(args: &MpcArgs, out: &std::path::Path, sequences: &[Sequence]) -> anyhow::Result<Vec<Comparison>> {
     let polygons: Vec<Option<Polygons>> = sequences.iter().map(Polygons::of).collect::<Result<_, _>>()?;
     let polygons: Vec<Polygons> = polygons.into_iter().flatten().collect();
-    let max_iterations = sequences[0].scenario.mpc.max_iterations;
+    let max_iterations = sequences[0].scenario.attitude.mpc.max_iterations;
     let solved: Vec<_> = polygons.iter().map(|polygon| polygon.solve(args.rounds, max_iterations)).collect();
     let all = solved.concat();
     let mut rivals = compare::ours(&all);

@@ -45,15 +45,15 @@ impl Sequence {
     pub fn scenario_for(&self, law: Law, solver: Solver) -> Scenario {
         let mut scenario = self.scenario.clone();
         scenario.run.mode = Mode::Inprocess;
-        scenario.mpc.law = law;
-        scenario.mpc.solver = solver;
+        scenario.attitude.law = law;
+        scenario.attitude.mpc.solver = solver;
         scenario.fault.clear();
         scenario
     }
 
     /// Returns the settings for the MPC with the flight's own solver.
     pub fn scenario_for_mpc(&self) -> Scenario {
-        self.scenario_for(Law::Mpc, self.scenario.mpc.solver)
+        self.scenario_for(Law::Mpc, self.scenario.attitude.mpc.solver)
     }
 }
 
@@ -62,7 +62,7 @@ impl Sequence {
 pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     let fly = |(name, text, duration_s): (&str, &str, f64)| {
         let mut scenario = scenario::from_merged(text, name)?;
-        scenario.mpc.constraints = Constraints::Cone;
+        scenario.attitude.mpc.constraints = Constraints::Cone;
         (scenario.run.mode, scenario.run.duration_s) = (Mode::Inprocess, duration_s);
         let path = folder.join(name).with_extension("mcap");
         let mut log = LogWriter::create(&path, &scenario::to_toml(&scenario), scenario.sample_ns())?;

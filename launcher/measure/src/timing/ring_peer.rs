@@ -99,7 +99,7 @@ pub fn run(RingPeerArgs { peer }: &RingPeerArgs) -> anyhow::Result<u8> {
     let page = ControlPage::open(&domain.file("page")).context("cannot open the page")?;
     let mut samples = Vec::with_capacity(peer.releases.count);
     let mut token = Token::of(peer, &page);
-    enter(&Scheduling { policy: Policy::Fifo, priority: peer.priority, ..Scenario::default().realtime.of(0) });
+    enter(&Scheduling { policy: Policy::Fifo, priority: peer.priority, ..Scenario::default().scheduling_of(0) });
     if peer.rank > 0 {
         while token.wait() {
             token.read_clock();

@@ -38,8 +38,8 @@ impl RingPeers {
 
     /// Starts a ring of four, with the priorities of the stack's nodes.
     pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
-        let wanted = Scenario::default().realtime;
-        Self::start(Some(kind), releases, &Topic::ALL.map(|topic| wanted.of(topic as usize).priority))
+        let wanted = Scenario::default();
+        Self::start(Some(kind), releases, &Topic::ALL.map(|topic| wanted.scheduling_of(topic as usize).priority))
     }
 
     fn start(kind: Option<Kind>, releases: Releases, priorities: &[u32]) -> anyhow::Result<Self> {

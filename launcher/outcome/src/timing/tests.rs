@@ -40,9 +40,10 @@ impl Ring {
         scenario.run.mode = mode;
         scenario.mission.trajectory = TrajectoryKind::Hover;
         scenario.run.duration_s = 100.0;
-        scenario.deadline.policy = Late::Skip;
-        let d = &mut scenario.deadline;
-        (d.plant_ms, d.guidance_ms, d.attitude_mpc_ms) = (Some(10.0), Some(10.0), Some(10.0));
+        scenario.deadline.late = Late::Skip;
+        for topic in [Topic::State, Topic::Reference, Topic::Controls] {
+            scenario.node.of_mut(topic).deadline_ms = Some(10.0);
+        }
         let (timing, count, happened) = (Timing::new(&scenario), Count::default(), Happenings::default());
         let last = [Stamp::default(); 4];
         Self { timing, count, now_us: 0, last, applied: (0, 0), cpu_us: 90, solve_us: 80, happened }

@@ -35,7 +35,9 @@ impl<'a> Scenes<'a> {
             *number = log.add_channel(&channel)?;
         }
         let mut scene = Scene::new(scenario);
-        events.iter().for_each(|event| _ = scene.on_event(event)); // faults of the wind, each with its time
+        for event in &events {
+            scene.on_event(event); // faults of the wind, each with its time
+        }
         let fixed = scene.fixed();
         let mut scenes = Self { file, log, channels, scene };
         scenes.derived(fixed)?;

@@ -149,7 +149,7 @@ pub fn judge(run: &RunRecord, reach: &Reach, scenario: &Scenario) -> [Claim; 5] 
 /// Claim on the states: the true angles and rates must lie strictly inside the limits.
 fn states(reach: &Reach, judged: bool, scenario: &Scenario) -> Claim {
     let kept = reach.state.map(|sizes| {
-        let limits = scenario.mpc.attitude_limit_deg.iter().chain(&scenario.mpc.rates_limit_dps);
+        let limits = scenario.attitude.mpc.attitude_limit_deg.iter().chain(&scenario.attitude.mpc.rates_limit_dps);
         sizes.iter().zip(limits).all(|(size, limit)| size < limit)
     });
     let words = reach.state.map(|[phi, theta, psi, rates @ ..]| {

@@ -30,7 +30,7 @@ pub struct Derived {
 
 impl Derived {
     pub fn new(scenario: &Scenario) -> Self {
-        Self { wind: Wind::new(scenario), r: scenario.mpc.r }
+        Self { wind: Wind::new(scenario), r: scenario.attitude.mpc.r }
     }
 }
 

@@ -67,14 +67,14 @@ mod tests {
         assert!(section(&flown).contains("Every setting is the default of profile <b>paper</b>"));
         flown.run.duration_s = 12.5;
         flown.bounds.max_position_error_m = Some(0.3);
-        flown.deadline.mixer_ms = Some(9.0);
+        flown.node.mixer.deadline_ms = Some(9.0);
         flown.fault = vec![Fault::new(FaultTarget::Mixer, FaultKind::Kill, 2.0, Some(0.3)); 2];
         let kill = "mixer kill, at_s 2.0, for_s 0.3";
         let expected = [
             ["bounds.max_position_error_m", DASH, "0.3"],
-            ["deadline.mixer_ms", DASH, "9.0"],
             ["fault 1", DASH, kill],
             ["fault 2", DASH, kill],
+            ["node.mixer", DASH, "deadline_ms 9.0"],
             ["run.duration_s", "60.0", "12.5"],
         ];
         assert_eq!(differences(&flown), expected);

@@ -541,7 +541,7 @@ fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
         with(&["plant.airframe.mass_kg=1.2"]),
         with(&["plant.drag_quadratic_ns2pm2=0.05", "plant.wind_ned_mps=[[5.0,[1.0,0.0,0.0]]]"]),
         with(&["guidance.kp_phi=0.4"]),
-        with(&["mpc.constraints=box"]),
+        with(&["attitude.mpc.constraints=box"]),
         with(&["mixer.projection=true"]),
         with(&["run.rate_hz=200"]),
         with(&["run.command_delay_ms=4.0"]),
