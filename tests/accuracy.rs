@@ -13,12 +13,8 @@ fn flown(settings: &[&str]) -> crate::harness::Outcome {
 
 #[test]
 fn legs_of_80_m_in_10_s_keep_their_altitude() {
-    let outcome = flown(&[
-        "mission.trajectory=\"waypoints\"",
-        "mission.waypoints_m=[[0,0,0],[0,0,-20],[80,0,-20],[80,80,-20],[0,80,-20],[0,0,-20]]",
-        "mission.times_s=[0,10,20,30,40,50]",
-        "mission.ramp_s=\"min-jerk\"",
-    ]);
+    let outcome = flown(&["mission.part=[{kind='waypoints', curve='min-jerk', times_s=[10,20,30,40,50], \
+         points_m=[[0,0,-20],[80,0,-20],[80,80,-20],[0,80,-20],[0,0,-20]]}]"]);
     let worst_m = outcome.metric("max_position_error_m");
     assert!(worst_m < 0.4, "{worst_m} m; 9.21 with a limit on w in place of one on the climb");
 }
@@ -40,19 +36,20 @@ fn a_circle_is_followed_closer_than_its_polygon() {
         let (sin, cos) = (x * x * x * (10.0 + x * (-15.0 + x * 6.0)) * std::f64::consts::TAU).sin_cos();
         format!("[{:?}, {:?}, -20.0]", 40.0 * sin, 40.0 * (1.0 - cos))
     });
-    let points = format!("mission.waypoints_m=[[0.0,0.0,0.0],{}]", lap.collect::<Vec<_>>().join(","));
+    let points = lap.collect::<Vec<_>>().join(",");
     let times = (0..=320_u32).map(|i| format!("{:?}", 10.0 + 0.1 * f64::from(i))).collect::<Vec<_>>().join(",");
-    let times = format!("mission.times_s=[0.0,{times}]");
-    let polygon = ["mission.trajectory=\"waypoints\"", "mission.ramp_s=0", &points, &times];
-    let lifted = ["bounds.max_position_error_m=10.0", "run.duration_s=42", "mission.radius_m=5", "mission.height_m=10"];
-    let as_polygon = rms_m("fast-circle.toml", &[&polygon[..], &lifted, &["mission.period_s=40"]].concat());
+    let polygon = format!("mission.part=[{{kind='waypoints', curve='line', points_m=[{points}], times_s=[{times}]}}]");
+    let lifted = ["bounds.max_position_error_m=10.0", "run.duration_s=42"];
+    let as_polygon = rms_m("fast-circle.toml", &[&[polygon.as_str()][..], &lifted].concat());
     let as_circle = rms_m("fast-circle.toml", &["run.duration_s=42"]);
     assert!(as_circle < 0.2 && as_circle < as_polygon / 5.0, "{as_circle} m, as a polygon {as_polygon} m");
 }
 
 #[test]
 fn a_spline_is_followed_closer_than_legs_through_the_same_points() {
-    let as_legs = rms_m("slalom.toml", &["mission.ramp_s=0.5", "bounds.max_position_error_m=10.0"]);
+    let legs = "mission.part=[{kind='waypoints', curve='trapezoid', ramp_s=0.5, times_s=[5,10,14,18,23,28], points_m=\
+                [[0,0,-5],[12,4,-6],[24,-4,-7],[36,4,-6],[48,0,-5],[48,0,0]]}]";
+    let as_legs = rms_m("slalom.toml", &[legs, "bounds.max_position_error_m=10.0"]);
     let as_spline = rms_m("slalom.toml", &[]);
     assert!(as_spline < as_legs / 2.0, "{as_spline} m, along legs {as_legs} m");
 }
@@ -60,8 +57,8 @@ fn a_spline_is_followed_closer_than_legs_through_the_same_points() {
 #[test]
 fn a_heading_across_180_degrees_turns_the_short_way() {
     let turn = |to_deg: i32| {
-        let heading = format!("mission.heading_deg=[[0.0, 170.0], [5.0, {to_deg}.0]]");
-        let settings = ["mission.trajectory=\"hover\"", "initial.attitude_deg=[0, 0, 170]", "run.duration_s=10"];
+        let heading = format!("mission.part=[{{kind='loiter', duration_s=10, heading_deg=[[5, {to_deg}]]}}]");
+        let settings = ["initial.attitude_deg=[0, 0, 170]", "run.duration_s=10"];
         flown(&[&settings[..], &[&heading]].concat()).metric("max_position_error_m")
     };
     let (across, through) = (turn(-170), turn(190));

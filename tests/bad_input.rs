@@ -23,7 +23,7 @@ fn settings_that_cannot_be() {
         &["attitude.mpc.control_horizon_s", "5 and 3 samples at 100 Hz"],
     );
     check_refused(&["--set", "run.duration_s=nan"], &["duration_s"]);
-    check_refused(&["--set", "mission.trajectory=loop"], &["survey", "circle"]);
+    check_refused(&["--set", "mission.trajectory=loop"], &["survey", "expected one of `survey`, `hover`, `parts`"]);
     check_refused(&["no/such/file.toml"], &["no/such/file.toml"]);
 }
 
@@ -65,7 +65,7 @@ fn check_refuses_what_fly_refuses() {
             "[attitude.mpc]\nq = [0, 0, 0, 1e12, 0, 0, 0]\nr = [1e-12, 1e-12, 1e-12, 1e-12]\nterminal = \"zero\"",
             "`attitude.mpc.r` is so small beside `attitude.mpc.q`",
         ),
-        ("[mission]\nwaypoints_m = [[0, 0, 0], [1, 2, 3]]", "`mission.trajectory` = \"waypoints\" with it"),
+        ("[mission]\nwaypoints_m = [[0, 0, 0], [1, 2, 3]]", "[[mission.part]] kind = \"waypoints\""),
         (
             "[[fault]]\nat_s = 100\ntarget = \"mixer\"\nkind = \"kill\"",
             "a fault at 100.0 s in a flight that ends at 60.0 s",
@@ -134,8 +134,9 @@ fn what_was_meant_is_offered_and_what_is_refused_is_not() {
     assert!(shard.contains("1 or more") && !shard.contains("18446744073709551615"), "{shard}");
     let campaign = said(&["campaign", "scenarios/wind.toml", "--plan"]);
     assert!(campaign.contains("is a scenario, which `trefoil fly scenarios/wind.toml` flies once"), "{campaign}");
-    let waypoints = "mission={ trajectory = \"waypoints\", waypoints_m = [[0, 0, 0], [1, 0, 0]], times_s = [3, 2] }";
-    let times = said(&["fly", "--set", waypoints]);
+    let legs =
+        "mission.part=[{kind='waypoints', curve='trapezoid', ramp_s=9, points_m=[[1,0,0],[0,0,0]], times_s=[3,2]}]";
+    let times = said(&["fly", "--set", legs]);
     assert!(times.contains("does not rise") && !times.contains("leg of"), "{times}");
     for verb in [&["report"][..], &["replay"], &["explain"], &["export", "--to", "perfetto"]] {
         for (run, expected) in [("docs", "is a folder without a log"), ("README.md", "is no log of a flight")] {

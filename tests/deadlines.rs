@@ -46,7 +46,7 @@ fn held_messages_repeat_the_last_timely_one() {
 #[test]
 fn a_controller_that_is_late_does_without_its_solver() {
     let turn = [
-        "mission.heading_deg=[[0.7, 90.0]]",
+        "mission.part=[{kind='loiter', duration_s=60, heading_deg=[[0.7, 90]]}]",
         "guidance.heading_rate_limit_dps=0",
         "attitude.mpc.constraints=cone",
         "attitude.mpc.r=[0.3, 70.0, 20.0, 100.0]",

@@ -45,31 +45,24 @@ fn a_mission_that_leaves_its_points_is_flown_with_a_warning_and_times_that_keep_
         let output = launcher().args(["check", "survey"]).args(set).output().expect("the launcher runs");
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    let of_parts = |times_s: &str| {
-        let part = format!("{{kind=\"waypoints\", points_m=[[1,0,-8],[0,0,-8]], times_s={times_s}}}");
+    let of_curve = |curve: &str, times_s: &str| {
+        let part =
+            format!("{{kind=\"waypoints\", curve=\"{curve}\", points_m=[[1,0,-8],[0,0,-8]], times_s={times_s}}}");
         let part = format!("mission.part=[{part}]");
-        check(&["mission.trajectory=parts", "initial.position_m=[0,0,-8]", &part])
-    };
-    let spline = |times_s: &str| {
-        let times_s = format!("mission.times_s={times_s}");
-        let points = "mission.waypoints_m=[[0,0,0],[1,0,0],[0,0,0]]";
-        check(&["mission.trajectory=waypoints", "mission.ramp_s=spline", points, &times_s])
+        check(&["initial.position_m=[0,0,-8]", &part])
     };
     let offered = |stderr: &str| {
         let rest = stderr.split_once("with `times_s = ").unwrap_or_else(|| panic!("no times: {stderr}")).1;
         rest.split_once('`').expect("an end").0.to_owned()
     };
-    let (code, strays) = of_parts("[2,22]");
-    assert_eq!(code, Some(0), "a warning is no refusal: {strays}");
-    assert!(strays.contains("warning: `mission.part[0]`: its curve goes 2"), "{strays}");
-    assert!(strays.contains("0.0 to 1.0"), "the reach of its points: {strays}");
-    let (code, stays) = of_parts(&offered(&strays));
-    assert!(code == Some(0) && !stays.contains("warning"), "{stays}");
-
-    let (code, strays) = spline("[5,7,27]");
-    assert!(code == Some(0) && strays.contains("warning: `mission`: its curve goes"), "{strays}");
-    let (code, stays) = spline(&offered(&strays));
-    assert!(code == Some(0) && !stays.contains("warning"), "{stays}");
+    for curve in ["min-snap", "quintic", "spline"] {
+        let (code, strays) = of_curve(curve, "[2,22]");
+        assert_eq!(code, Some(0), "a warning is no refusal: {strays}");
+        assert!(strays.contains("warning: `mission.part[0]`: its curve goes "), "{strays}");
+        assert!(strays.contains("0.0 to 1.0"), "the reach of its points: {strays}");
+        let (code, stays) = of_curve(curve, &offered(&strays));
+        assert!(code == Some(0) && !stays.contains("warning"), "{stays}");
+    }
     let inspection = launcher().args(["check", INSPECTION]).output().expect("the launcher runs");
     assert!(!String::from_utf8_lossy(&inspection.stderr).contains("warning"));
 }
@@ -83,6 +76,24 @@ fn what_the_vehicle_cannot_do_is_refused_before_the_flight_with_its_place() {
         let expected = "`mission.part[0]`: it asks for 9.4 m/s up or down, the vehicle has 4.0 \
                         (`guidance.climb_limit_mps`); give it 4.7 s or more";
         assert!(output.status.code() == Some(2) && stderr.contains(expected), "{stderr}");
+    }
+}
+
+#[test]
+fn what_a_hand_made_curve_asks_for_is_a_warning_and_flown() {
+    let parts = "mission.part=[{kind='waypoints', curve='min-jerk', points_m=[[0, 0, -9]], times_s=[2]}, \
+                 {kind='jump', point_m=[3, 0, -9], duration_s=2}]";
+    for command in [&["check", "survey"][..], &["fly", "--mode", "inprocess", "--no-log", "--set", "run.duration_s=4"]]
+    {
+        let output = launcher().args(command).args(["--set", parts]).output().expect("the launcher runs");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{stderr}");
+        for expected in [
+            "warning: `mission.part[0]`: the leg to point 0 asks for 8.4 m/s up or down, the vehicle has 4.0",
+            "warning: `mission.part[1]`: the reference jumps by 3.0 m",
+        ] {
+            assert!(stderr.contains(expected), "{expected}: {stderr}");
+        }
     }
 }
 
@@ -107,7 +118,6 @@ proptest! {
         let heading = if track { "\"along-track\"" } else { "90.0" };
         let part = format!("{{kind=\"waypoints\", points_m={points:?}, curve=\"{curve}\", heading_deg={heading}}}");
         let settings = [
-            "mission.trajectory=parts".to_owned(),
             format!("mission.part=[{part}, {{kind=\"loiter\", duration_s=2.0}}]"),
             "run.duration_s=40".to_owned(),
         ];

@@ -53,9 +53,10 @@ fn how_long_a_landed_vehicle_is_recorded_changes_neither_its_place_nor_its_figur
 #[test]
 fn a_long_wait_for_the_take_off_ends_as_a_short_one() {
     let waits = |wait_s: f64| {
-        let times: Vec<f64> = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 62.0].map(|t| t + wait_s).into();
-        let (times, duration) = (format!("mission.times_s={times:?}"), format!("run.duration_s={}", wait_s + 68.0));
-        flown("take-off-and-land", &[&BREEZE[..], &[&times, &duration]].concat())
+        let square = "{kind='waypoints', curve='min-jerk', times_s=[10, 20, 30, 40, 50, 62], points_m=[[0, 0, -8], \
+                      [8, 0, -8], [8, 8, -8], [0, 8, -8], [0, 0, -8], [0, 0, 0.2]]}";
+        let parts = format!("mission.part=[{{kind='loiter', duration_s={wait_s}}}, {square}]");
+        flown("take-off-and-land", &[&BREEZE[..], &[&parts, &format!("run.duration_s={}", wait_s + 68.0)]].concat())
     };
     let [short, long] = [1.0, 600.0].map(waits);
     for metric in ["max_position_error_m", "rms_position_error_m", "touchdown_sink_mps", "demand_effort"] {

@@ -1,11 +1,11 @@
-//! Curve of any kind, from rest to rest, stretched in time.
+//! Curve of any kind, stretched in time.
 
 use nalgebra::Vector3;
 
 use crate::descent::Descent;
 use crate::figure::Figure;
+use crate::legs::Legs;
 use crate::min_snap::MinSnap;
-use crate::progress::min_jerk;
 use crate::setpoint::Setpoint;
 use crate::spline::Spline;
 
@@ -19,8 +19,8 @@ const SAMPLED_LAPS: f64 = 2.0;
 pub enum Shape {
     /// Rest at a place for a time \[s\].
     Rest(Vector3<f64>, f64),
-    /// Straight line from one place to another in a time \[s\], min-jerk.
-    Line(Vector3<f64>, Vector3<f64>, f64),
+    /// Straight legs.
+    Legs(Legs),
     /// Curve of least jerk through waypoints.
     Spline(Spline),
     /// Curve of least snap through waypoints.
@@ -73,7 +73,8 @@ impl Curve {
     /// Times at which legs begin and end \[s\]; the whole of a figure is one leg.
     pub fn times_s(&self) -> Vec<f64> {
         let times = match &self.shape {
-            Shape::Rest(_, duration_s) | Shape::Line(_, _, duration_s) => vec![0.0, *duration_s],
+            Shape::Rest(_, duration_s) => vec![0.0, *duration_s],
+            Shape::Legs(legs) => legs.waypoints.iter().map(|(at_s, _)| *at_s).collect(),
             Shape::Spline(spline) => spline.times_s().collect(),
             Shape::MinSnap(curve) => curve.times_s().collect(),
             Shape::Figure(figure) => vec![0.0, figure.laps.turning_s],
@@ -88,14 +89,7 @@ impl Curve {
         let t_s = t_s / k;
         let Setpoint { position_m, velocity_mps, acceleration_mps2 } = match &self.shape {
             Shape::Rest(at, _) => Setpoint::at_rest((*at).into()),
-            Shape::Line(from, to, duration_s) => {
-                let (progress, way) = (min_jerk(t_s, *duration_s), to - from);
-                Setpoint {
-                    position_m: (from + way * progress.s).into(),
-                    velocity_mps: (way * progress.ds).into(),
-                    acceleration_mps2: (way * progress.dds).into(),
-                }
-            }
+            Shape::Legs(legs) => legs.at(t_s),
             Shape::Spline(spline) => spline.at(t_s),
             Shape::MinSnap(curve) => curve.at(t_s),
             Shape::Figure(figure) => figure.at(t_s),

@@ -11,6 +11,8 @@ use nalgebra::Vector3;
 use crate::curve::{Curve, SAMPLES, Shape};
 use crate::limits::Limits;
 
+/// Largest number of points after the first: the duration of the search grows with its square.
+pub const MAX_POINTS: usize = 50;
 /// Factor of a leg's time in the first sweep; its root is taken after each sweep without a gain.
 const FIRST_FACTOR: f64 = 1.4;
 /// Factor at which the search ends.

@@ -2,8 +2,7 @@
 //!
 //! | rule | wanted heading |
 //! |---|---|
-//! | keep | the one at which the part before ends |
-//! | fixed | one value |
+//! | steps | one value after the other, each from its time on; without any the one before |
 //! | waypoints | min-jerk from waypoint to waypoint, each the short way |
 //! | track | the direction of the horizontal velocity, above [`SLOW_MPS`] |
 //! | centre | the direction to the centre of the figure |
@@ -11,8 +10,10 @@
 //! Below [`SLOW_MPS`] a direction means little, and at rest there is none. There the heading wanted along track is the
 //! next one that has a meaning, so that the vehicle turns before it leaves; after the last one it is kept.
 //!
-//! The heading turns towards the wanted one the short way, no faster than its limit. That makes it depend on the past,
-//! so it is computed before the flight, every [`STEP_S`], and interpolated.
+//! The heading turns towards the wanted one the short way, no faster than its limit. A step without a limit is a step:
+//! one of 90 degrees then turns the vehicle at 8.4 rad/s, where the paper's (51) allows 6.28. Towards a value that
+//! changes, a limited heading depends on the past, so it is computed before the flight, every [`STEP_S`], and
+//! interpolated.
 
 use airframe::angle;
 
@@ -24,16 +25,14 @@ use crate::setpoint::Setpoint;
 pub const SLOW_MPS: f64 = 0.5;
 /// Interval of the computed headings \[s\].
 pub const STEP_S: f64 = 0.05;
-/// Time after which the heading stays \[s\]: a day, the longest flight.
+/// Time after which a computed heading stays \[s\]: a day, the longest flight.
 const MAX_S: f64 = 86_400.0;
 
 /// Heading that a part of a plan asks for.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Rule {
-    /// The heading before.
-    Keep,
-    /// One heading \[rad\].
-    Fixed(f64),
+    /// Times since the beginning of the part \[s\], sorted, each with the heading from then on \[rad\].
+    Steps(Vec<(f64, f64)>),
     /// Heading at each waypoint \[rad\], except the first, where the part begins.
     Waypoints(Vec<f64>),
     /// The direction of flight.
@@ -42,40 +41,78 @@ pub enum Rule {
     Centre,
 }
 
+impl Rule {
+    /// The heading before.
+    pub const KEEP: Self = Self::Steps(Vec::new());
+}
+
 /// Headings of a plan.
 #[derive(Debug, Clone)]
 pub struct Headings {
-    /// Heading at each step, without jumps of whole turns \[rad\].
-    heading_rad: Vec<f64>,
-    /// Largest change from step to step \[rad\].
-    most_rad: f64,
+    pieces: Vec<Piece>,
+    /// Rate of all turns \[rad/s\]; 0 makes the heading step.
+    rate_radps: f64,
+}
+
+/// Headings from a time on.
+#[derive(Debug, Clone)]
+struct Piece {
+    from_s: f64,
+    heading: Heading,
+}
+
+#[derive(Debug, Clone)]
+enum Heading {
+    /// Turn through the angle `by_rad` that ends at `to_rad`.
+    Turn { by_rad: f64, to_rad: f64 },
+    /// Heading at each step from `first` on, without jumps of whole turns \[rad\].
+    Computed { first: usize, heading_rad: Vec<f64> },
 }
 
 impl Headings {
-    /// Starts with `heading_rad`; the rate is limited to `rate_radps`, or not at all if that is 0.
+    /// Starts with `heading_rad`; turns are limited to `rate_radps`, or not at all if that is 0.
     pub fn new(heading_rad: f64, rate_radps: f64) -> Self {
-        let most_rad = if rate_radps > 0.0 { rate_radps * STEP_S } else { f64::INFINITY };
-        Self { heading_rad: vec![heading_rad], most_rad }
+        let start = Piece { from_s: 0.0, heading: Heading::Turn { by_rad: 0.0, to_rad: heading_rad } };
+        Self { pieces: vec![start], rate_radps }
     }
 
-    /// Heading at `t_s`, in (-pi, pi] \[rad\]; before the beginning and after the end that of there.
+    /// Heading at `t_s`, in (-pi, pi] \[rad\]. Before the beginning it is that of there; after the end it turns to the
+    /// last wanted one and stays.
     pub fn at(&self, t_s: f64) -> f64 {
-        let steps = (t_s / STEP_S).max(0.0);
-        let last = self.heading_rad.len() - 1;
-        let before = (steps as usize).min(last);
-        let [from, to] = [before, (before + 1).min(last)].map(|step| self.heading_rad[step]);
-        angle::wrapped(from + (to - from) * (steps - before as f64).min(1.0))
+        let Piece { from_s, heading } =
+            self.pieces.iter().rev().find(|piece| piece.from_s <= t_s).unwrap_or(&self.pieces[0]);
+        match heading {
+            Heading::Turn { by_rad, to_rad } => {
+                let left_rad = by_rad.abs() - self.rate_radps * (t_s - from_s);
+                let is_turning = self.rate_radps > 0.0 && left_rad > 0.0;
+                angle::wrapped(if is_turning { to_rad - left_rad.copysign(*by_rad) } else { *to_rad })
+            }
+            Heading::Computed { first, heading_rad } => {
+                let steps = (t_s / STEP_S).max(0.0);
+                let last = heading_rad.len() - 1;
+                let before = (steps as usize).saturating_sub(*first).min(last);
+                let [from, to] = [before, (before + 1).min(last)].map(|step| heading_rad[step]);
+                angle::wrapped(from + (to - from) * (steps - (first + before) as f64).min(1.0))
+            }
+        }
     }
 
     /// Continues with a `curve` that begins at `begins_s`, up to its end.
     pub fn extend(&mut self, curve: &Curve, begins_s: f64, rule: &Rule) {
+        let first = (begins_s.min(MAX_S) / STEP_S) as usize;
+        let first_s = first as f64 * STEP_S;
+        let before_rad = self.at(first_s);
         let ends_s = begins_s + curve.duration_s();
-        let steps = self.heading_rad.len()..(ends_s.min(MAX_S) / STEP_S) as usize + 1;
-        let times_s = steps.map(|step| step as f64 * STEP_S - begins_s);
-        let before_rad = self.heading_rad.last().copied().unwrap_or(0.0);
+        let times_s = (first + 1..=(ends_s.min(MAX_S) / STEP_S) as usize).map(|step| step as f64 * STEP_S - begins_s);
         let wanted: Vec<f64> = match rule {
-            Rule::Keep => times_s.map(|_| before_rad).collect(),
-            Rule::Fixed(heading_rad) => times_s.map(|_| *heading_rad).collect(),
+            Rule::Steps(steps) => {
+                for (after_s, to_rad) in steps {
+                    let (from_s, to_rad) = (begins_s + after_s, *to_rad);
+                    let by_rad = angle::difference(to_rad, self.at(from_s));
+                    self.pieces.push(Piece { from_s, heading: Heading::Turn { by_rad, to_rad } });
+                }
+                return;
+            }
             Rule::Waypoints(headings_rad) => {
                 let headings_rad = [&[before_rad], headings_rad.as_slice()].concat();
                 let at_s = curve.times_s();
@@ -84,11 +121,13 @@ impl Headings {
             Rule::Track => tracked(times_s.map(|t_s| course(&curve.at(t_s))).collect(), before_rad),
             Rule::Centre => tracked(times_s.map(|t_s| to_centre(curve, &curve.at(t_s))).collect(), before_rad),
         };
-        let mut heading_rad = before_rad;
+        let most_rad = if self.rate_radps > 0.0 { self.rate_radps * STEP_S } else { f64::INFINITY };
+        let mut heading_rad = vec![before_rad];
         for wanted_rad in wanted {
-            heading_rad += angle::difference(wanted_rad, heading_rad).clamp(-self.most_rad, self.most_rad);
-            self.heading_rad.push(heading_rad);
+            let last_rad = heading_rad[heading_rad.len() - 1];
+            heading_rad.push(last_rad + angle::difference(wanted_rad, last_rad).clamp(-most_rad, most_rad));
         }
+        self.pieces.push(Piece { from_s: first_s, heading: Heading::Computed { first, heading_rad } });
     }
 }
 
@@ -129,4 +168,62 @@ fn tracked(known: Vec<Option<f64>>, before_rad: f64) -> Vec<f64> {
         .collect();
     filled.reverse();
     filled
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    /// Headings of a rest of 20 s with these steps \[s, deg\].
+    fn stepped(from_deg: f64, steps: &[(f64, f64)], limit_dps: f64) -> impl Fn(f64) -> f64 {
+        let mut headings = Headings::new(from_deg.to_radians(), limit_dps.to_radians());
+        let rule = Rule::Steps(steps.iter().map(|(t_s, deg)| (*t_s, deg.to_radians())).collect());
+        headings.extend(&Shape::Rest(Vector3::zeros(), 20.0).into(), 0.0, &rule);
+        move |t_s| headings.at(t_s).to_degrees()
+    }
+
+    #[test]
+    fn without_a_limit_headings_step() {
+        let degrees = [0.0, 0.99, 1.0, 1.99, 2.0, 60.0].map(stepped(0.0, &[(1.0, 90.0), (2.0, 180.0)], 0.0));
+        assert_eq!(degrees, [0.0, 0.0, 90.0, 90.0, 180.0, 180.0]);
+    }
+
+    #[test]
+    fn with_a_limit_turns_have_that_rate_and_may_interrupt_one_another() {
+        let at = stepped(0.0, &[(1.0, 90.0), (1.5, -90.0)], 90.0);
+        for (t_s, deg) in [(0.9, 0.0), (1.2, 18.0), (1.5, 45.0), (2.0, 0.0), (2.5, -45.0), (3.0, -90.0), (9.0, -90.0)] {
+            assert!((at(t_s) - deg).abs() < 1e-9, "{} and not {deg} at {t_s} s", at(t_s));
+        }
+    }
+
+    #[test]
+    fn from_170_to_minus_170_is_20_degrees() {
+        let at = stepped(170.0, &[(10.0, -170.0)], 10.0);
+        for (t_s, deg) in [(10.5, 175.0), (11.5, -175.0), (12.0, -170.0), (99.0, -170.0)] {
+            assert!((at(t_s) - deg).abs() < 1e-9, "{} and not {deg} at {t_s} s", at(t_s));
+        }
+    }
+
+    #[test]
+    fn the_first_turn_begins_where_the_vehicle_stands() {
+        let at = stepped(180.0, &[(0.0, 180.0)], 90.0);
+        assert!([0.0, 0.1, 5.0].iter().all(|t_s| (at(*t_s) - 180.0).abs() < 1e-9));
+        let at = stepped(45.0, &[(0.0, 0.0)], 90.0);
+        assert!((at(0.0) - 45.0).abs() < 1e-9 && (at(0.25) - 22.5).abs() < 1e-9 && at(0.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_turn_goes_on_in_the_next_part_and_a_track_begins_within_it() {
+        let rest = Curve::from(Shape::Rest(Vector3::zeros(), 1.0));
+        let mut headings = Headings::new(0.0, 1.0);
+        headings.extend(&rest, 0.0, &Rule::Steps(vec![(0.0, 3.0)]));
+        headings.extend(&rest, 1.0, &Rule::Steps(vec![]));
+        assert!((headings.at(2.0) - 2.0).abs() < 1e-9 && (headings.at(9.0) - 3.0).abs() < 1e-9);
+        headings.extend(&rest, 2.0, &Rule::Waypoints(vec![2.0]));
+        for t_s in [2.0, 2.02, 2.7, 3.0, 9.0] {
+            assert!((headings.at(t_s) - 2.0).abs() < 1e-9, "{} at {t_s} s", headings.at(t_s));
+        }
+    }
 }

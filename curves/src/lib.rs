@@ -4,6 +4,8 @@
 //! |---|---|
 //! | [`setpoint`] | position, velocity and acceleration at one instant |
 //! | [`progress`] | the covered share of a way: trapezoid, min-jerk, laps |
+//! | [`legs`] | straight legs at a pace of their own |
+//! | [`tridiagonal`] | the equations of the curves through waypoints |
 //! | [`spline`] | the curve of least jerk through waypoints |
 //! | [`min_snap`] | the curve of least snap through waypoints |
 //! | [`figure`] | circle, helix and figure eight |
@@ -14,6 +16,7 @@
 //! | [`stray`] | curves that leave their points, and times with which they do not |
 //! | [`heading`] | the heading over time |
 //! | [`plan`] | parts of a mission, one after the other |
+//! | [`named`] | survey and hover |
 //!
 //! Positions are NED \[m\]. Curves are built before the flight; evaluating one does not allocate.
 //! `contract` builds the plan of a scenario: the check before the flight and guidance use the same one.
@@ -25,13 +28,16 @@ pub mod descent;
 pub mod fastest;
 pub mod figure;
 pub mod heading;
+pub mod legs;
 pub mod limits;
 pub mod min_snap;
+pub mod named;
 pub mod plan;
 pub mod progress;
 pub mod setpoint;
 pub mod spline;
 pub mod stray;
+pub mod tridiagonal;
 
 pub use limits::{Excess, Limits, Quantity};
 pub use plan::{Motion, Part, Plan, Planned};

@@ -10,13 +10,14 @@
 //! ```
 //!
 //! with the symmetric matrix `R` of a leg of one second, `SNAP`. The gradient of the sum over all legs is zero where
-//! the curve has continuous derivatives up to the sixth. These equations are positive definite and block tridiagonal;
-//! block elimination solves it. Each waypoint has its unknowns in units of the shorter of its two legs, so that the
-//! blocks are of the size of `R`, whatever the durations are.
+//! the curve has continuous derivatives up to the sixth. These equations are positive definite and block tridiagonal
+//! ([`tridiagonal`](crate::tridiagonal)). Each waypoint has its unknowns in units of the shorter of its two legs, so
+//! that the blocks are of the size of `R`, whatever the durations are.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::setpoint::Setpoint;
+use crate::tridiagonal::{Row, solve};
 
 /// Integral of the squared snap of a leg of one second, as a form in position, velocity, acceleration and jerk at its
 /// start and at its end.
@@ -57,29 +58,17 @@ impl MinSnap {
         let mut knots: Vec<Knot> = waypoints.iter().map(knot).collect();
         let legs: Vec<Leg> = waypoints.windows(2).map(|ends| Leg::new(ends[0], ends[1])).collect();
         let units: Vec<Vector3<f64>> = legs.windows(2).map(|two| units(two[0].h.min(two[1].h))).collect();
-        // Forward: eliminate the waypoint before from the equations of each.
-        let mut left: Vec<(Matrix3<f64>, Matrix3<f64>)> = vec![];
-        for (i, unit) in units.iter().enumerate() {
+        let row = |(i, unit): (usize, &Vector3<f64>)| {
             let (before, after) = (&legs[i], &legs[i + 1]);
-            let mut on_this = before.block(1, 1, unit, unit) + after.block(0, 0, unit, unit);
-            let mut right = before.right(1, unit) + after.right(0, unit);
-            if let Some((inverse, last_right)) = left.last() {
-                let across = before.block(0, 1, &units[i - 1], unit);
-                let eliminated = across.transpose() * inverse;
-                on_this -= eliminated * across;
-                right -= eliminated * last_right;
+            Row {
+                on: before.block(1, 1, unit, unit) + after.block(0, 0, unit, unit),
+                across: units.get(i + 1).map_or_else(Matrix3::zeros, |next| after.block(0, 1, unit, next)),
+                right: before.right(1, unit) + after.right(0, unit),
             }
-            // Only waypoints that coincide in time have no inverse; the curve then rests there.
-            left.push((on_this.try_inverse().unwrap_or_else(Matrix3::zeros), right));
-        }
-        // Back: solve each waypoint from the one after it.
-        let mut next = Matrix3::zeros();
-        for (i, (inverse, right)) in left.iter().enumerate().rev() {
-            let known =
-                units.get(i + 1).map_or_else(Matrix3::zeros, |unit| legs[i + 1].block(0, 1, &units[i], unit) * next);
-            next = inverse * (right - known);
-            let derivative = |row: usize| next.row(row).transpose() * units[i][row];
-            let knot = &mut knots[i + 1];
+        };
+        let rows: Vec<Row<3>> = units.iter().enumerate().map(row).collect();
+        for ((knot, unit), solved) in knots.iter_mut().skip(1).zip(&units).zip(solve(&rows)) {
+            let derivative = |row: usize| solved.row(row).transpose() * unit[row];
             (knot.velocity, knot.acceleration, knot.jerk) = (derivative(0), derivative(1), derivative(2));
         }
         Self(knots)

@@ -1,4 +1,4 @@
-//! Plan: the parts of a mission one after the other. Each begins where and when the part before ends, at rest.
+//! Plan: the parts of a mission one after the other. Each begins when the part before ends, and there, but for a jump.
 
 use nalgebra::Vector3;
 
@@ -7,6 +7,7 @@ use crate::descent::Descent;
 use crate::fastest;
 use crate::figure::{self, Figure};
 use crate::heading::{Headings, Rule};
+use crate::legs::Legs;
 use crate::limits::{Demand, Limits};
 use crate::min_snap::MinSnap;
 use crate::progress::Laps;
@@ -27,6 +28,15 @@ pub enum Motion {
         /// Derivative of which the curve has as little as possible.
         least: Least,
     },
+    /// Along straight legs.
+    Legs {
+        /// Waypoints after the place of beginning, NED \[m\].
+        points_m: Vec<[f64; 3]>,
+        /// Times since the beginning \[s\].
+        times_s: Vec<f64>,
+        /// Ramp of the velocity at both ends of each leg \[s\]; `None` = min-jerk.
+        ramp_s: Option<f64>,
+    },
     /// Circle, helix or figure eight.
     Figure {
         /// Shape.
@@ -42,8 +52,13 @@ pub enum Motion {
         /// Direction of the centre, or of the first loop, from north over east \[rad\].
         direction_rad: f64,
     },
-    /// Rest for a time \[s\].
-    Rest(f64),
+    /// Rest.
+    Rest {
+        /// Place to which the reference jumps, NED \[m\]; `None` = where the part begins.
+        at_m: Option<[f64; 3]>,
+        /// Duration \[s\].
+        duration_s: f64,
+    },
     /// Down to the ground.
     Land {
         /// Down coordinate of a vehicle that stands \[m\].
@@ -78,6 +93,8 @@ pub struct Planned {
     pub begins_s: f64,
     /// Curve from then on.
     pub curve: Curve,
+    /// Distance of its beginning from the end of the part before, or from the start \[m\]; above 0 for a jump.
+    pub jump_m: f64,
 }
 
 impl Planned {
@@ -118,8 +135,9 @@ impl Plan {
             let curve = build(&part.motion, at_m.into(), &start.limits);
             headings.extend(&curve, begins_s, &part.heading);
             let duration_s = curve.duration_s();
+            let jump_m = (Vector3::from(curve.at(0.0).position_m) - Vector3::from(at_m)).norm();
             at_m = curve.at(duration_s).position_m;
-            planned.push(Planned { begins_s, curve });
+            planned.push(Planned { begins_s, curve, jump_m });
             begins_s += duration_s;
         }
         Self { parts: planned, headings, begins_m: start.position_m }
@@ -133,6 +151,11 @@ impl Plan {
     /// Duration of all parts \[s\].
     pub fn duration_s(&self) -> f64 {
         self.parts.last().map_or(0.0, |last| last.begins_s + last.curve.duration_s())
+    }
+
+    /// Largest jump of the reference from part to part \[m\]; 0 without one.
+    pub fn jump_m(&self) -> f64 {
+        self.parts.iter().map(|part| part.jump_m).fold(0.0, f64::max)
     }
 
     /// Reference at `t_s`; before the first part and after the last it rests.
@@ -151,22 +174,25 @@ impl Plan {
 fn build(motion: &Motion, from: Vector3<f64>, limits: &Limits) -> Curve {
     match motion {
         Motion::Climb(height_m, duration_s) => {
-            paced(*duration_s, limits, |duration_s| Shape::Line(from, from - Vector3::z() * *height_m, duration_s))
+            let to = from - Vector3::z() * *height_m;
+            let waypoints = |duration_s| vec![(0.0, from), (duration_s, to)];
+            paced(*duration_s, limits, |duration_s| {
+                Shape::Legs(Legs { waypoints: waypoints(duration_s), ramp_s: None })
+            })
         }
         Motion::Through { points_m, times_s, least } => {
-            let waypoints: Vec<Vector3<f64>> =
-                std::iter::once(from).chain(points_m.iter().map(|p| (*p).into())).collect();
+            let waypoints = waypoints(from, points_m);
             let solve = |waypoints: &[(f64, Vector3<f64>)]| match least {
                 Least::Snap => Shape::MinSnap(MinSnap::new(waypoints)),
                 Least::Jerk => Shape::Spline(Spline::new(waypoints)),
             };
             match times_s {
                 None => fastest::through(&waypoints, limits, solve),
-                Some(times_s) => {
-                    let at_s = std::iter::once(0.0).chain(times_s.iter().copied());
-                    solve(&at_s.zip(waypoints).collect::<Vec<_>>()).into()
-                }
+                Some(times_s) => solve(&timed(waypoints, times_s)).into(),
             }
+        }
+        Motion::Legs { points_m, times_s, ramp_s } => {
+            Shape::Legs(Legs { waypoints: timed(waypoints(from, points_m), times_s), ramp_s: *ramp_s }).into()
         }
         Motion::Figure { shape, radius_m, period_s, laps, climb_m, direction_rad } => {
             paced(*period_s, limits, |period_s| {
@@ -180,11 +206,21 @@ fn build(motion: &Motion, from: Vector3<f64>, limits: &Limits) -> Curve {
                 })
             })
         }
-        Motion::Rest(duration_s) => Shape::Rest(from, *duration_s).into(),
+        Motion::Rest { at_m, duration_s } => Shape::Rest(at_m.map_or(from, Vector3::from), *duration_s).into(),
         Motion::Land { standing_down_m, sink_mps } => {
             Shape::Descent(Descent::new(from, *standing_down_m, *sink_mps)).into()
         }
     }
+}
+
+/// Joins the place where a part begins with its points.
+fn waypoints(from: Vector3<f64>, points_m: &[[f64; 3]]) -> Vec<Vector3<f64>> {
+    std::iter::once(from).chain(points_m.iter().map(|point| (*point).into())).collect()
+}
+
+/// Gives each waypoint its time, the first 0.
+fn timed(waypoints: Vec<Vector3<f64>>, times_s: &[f64]) -> Vec<(f64, Vector3<f64>)> {
+    std::iter::once(0.0).chain(times_s.iter().copied()).zip(waypoints).collect()
 }
 
 /// Builds a curve of the given duration, or the fastest one.

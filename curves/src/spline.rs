@@ -11,11 +11,12 @@
 //! -24/h2 v- -  3/h  a- +  36 (1/k2 - 1/h2) v +  9 (1/h + 1/k)   a +  24/k2 v+ -  3/k  a+ =  60 (e/k3 - d/h3)
 //! ```
 //!
-//! The system is symmetric, positive definite and block tridiagonal; block elimination solves it.
+//! The system is symmetric, positive definite and block tridiagonal ([`tridiagonal`](crate::tridiagonal)).
 
 use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
 use crate::setpoint::Setpoint;
+use crate::tridiagonal::{Row, solve};
 
 /// Waypoint, with time, velocity and acceleration of the curve there.
 #[derive(Debug, Clone, Copy)]
@@ -36,30 +37,18 @@ impl Spline {
         let rest = Vector3::zeros();
         let knot = |&(at_s, position): &(f64, _)| Knot { at_s, position, velocity: rest, acceleration: rest };
         let mut knots: Vec<Knot> = waypoints.iter().map(knot).collect();
-        // Forward: eliminate the waypoint before from each pair of equations.
-        let mut left: Vec<(Matrix2<f64>, Matrix2x3<f64>)> = vec![];
-        for three in waypoints.windows(3) {
+        let row = |three: &[(f64, Vector3<f64>)]| {
             let (before, after) = (Leg::new(three[0], three[1]), Leg::new(three[1], three[2]));
-            let mut on_this = before.at_end() + after.at_start();
-            let mut right = Matrix2x3::from_rows(&[
+            let right = Matrix2x3::from_rows(&[
                 (360.0 * (before.way / before.h[3] + after.way / after.h[3])).transpose(),
                 (60.0 * (after.way / after.h[2] - before.way / before.h[2])).transpose(),
             ]);
-            if let Some((inverse, last_right)) = left.last() {
-                let eliminated = before.across().transpose() * inverse;
-                on_this -= eliminated * before.across();
-                right -= eliminated * last_right;
-            }
-            let inverse = on_this.try_inverse().expect("the equations are positive definite");
-            left.push((inverse, right));
-        }
-        // Back: solve each waypoint from the one after it.
-        let mut next = Matrix2x3::zeros();
-        for (i, (inverse, right)) in left.iter().enumerate().rev() {
-            let after = Leg::new(waypoints[i + 1], waypoints[i + 2]);
-            next = inverse * (right - after.across() * next);
-            knots[i + 1].velocity = next.row(0).transpose();
-            knots[i + 1].acceleration = next.row(1).transpose();
+            Row { on: before.at_end() + after.at_start(), across: after.across(), right }
+        };
+        let rows: Vec<Row<2>> = waypoints.windows(3).map(row).collect();
+        for (knot, solved) in knots.iter_mut().skip(1).zip(solve(&rows)) {
+            knot.velocity = solved.row(0).transpose();
+            knot.acceleration = solved.row(1).transpose();
         }
         Self(knots)
     }

@@ -10,6 +10,7 @@
 use nalgebra::Vector3;
 
 use crate::curve::{Curve, SAMPLES};
+use crate::fastest;
 use crate::heading::Rule;
 use crate::limits::Limits;
 use crate::plan::{Least, Motion, Part, Plan, Start};
@@ -66,12 +67,12 @@ fn beyond_m(curve: &Curve, points_m: &[[f64; 3]]) -> f64 {
 
 /// Gives the points the ratios of the fastest times.
 fn offer(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &Limits) -> Option<Offer> {
-    let (first, others) = points_m.split_first()?;
+    let (first, others) = points_m.split_first().filter(|(_, others)| others.len() <= fastest::MAX_POINTS)?;
     let timed = |times_s| through(*first, others.to_vec(), times_s, least, limits);
-    let fastest = timed(None)?;
-    let stretch = (curve.duration_s() / fastest.duration_s()).max(SLACK);
+    let quickest = timed(None)?;
+    let stretch = (curve.duration_s() / quickest.duration_s()).max(SLACK);
     let rounded = |t_s: &f64| (t_s * stretch / STEP_S).round() * STEP_S;
-    let times_s: Vec<f64> = fastest.times_s().iter().skip(1).map(rounded).collect();
+    let times_s: Vec<f64> = quickest.times_s().iter().skip(1).map(rounded).collect();
     let offered = timed(Some(times_s.clone()))?;
     let fits = limits.fits(&offered.legs(SAMPLES), 1.0);
     fits.then(|| Offer { times_s, beyond_m: beyond_m(&offered, points_m) })
@@ -85,6 +86,6 @@ fn through(
     limits: &Limits,
 ) -> Option<Curve> {
     let start = Start { position_m, heading_rad: 0.0, heading_rate_radps: 0.0, limits: *limits };
-    let part = Part { motion: Motion::Through { points_m, times_s, least }, heading: Rule::Keep };
+    let part = Part { motion: Motion::Through { points_m, times_s, least }, heading: Rule::KEEP };
     Plan::new(&start, &[part]).parts().first().map(|planned| planned.curve.clone())
 }

@@ -12,7 +12,7 @@ use crate::heading::{Rule, SLOW_MPS};
 use crate::limits::Demand;
 use crate::plan::{Least, Start};
 use crate::stray::{Offer, Stray};
-use crate::{Limits, Motion, Part, Plan, Planned, Setpoint};
+use crate::{Limits, Motion, Part, Plan, Planned, Setpoint, named};
 
 /// Limits of the vehicle of Table I under the profile robust.
 const VEHICLE: Limits = Limits {
@@ -35,12 +35,16 @@ fn start(limits: Limits) -> Start {
 }
 
 fn plan(motions: Vec<Motion>) -> Plan {
-    let parts: Vec<Part> = motions.into_iter().map(|motion| Part { motion, heading: Rule::Keep }).collect();
+    let parts: Vec<Part> = motions.into_iter().map(|motion| Part { motion, heading: Rule::KEEP }).collect();
     Plan::new(&start(VEHICLE.share(0.7)), &parts)
 }
 
 fn one(motion: Motion, heading: Rule) -> Plan {
     Plan::new(&start(VEHICLE.share(0.7)), &[Part { motion, heading }])
+}
+
+fn rest(duration_s: f64) -> Motion {
+    Motion::Rest { at_m: None, duration_s }
 }
 
 fn through(points_m: Vec<[f64; 3]>, least: Least) -> Motion {
@@ -49,6 +53,12 @@ fn through(points_m: Vec<[f64; 3]>, least: Least) -> Motion {
 
 fn figure(shape: Shape, laps: u32, climb_m: f64) -> Motion {
     Motion::Figure { shape, radius_m: 6.0, period_s: Some(12.0), laps, climb_m, direction_rad: FRAC_PI_2 }
+}
+
+/// Legs of 4 s each.
+fn legs(points_m: &[[f64; 3]], ramp_s: Option<f64>) -> Motion {
+    let times_s = (1..=points_m.len()).map(|i| 4.0 * i as f64).collect();
+    Motion::Legs { points_m: points_m.to_vec(), times_s, ramp_s }
 }
 
 fn at_instants(duration_s: f64, count: u32) -> impl Iterator<Item = f64> {
@@ -72,6 +82,7 @@ fn motion() -> impl Strategy<Value = Motion> {
     prop_oneof![
         (0.5..20.0_f64, prop::option::of(1.0..20.0_f64)).prop_map(|(height, duration)| Motion::Climb(height, duration)),
         (points(), least()).prop_map(|(points, least)| through(points, least)),
+        points().prop_map(|points_m| legs(&points_m, None)),
         (any::<bool>(), 1..4_u32, 0.5..20.0_f64, prop::option::of(2.0..60.0_f64), -5.0..5.0_f64, -PI..PI).prop_map(
             |(eight, laps, radius_m, period_s, climb_m, direction_rad)| Motion::Figure {
                 shape: if eight { Shape::Eight } else { Shape::Circle },
@@ -82,7 +93,7 @@ fn motion() -> impl Strategy<Value = Motion> {
                 direction_rad,
             }
         ),
-        (0.1..5.0_f64).prop_map(Motion::Rest),
+        (0.1..5.0_f64).prop_map(rest),
         (0.1..1.5_f64).prop_map(|sink_mps| Motion::Land { standing_down_m: 30.0, sink_mps }),
     ]
 }
@@ -90,7 +101,7 @@ fn motion() -> impl Strategy<Value = Motion> {
 /// Finds whether the curve through `points_m` at these times strays from them and the place before.
 fn stray(points_m: &[[f64; 3]], times_s: Option<&[f64]>, least: Least) -> Option<Stray> {
     let motion = Motion::Through { points_m: points_m.to_vec(), times_s: times_s.map(Vec::from), least };
-    let plan = one(motion, Rule::Keep);
+    let plan = one(motion, Rule::KEEP);
     Stray::find(&plan.parts()[0].curve, &[&[AT], points_m].concat(), least, &VEHICLE.share(0.7))
 }
 
@@ -191,7 +202,7 @@ proptest! {
             drag_linear_1ps: drag,
             ..VEHICLE
         };
-        let plan = Plan::new(&start(limits), &[Part { motion: through(points, least), heading: Rule::Keep }]);
+        let plan = Plan::new(&start(limits), &[Part { motion: through(points, least), heading: Rule::KEEP }]);
         let Planned { curve, .. } = &plan.parts()[0];
         let legs = curve.legs(SAMPLES);
         let demand = |stretch: f64| {
@@ -217,7 +228,7 @@ proptest! {
     ) {
         let times_s: Vec<f64> = durations.iter().scan(0.0, |t, h| { *t += h; Some(*t) }).take(points.len()).collect();
         let motion = Motion::Through { points_m: points.clone(), times_s: Some(times_s.clone()), least };
-        let plan = plan(vec![Motion::Rest(2.0), motion]);
+        let plan = plan(vec![rest(2.0), motion]);
         for (point, t_s) in points.iter().zip(times_s) {
             let here = plan.at(2.0 + t_s).position_m;
             prop_assert!((0..3).all(|i| (here[i] - point[i]).abs() < 1e-9), "{here:?} {point:?}");
@@ -271,6 +282,128 @@ fn a_fastest_climb_and_circle_touch_their_limits() {
 }
 
 #[test]
+fn without_ramps_the_velocity_of_a_leg_is_constant() {
+    let [n, e, d] = AT;
+    let plan = plan(vec![legs(&[[n + 2.0, e, d - 4.0], AT], Some(0.0))]);
+    for (t_s, back) in [(0.0, 1.0), (1.0, 1.0), (4.0_f64.next_down(), 1.0), (4.0, -1.0), (7.9, -1.0)] {
+        let here = plan.at(t_s);
+        assert_eq!((here.velocity_mps, here.acceleration_mps2), ([0.5 * back, 0.0, -back], [0.0; 3]), "at {t_s} s");
+    }
+    assert!((plan.at(1.0).position_m[0] - n - 0.5).abs() < 1e-12);
+    assert_eq!((plan.at(-1.0), plan.at(8.0)), (Setpoint::at_rest(AT), Setpoint::at_rest(AT)));
+}
+
+#[test]
+fn a_leg_with_ramps_is_a_trapezoid_of_velocity_and_at_rest_at_each_point() {
+    let [n, e, d] = AT;
+    let plan = plan(vec![legs(&[[n + 6.0, e, d], [n + 6.0, e + 6.0, d]], Some(1.0))]);
+    for (t_s, along_m, speed_mps, acceleration_mps2) in [
+        (0.0, 0.0, 0.0, 2.0),
+        (0.5, 0.25, 1.0, 2.0),
+        (1.0, 1.0, 2.0, 0.0),
+        (2.0, 3.0, 2.0, 0.0),
+        (3.5, 5.75, 1.0, -2.0),
+    ] {
+        let here = plan.at(t_s);
+        let found = [here.position_m[0] - n, here.velocity_mps[0], here.acceleration_mps2[0]];
+        let expected = [along_m, speed_mps, acceleration_mps2];
+        assert!((0..3).all(|i| (found[i] - expected[i]).abs() < 1e-12), "{found:?} at {t_s} s");
+    }
+    let corner = plan.at(4.0);
+    assert_eq!((corner.position_m, corner.velocity_mps), ([n + 6.0, e, d], [0.0; 3]));
+}
+
+#[test]
+fn a_jump_is_at_rest_before_and_after() {
+    let to = [10.0, 10.0, -10.0];
+    let plan = plan(vec![rest(1.0), Motion::Rest { at_m: Some(to), duration_s: 2.0 }, rest(1.0)]);
+    for (t_s, at) in [(0.0, AT), (1.0_f64.next_down(), AT), (1.0, to), (3.5, to), (60.0, to)] {
+        assert_eq!(plan.at(t_s), Setpoint::at_rest(at), "at {t_s} s");
+    }
+}
+
+#[test]
+fn the_named_missions_begin_at_the_origin() {
+    let start = Start { position_m: [0.0; 3], ..start(VEHICLE) };
+    let named = |motion| Plan::new(&start, &[Part { motion, heading: Rule::KEEP }]);
+    let survey = named(named::survey(Some(1.5)));
+    for (t_s, at) in [(0.0, [0.0; 3]), (10.0, [0.0, 0.0, -8.0]), (30.0, [8.0, 8.0, -8.0]), (60.0, [0.0; 3])] {
+        assert_eq!((survey.at(t_s).position_m, survey.at(t_s).velocity_mps), (at, [0.0; 3]), "at {t_s} s");
+    }
+    assert!((survey.duration_s() - 60.0).abs() < 1e-12);
+    let halfway = |ramp_s| named(named::survey(ramp_s)).at(5.0).velocity_mps[2];
+    assert!((halfway(None) + 8.0 * 15.0 / 8.0 / 10.0).abs() < 1e-12 && (halfway(Some(0.0)) + 0.8).abs() < 1e-12);
+    assert_eq!(named(named::hover()).at(7.0), Setpoint::at_rest([0.0; 3]));
+}
+
+#[test]
+fn a_spline_through_points_of_a_min_jerk_leg_is_that_leg() {
+    let leg = plan(vec![legs(&[[81.0, 30.0, -20.0]], None)]);
+    for times_s in [vec![4.0], vec![0.6, 4.0], vec![0.3, 1.2, 2.8, 3.0, 4.0]] {
+        let points_m = times_s.iter().map(|t_s| leg.at(*t_s).position_m).collect();
+        let spline = plan(vec![Motion::Through { points_m, times_s: Some(times_s), least: Least::Jerk }]);
+        for t_s in at_instants(5.0, 100) {
+            let [ours, theirs] = [&spline, &leg].map(|plan| plan.at(t_s));
+            let apart = |a: [f64; 3], b: [f64; 3]| (Vector3::from(a) - Vector3::from(b)).norm();
+            assert!(apart(ours.position_m, theirs.position_m) < 1e-9, "at {t_s} s");
+            assert!(apart(ours.velocity_mps, theirs.velocity_mps) < 1e-8, "at {t_s} s");
+            assert!(apart(ours.acceleration_mps2, theirs.acceleration_mps2) < 1e-7, "at {t_s} s");
+        }
+    }
+}
+
+#[test]
+fn a_spline_has_no_jump_up_to_the_fourth_derivative() {
+    let points_m = vec![[0.0, 0.0, -8.0], [20.0, 5.0, -8.0], [25.0, -10.0, -12.0], [0.0, 0.0, -8.0]];
+    let times_s = vec![4.0, 9.0, 11.0, 20.0];
+    let spline = plan(vec![Motion::Through { points_m, times_s: Some(times_s.clone()), least: Least::Jerk }]);
+    for t_s in &times_s[..3] {
+        // The acceleration is a cubic on each side: four points of it give its derivatives at the waypoint exactly.
+        let [after, before] = [0.1, -0.1].map(|h| {
+            let at = |i: f64| Vector3::from(spline.at(t_s + i * h).acceleration_mps2);
+            let [a0, a1, a2, a3] = [1e-9, 1.0, 2.0, 3.0].map(at);
+            let jerk = (-11.0 * a0 + 18.0 * a1 - 9.0 * a2 + 2.0 * a3) / (6.0 * h);
+            [jerk, (2.0 * a0 - 5.0 * a1 + 4.0 * a2 - a3) / (h * h)]
+        });
+        for (after, before) in after.into_iter().zip(before) {
+            assert!((after - before).norm() < 1e-5 * after.norm().max(1.0), "at {t_s} s: {after} {before}");
+        }
+    }
+}
+
+#[test]
+fn between_its_first_and_last_half_lap_a_circle_is_periodic_at_constant_speed() {
+    let (laps, period_s, radius_m) = (5, 12.0, 6.0);
+    let plan = plan(vec![figure(Shape::Circle, laps, 0.0)]);
+    let ends_s = period_s * 15.0 * 5.0 / 47.0;
+    let steady_s = ends_s * 8.0 / 15.0; // of one lap
+    let speed_mps = TAU * radius_m / steady_s;
+    for t_s in [ends_s / 2.0, 15.0, 20.5] {
+        let [here, later] = [t_s, t_s + steady_s].map(|t_s| plan.at(t_s));
+        let to_centre = (Vector3::new(AT[0], AT[1] + radius_m, AT[2]) - Vector3::from(here.position_m)) / radius_m;
+        let (velocity, acceleration) = (Vector3::from(here.velocity_mps), Vector3::from(here.acceleration_mps2));
+        assert!((to_centre.norm() - 1.0).abs() < 1e-12 && (velocity.norm() - speed_mps).abs() < 1e-9, "at {t_s} s");
+        assert!((acceleration - to_centre * speed_mps * speed_mps / radius_m).norm() < 1e-9, "v2 / r inwards");
+        let apart = Vector3::from(here.position_m) - Vector3::from(later.position_m);
+        assert!(apart.norm() < 1e-9, "the same place a lap later: {apart}");
+    }
+    for laps in [1, 2, 7] {
+        let plan = plan_of_laps(laps);
+        let [_, east, _] = plan.at(6.0 * f64::from(laps)).position_m; // halfway by symmetry
+        let east_m = if laps % 2 == 1 { 12.0 } else { 0.0 };
+        assert!((east - AT[1] - east_m).abs() < 1e-9, "{laps} laps: {east}");
+        assert!((plan.duration_s() - 12.0 * f64::from(laps)).abs() < 1e-9, "laps take their period on average");
+    }
+    let turns: f64 = 10.0 / 64.0 - 15.0 / 256.0 + 6.0 / 1024.0;
+    let [north, ..] = plan_of_laps(1).at(3.0).position_m;
+    assert!((north - AT[0] - 6.0 * libm::sin(turns * TAU)).abs() < 1e-9, "one lap is min-jerk");
+}
+
+fn plan_of_laps(laps: u32) -> Plan {
+    plan(vec![figure(Shape::Circle, laps, 0.0)])
+}
+
+#[test]
 fn a_circle_keeps_its_radius_and_a_helix_climbs() {
     let plan = plan(vec![figure(Shape::Circle, 3, 9.0)]);
     for t_s in at_instants(plan.duration_s(), 100) {
@@ -305,7 +438,7 @@ fn a_landing_sinks_at_its_rate_and_ends_below_the_ground() {
     assert!((plan.at(plan.duration_s()).position_m[2] - 0.2).abs() < 1e-9);
     let touch = at_instants(plan.duration_s(), 10_000).find(|t_s| plan.at(*t_s).position_m[2] >= 0.0).unwrap();
     assert!(sinks(touch) > 0.3, "it does not hover above the ground: {}", sinks(touch));
-    let near = one(Motion::Land { standing_down_m: -5.0, sink_mps: 0.7 }, Rule::Keep);
+    let near = one(Motion::Land { standing_down_m: -5.0, sink_mps: 0.7 }, Rule::KEEP);
     assert!((near.at(99.0).position_m[2] + 4.8).abs() < 1e-9 && near.duration_s() < 2.1, "from the ground");
 }
 
@@ -318,8 +451,8 @@ fn headings_turn_at_waypoints_towards_a_centre_and_not_at_rest() {
         assert!(angle::difference(turning.heading_at(t_s), heading).abs() < 0.01, "{t_s}: {}", turning.heading_at(t_s));
     }
     assert!(turning.heading_at(6.0) > 1.0, "the short way, through south");
-    assert!((one(motion.clone(), Rule::Keep).heading_at(5.0) - 0.3).abs() < 1e-12);
-    assert!((one(motion, Rule::Fixed(-1.0)).heading_at(5.0) + 1.0).abs() < 1e-12);
+    assert!((one(motion.clone(), Rule::KEEP).heading_at(5.0) - 0.3).abs() < 1e-12);
+    assert!((one(motion, Rule::Steps(vec![(0.0, -1.0)])).heading_at(5.0) + 1.0).abs() < 1e-12);
 
     let round = one(figure(Shape::Circle, 1, 0.0), Rule::Centre);
     for t_s in at_instants(12.0, 50).skip(5) {
@@ -328,7 +461,7 @@ fn headings_turn_at_waypoints_towards_a_centre_and_not_at_rest() {
         assert!(angle::difference(round.heading_at(t_s), to_centre).abs() < 0.01, "at {t_s} s");
     }
 
-    let up_and_east = tracking(&[Motion::Rest(1.0), Motion::Climb(5.0, Some(5.0))]);
+    let up_and_east = tracking(&[rest(1.0), Motion::Climb(5.0, Some(5.0))]);
     assert!(at_instants(6.0, 60).all(|t_s| (up_and_east.heading_at(t_s) - 0.3).abs() < 1e-12), "no track on the map");
 }
 

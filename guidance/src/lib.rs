@@ -2,8 +2,7 @@
 //!
 //! | module | holds | paper |
 //! |---|---|---|
-//! | [`trajectory`] | position reference over time | figure 5 |
-//! | [`heading`] | heading reference over time | |
+//! | [`trajectory`] | position and heading reference over time | figure 5 |
 //! | [`pid`] | position error to angles and climb | (45)-(47) |
 //! | [`observer`] | outer disturbance observer | |
 //! | [`rates`] | references of the body rates | |
@@ -35,7 +34,6 @@
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
-pub mod heading;
 pub mod memory;
 mod node;
 pub mod observer;
@@ -52,7 +50,6 @@ use contract::scenario::{Derivative, Guidance as Settings, RateReference, RollRe
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
-use heading::HeadingCommand;
 use memory::Memory;
 use observer::{HeadingFrame, Observer};
 use pid::{ExactW, Wanted};
@@ -68,7 +65,6 @@ pub struct Guidance {
     sample_s: f64,
     sample_ns: u64,
     trajectory: Trajectory,
-    heading: HeadingCommand,
     roll_trim_rad: f64,
     g_mps2: f64,
     /// `true` if the reference is for the moment at which the command that answers it acts.
@@ -122,7 +118,6 @@ impl Guidance {
             sample_s: scenario.sample_s(),
             sample_ns: scenario.sample_ns(),
             trajectory: Trajectory::new(scenario),
-            heading: HeadingCommand::new(scenario),
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
             leads_by_delay: scenario.attitude.delay_compensation.is_measured(),
@@ -132,15 +127,10 @@ impl Guidance {
         guidance.memory.take_off = TakeOff::new(scenario.initial.standing, start.position_m[2]);
         guidance.memory.reference = Reference {
             position_m: start.position_m,
-            attitude_rad: [roll_trim_rad, 0.0, guidance.heading_at(0.0)],
+            attitude_rad: [roll_trim_rad, 0.0, guidance.trajectory.heading_at(0.0)],
             ..Reference::default()
         };
         guidance
-    }
-
-    /// Heading reference at `t_s`: that of the plan, if the mission has parts \[rad\].
-    fn heading_at(&self, t_s: f64) -> f64 {
-        self.trajectory.plan().map_or_else(|| self.heading.at(t_s), |plan| plan.heading_at(t_s))
     }
 
     /// Computes REFERENCE at `tick` for the newest `state`.
@@ -226,7 +216,7 @@ impl Guidance {
         self.memory.age.observe(state, self.sample_ns);
         let delay_s = if self.leads_by_delay { self.memory.age.mean_s() } else { 0.0 };
         let ahead_s = t_s + self.settings.lead_s + delay_s;
-        let heading_rad = self.heading_at(ahead_s);
+        let heading_rad = self.trajectory.heading_at(ahead_s);
         let aim = self.aim(&correction, &self.trajectory.at(ahead_s), [heading_rad, 0.0]);
         self.unwind(&aim.clipped, correction.heading_rad.unwrap_or(0.0), lapse.counted_s);
         let mut reference = Reference {
@@ -251,7 +241,7 @@ impl Guidance {
             position_m: setpoint.position_m,
             velocity_mps: setpoint.velocity_mps,
             w_mps,
-            attitude_rad: [0.0, 0.0, self.heading_at(t_s)],
+            attitude_rad: [0.0, 0.0, self.trajectory.heading_at(t_s)],
             ..Reference::default()
         }
     }
@@ -318,7 +308,7 @@ impl Guidance {
         let mut at_s = t_s;
         for ahead in &mut reference.preview {
             at_s += step_s;
-            let later_rad = self.heading_at(at_s);
+            let later_rad = self.trajectory.heading_at(at_s);
             turn_rad += angle::difference(later_rad, heading_rad);
             heading_rad = later_rad;
             let setpoint = self.trajectory.at(at_s);

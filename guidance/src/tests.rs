@@ -19,6 +19,11 @@ fn scenario(profile: Profile, trajectory: TrajectoryKind) -> Scenario {
     scenario
 }
 
+/// Default scenario with these tables of `mission.part`.
+fn with_parts(parts: &str) -> Scenario {
+    contract::scenario::load(None, &[format!("mission.part=[{parts}]")]).unwrap()
+}
+
 fn roll_trim() -> f64 {
     airframe::Trim::solve(&airframe::Parameters::default(), false).roll_rad
 }
@@ -179,9 +184,8 @@ fn the_observer_holds_while_the_vehicle_is_upset() {
 #[test]
 fn feed_forward_leads_by_the_measured_delay_only_if_the_controller_measures_it() {
     let answer = |delay_compensation, lead_s, age_ns| {
-        let mut s = scenario(Profile::Robust, TrajectoryKind::Circle);
+        let mut s = with_parts("{kind='takeoff', height_m=8}, {kind='circle', radius_m=5, period_s=12}");
         (s.attitude.delay_compensation, s.guidance.lead_s) = (delay_compensation, lead_s);
-        s.mission.period_s = 10.0;
         let (mut guidance, trajectory) = (Guidance::new(&s), Trajectory::new(&s));
         let answers = (300..310).map(|tick| {
             let mut state = hovering(tick);

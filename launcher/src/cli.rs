@@ -245,8 +245,7 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     if let Some(parts) = mission::describe(&merged) {
         eprint_line(parts.trim_end());
     }
-    mission::warn_of_strays(&merged);
-    mission::tell_end(&merged);
+    mission::warn(&merged);
     vehicle::warn_of_weights(&merged);
     eprint_line(&format!("{}: fine", scenario.display()));
     Ok(exit::FLOWN)

@@ -128,8 +128,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
         args.mavlink.is_none() || scenario.run.mode != Mode::Inprocess,
         "--mavlink shows a flight through processes; fly with --mode realtime or lockstep"
     );
-    mission::warn_of_strays(&scenario);
-    mission::tell_end(&scenario);
+    mission::warn(&scenario);
     vehicle::warn_of_weights(&scenario);
     let interrupts = catch_interrupts()?;
     let page = page(&scenario, args)?;

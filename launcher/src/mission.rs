@@ -1,9 +1,8 @@
 //! Account of a mission before its flight: when each part begins, what it asks of the vehicle, and how far it reaches.
 
 use contract::Scenario;
-use contract::scenario::plan;
-use contract::scenario::plan::{Demand, Offer, Planned, Stray, range_m};
-use guidance::Trajectory;
+use contract::scenario::plan::{self, Demand, Planned, range_m};
+use contract::scenario::{TrajectoryKind, mission_warnings};
 use runtime::console::eprint_line;
 
 /// Names and units of the columns.
@@ -17,8 +16,10 @@ const REACH: [&str; 6] = ["north m", "its points", "east m", "its points", "down
 /// Describes the parts of the mission, the limits of the vehicle, and the reach of each part beside that of its points,
 /// as tables; `None` for any other trajectory.
 pub fn describe(scenario: &Scenario) -> Option<String> {
-    let (trajectory, limits) = (Trajectory::new(scenario), plan::limits(scenario));
-    let plan = trajectory.plan()?;
+    if scenario.mission.trajectory != TrajectoryKind::Parts {
+        return None;
+    }
+    let (plan, limits) = (plan::build(scenario), plan::limits(scenario));
     let mut text = format!("mission of {:.1} s:\n", plan.duration_s());
     let mut line =
         |name: &str, cells: [String; 8]| text += &row(name, &cells, &COLUMNS.map(|column| column.len().max(9)));
@@ -71,30 +72,14 @@ fn reach(planned: &Planned, points_m: Option<&[[f64; 3]]>) -> [String; 6] {
     })
 }
 
-/// Warns on stderr of each curve that goes far beyond its points.
-pub fn warn_of_strays(scenario: &Scenario) {
-    for (table, Stray { beyond_m, longest_leg_m, offer }) in plan::strays(scenario) {
-        let advice = match offer {
-            Some(Offer { times_s, beyond_m }) => {
-                let times_s: Vec<String> = times_s.iter().map(|t_s| format!("{t_s:.2}")).collect();
-                let times_s = times_s.join(", ");
-                format!("with `times_s = [{times_s}]` it stays within {beyond_m:.2} m of it")
-            }
-            None => "give it more points".into(),
-        };
-        eprint_line(&format!(
-            "warning: `{table}`: its curve goes {beyond_m:.1} m beyond the box of its points, whose longest leg has \
-             {longest_leg_m:.1} m; {advice}"
-        ));
+/// Warns on stderr of what the parts ask for beyond the vehicle, and of curves that leave their points; says if the
+/// flight ends before its mission does.
+pub fn warn(scenario: &Scenario) {
+    for warning in mission_warnings(scenario) {
+        eprint_line(&format!("warning: {warning}"));
     }
-}
-
-/// Says on stderr that the flight ends before its mission does, if that is so.
-pub fn tell_end(scenario: &Scenario) {
-    let trajectory = Trajectory::new(scenario);
-    let Some(plan) = trajectory.plan() else { return };
-    let (mission_s, flight_s) = (plan.duration_s(), scenario.run.duration_s);
-    if flight_s < mission_s {
+    let (mission_s, flight_s) = (plan::build(scenario).duration_s(), scenario.run.duration_s);
+    if scenario.mission.trajectory == TrajectoryKind::Parts && flight_s < mission_s {
         eprint_line(&format!(
             "note: the mission takes {mission_s:.1} s, and the flight ends at {flight_s:.1} s (`run.duration_s`)"
         ));

@@ -26,8 +26,8 @@ const STUCK: Duration = Duration::from_secs(300);
 const LARGEST_PLAN: usize = 500;
 /// The words that some keys take.
 const WORDS: [(&str, &[&str]); 13] = [
-    ("mission.trajectory", &["survey", "hover", "step", "circle", "waypoints"]),
-    ("mission.ramp_s", &["min-jerk", "spline"]),
+    ("mission.trajectory", &["survey", "hover", "parts"]),
+    ("mission.ramp_s", &["min-jerk"]),
     ("guidance.roll_reference", &["trim", "absolute"]),
     ("guidance.derivative", &["error", "velocity"]),
     ("guidance.rate_reference", &["difference", "zero"]),

@@ -14,19 +14,18 @@ mod tests;
 use std::ops::RangeBounds;
 
 use airframe::Trim;
+use curves::named::SURVEY_LEG_S;
 use toml::{Table, Value};
 
 pub use self::found::Violation;
 pub use self::idle::drop_overridden;
+pub use self::parts::warnings as mission_warnings;
 pub use self::ranges::range_of;
 pub use self::swaps::LoadCandidate;
 
 use self::found::Found;
 use self::ranges::MAX_HORIZON;
-use super::{
-    Fault, Heading, Late, Law, Mission, Model, Plant, Ramp, RampName, Scenario, Sensors, StateConstraints,
-    TrajectoryKind, Turbulence,
-};
+use super::{Fault, Late, Law, Mission, Model, Plant, Ramp, Scenario, Sensors, StateConstraints, Turbulence};
 use crate::Topic;
 
 /// Returns every rule that `scenario` breaks. `merged` is the same as a table: those `given`, on top of `defaults`.
@@ -108,10 +107,6 @@ const FEEL_AIR: &str = "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2,
 
 /// Steepest magnetic field that tells the heading of a vehicle that stands \[deg\].
 const MAX_INCLINATION_DEG: f64 = 80.0;
-/// Duration of each leg of the survey \[s\].
-const SURVEY_LEG_S: f64 = 10.0;
-/// Shortest leg of a spline \[s\]: the spline's equations contain its fourth power.
-const MIN_SPLINE_LEG_S: f64 = 0.01;
 
 fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     let plant = &scenario.plant;
@@ -266,43 +261,14 @@ fn check_hover(scenario: &Scenario, found: &mut Found) {
 }
 
 fn check_mission(mission: &Mission, found: &mut Found) {
-    let Mission { waypoints_m, times_s, .. } = mission;
-    let keys = ["mission.times_s", "mission.waypoints_m"];
+    let Ramp::Seconds(ramp_s) = mission.ramp_s else { return };
+    let most_s = SURVEY_LEG_S / 2.0;
     found.require(
-        waypoints_m.len() == times_s.len() && waypoints_m.len() >= 2,
-        &keys,
-        format!("{} waypoints and {} times", waypoints_m.len(), times_s.len()),
-        "at least two waypoints in `mission.waypoints_m`, and one time for each in `mission.times_s`",
+        ramp_s <= most_s,
+        &["mission.ramp_s"],
+        format!("`mission.ramp_s` = {ramp_s:?} does not fit the legs of {SURVEY_LEG_S:?} s"),
+        &format!("at most half of them, {most_s:?}"),
     );
-    let rises = times_s.is_sorted_by(|earlier, later| earlier < later);
-    found.require(rises, &keys[..1], "`mission.times_s` does not rise".into(), "each time later than the one before");
-    if let Heading::Steps(steps) = &mission.heading_deg {
-        check_steps("mission.heading_deg", &steps.iter().map(|step| step.0).collect::<Vec<_>>(), found);
-    }
-
-    let shortest_leg_s = match mission.trajectory {
-        TrajectoryKind::Survey => SURVEY_LEG_S,
-        // Times that do not rise have been reported already.
-        TrajectoryKind::Waypoints if !rises => f64::INFINITY,
-        TrajectoryKind::Waypoints => times_s.windows(2).map(|leg| leg[1] - leg[0]).fold(f64::INFINITY, f64::min),
-        TrajectoryKind::Hover | TrajectoryKind::Step | TrajectoryKind::Circle | TrajectoryKind::Parts => f64::INFINITY,
-    };
-    let keys = ["mission.ramp_s", "mission.times_s", "mission.trajectory"];
-    match mission.ramp_s {
-        Ramp::Seconds(ramp_s) => found.require(
-            ramp_s <= shortest_leg_s / 2.0,
-            &keys,
-            format!("`mission.ramp_s` = {ramp_s:?} does not fit the shortest leg of {shortest_leg_s:?} s"),
-            &format!("at most half of it, {:?}", shortest_leg_s / 2.0),
-        ),
-        Ramp::Named(RampName::Spline) => found.require(
-            shortest_leg_s >= MIN_SPLINE_LEG_S,
-            &["mission.times_s", "mission.ramp_s"],
-            format!("`mission.ramp_s` = \"spline\" with a leg of {shortest_leg_s:?} s"),
-            &format!("at least {MIN_SPLINE_LEG_S:?} s from each time in `mission.times_s` to the next"),
-        ),
-        Ramp::Named(RampName::MinJerk) => {}
-    }
 }
 
 fn check_controller(scenario: &Scenario, found: &mut Found) {

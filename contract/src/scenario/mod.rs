@@ -49,6 +49,7 @@ mod timing;
 mod vehicle;
 mod words;
 
+pub use check::mission_warnings;
 pub use control::*;
 pub use fault::*;
 pub use given::Given;

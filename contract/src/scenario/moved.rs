@@ -11,7 +11,7 @@ pub enum Kind {
     Key,
     /// Value of a setting, `key = "word"`.
     Value,
-    /// Command of the launcher, or option of a command.
+    /// Command, or option of a command.
     Command,
     /// Column of a campaign's table of flights.
     Column,
@@ -32,6 +32,19 @@ pub enum Now {
 
 /// Old names: what has the name, the name, its replacement.
 pub const MOVED: &[(Kind, &str, Now)] = &[
+    (Key, "mission.waypoints_m", Gone(WAYPOINTS)),
+    (Key, "mission.times_s", Gone(WAYPOINTS)),
+    (Key, "mission.radius_m", Gone(CIRCLE)),
+    (Key, "mission.height_m", Gone(CIRCLE)),
+    (Key, "mission.period_s", Gone(CIRCLE)),
+    (Key, "mission.laps", Gone(CIRCLE)),
+    (Key, "mission.step_m", Gone(STEP)),
+    (Key, "mission.step_at_s", Gone(STEP)),
+    (Value, "mission.trajectory = \"waypoints\"", Gone(WAYPOINTS)),
+    (Value, "mission.trajectory = \"circle\"", Gone(CIRCLE)),
+    (Value, "mission.trajectory = \"step\"", Gone(STEP)),
+    (Value, "mission.ramp_s = \"spline\"", Gone("it is a part: kind = \"waypoints\", curve = \"spline\"")),
+    (Value, "mission.heading_deg = [[15.0, 90.0]]", Gone("a part has `heading_deg` = [[t_s, deg], ...]")),
     (Key, "mpc", Name("attitude.mpc")),
     (Key, "mpc.law", Name("attitude.law")),
     (Key, "mpc.actuator_lag_model_s", Name("attitude.actuator_lag_model_s")),
@@ -86,6 +99,12 @@ pub const MOVED: &[(Kind, &str, Now)] = &[
     (Field, "but", Name("reservations")),
 ];
 
+/// Parts that take the places of the old trajectories.
+const WAYPOINTS: &str = "waypoints are a part, from the end of the part before on: [[mission.part]] kind = \"waypoints\", \
+    curve, points_m, times_s since its beginning";
+const CIRCLE: &str = "a circle is three parts: kind = \"takeoff\" with height_m and duration_s, \"circle\" with radius_m, \
+    period_s and laps, and \"waypoints\" down";
+const STEP: &str = "a step is two parts: kind = \"loiter\" with duration_s, and \"jump\" with point_m and duration_s";
 const A_TEST: &str = "it tests the stack and no controller, and is a test, tests/isolation.rs";
 
 /// Old name that was used, with what takes its place.
@@ -114,15 +133,22 @@ pub fn find(kind: Kind, name: &str) -> Option<Moved> {
     Some(Moved { title, name, now: *now })
 }
 
-/// Finds the old name that Serde has refused at `key`, which may be a list of tables, by its error for an unknown field
-/// or variant.
-pub(super) fn refused(key: &str, message: &str) -> Option<Moved> {
+/// Finds the old name that Serde has refused at `key`, which may be a list of tables, by the value that was `given`
+/// there as text, or by its error for an unknown field or variant.
+pub(super) fn refused(key: &str, given: &str, message: &str) -> Option<Moved> {
+    let find_by = |is_it: &dyn Fn(&str) -> bool| {
+        let (kind, old, _) = MOVED.iter().find(|(kind, old, _)| matches!(kind, Key | Value) && is_it(old))?;
+        find(*kind, old)
+    };
+    let whole = format!("{key} = {}", given.replace('\'', "\""));
+    let is_list = |of: &str| of.starts_with(&format!("{key} = ["));
+    if let Some(moved) = find_by(&|old| old == whole || is_list(old) && is_list(&whole)) {
+        return Some(moved);
+    }
     let (_, word) = message.split_once("unknown ")?;
     let word = word.split('`').nth(1)?;
     let ends = [format!(".{word}"), format!(" = {word:?}")];
-    let is_it = |old: &str| old.starts_with(key) && ends.iter().any(|end| old.ends_with(end.as_str()));
-    let (kind, old, _) = MOVED.iter().find(|(kind, old, _)| matches!(kind, Key | Value) && is_it(old))?;
-    find(*kind, old)
+    find_by(&|old| old.starts_with(key) && ends.iter().any(|end| old.ends_with(end.as_str())))
 }
 
 /// Returns whether old keys were in the table `key`.

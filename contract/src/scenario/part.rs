@@ -1,7 +1,6 @@
 //! `[[mission.part]]` and `[mission.limits]`: a mission of parts, flown one after the other.
 //!
-//! Each part begins where the part before ends, at rest. The check refuses a key that its kind does not use
-//! ([`PartKind::keys`]).
+//! Each part begins where the part before ends. The check refuses a key that its kind does not use ([`Part::keys`]).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,16 +15,24 @@ pub struct Part {
     #[schemars(range(min = 0.1, max = 500))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
-    /// `waypoints`: positions to pass, NED \[m\], at most 50; the curve begins where the part before ends.
+    /// `waypoints`: positions to pass, NED \[m\], at most 50, or 1000 along a curve that needs `times_s`; the curve
+    /// begins where the part before ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points_m: Option<Vec<[f64; 3]>>,
     /// `waypoints`: time since the beginning of the part at which each point is passed \[s\], rising; absent = as early
-    /// as the limits allow.
+    /// as the limits allow, which only `min-snap` and `quintic` can be.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times_s: Option<Vec<f64>>,
     /// `waypoints`: kind of the curve; absent = min-snap.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<CurveKind>,
+    /// `waypoints` along a `trapezoid`: ramp of the velocity at both ends of each leg \[s\], from 0.01 to half a leg.
+    #[schemars(range(min = 0.01, max = 86400))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ramp_s: Option<f64>,
+    /// `jump`: position to which the reference steps, NED \[m\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_m: Option<[f64; 3]>,
     /// `circle`, `helix`: radius; `figure-eight`: length of each loop \[m\], 0.1 to 250.
     #[schemars(range(min = 0.1, max = 250))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -48,7 +55,7 @@ pub struct Part {
     #[schemars(range(min = -360, max = 360))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction_deg: Option<f64>,
-    /// `loiter`, `takeoff`: duration \[s\], 0.1 to 86400; a take-off without it is as fast as the limits allow.
+    /// `loiter`, `jump`, `takeoff`: duration \[s\], 0.1 to 86400; a take-off without it is as fast as the limits allow.
     #[schemars(range(min = 0.1, max = 86400))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duration_s: Option<f64>,
@@ -56,8 +63,9 @@ pub struct Part {
     #[schemars(range(min = 0.1, max = 10))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sink_mps: Option<f64>,
-    /// Heading \[deg\], from north over east, -360 to 360: one value, one per point of `waypoints`, `"along-track"`, or
-    /// `"centre"` of a figure; absent = the heading stays.
+    /// Heading \[deg\], from north over east, -360 to 360: one value, one per point of `waypoints`, steps
+    /// `[[t_s, deg], ...]` since the beginning of the part, `"along-track"`, or `"centre"` of a figure; absent = the
+    /// heading stays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heading_deg: Option<PartHeading>,
 }
@@ -68,8 +76,10 @@ pub struct Part {
 pub enum PartKind {
     /// Straight up, as the first part.
     Takeoff,
-    /// One curve through points, at rest at its beginning and its end only.
+    /// Through points, along a curve.
     Waypoints,
+    /// One step of the position reference, and rest there.
+    Jump,
     /// Laps of a circle.
     Circle,
     /// Laps of a lemniscate that begin at its crossing.
@@ -91,16 +101,29 @@ pub enum CurveKind {
     MinSnap,
     /// Curve of the fifth degree between points, of least jerk.
     Quintic,
+    /// Straight legs at constant velocity, which steps at each point.
+    Line,
+    /// Straight legs, each with a trapezoid of velocity from rest to rest.
+    Trapezoid,
+    /// Straight legs, each of least jerk from rest to rest.
+    MinJerk,
+    /// The curve of `quintic` at any times, also beyond the limits of the vehicle.
+    Spline,
 }
 
 /// Heading of a part, `mission.part.heading_deg`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "expected degrees, a list of degrees, \"along-track\" or \"centre\"")]
+#[serde(
+    untagged,
+    expecting = "expected degrees, a list of degrees, steps [[t_s, deg], ...], \"along-track\" or \"centre\""
+)]
 pub enum PartHeading {
     /// One heading \[deg\].
     Constant(f64),
     /// Heading at each point \[deg\].
     Points(Vec<f64>),
+    /// Times since the beginning of the part \[s\], each with the heading from then on \[deg\].
+    Steps(Vec<(f64, f64)>),
     /// A named rule.
     Named(HeadingRule),
 }
@@ -142,6 +165,7 @@ impl PartKind {
         match self {
             Self::Takeoff => "takeoff",
             Self::Waypoints => "waypoints",
+            Self::Jump => "jump",
             Self::Circle => "circle",
             Self::FigureEight => "figure-eight",
             Self::Helix => "helix",
@@ -149,16 +173,18 @@ impl PartKind {
             Self::Landing => "landing",
         }
     }
+}
 
-    /// Keys that a part of this kind must have, and those that it may have besides `heading_deg`.
-    pub fn keys(self) -> [&'static [&'static str]; 2] {
+impl CurveKind {
+    /// Name as the file spells it.
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Takeoff => [&["height_m"], &["duration_s"]],
-            Self::Waypoints => [&["points_m"], &["times_s", "curve"]],
-            Self::Circle | Self::FigureEight => [&["radius_m"], &["period_s", "laps", "direction_deg"]],
-            Self::Helix => [&["radius_m", "climb_m"], &["period_s", "laps", "direction_deg"]],
-            Self::Loiter => [&["duration_s"], &[]],
-            Self::Landing => [&[], &["sink_mps"]],
+            Self::MinSnap => "min-snap",
+            Self::Quintic => "quintic",
+            Self::Line => "line",
+            Self::Trapezoid => "trapezoid",
+            Self::MinJerk => "min-jerk",
+            Self::Spline => "spline",
         }
     }
 }
@@ -172,6 +198,8 @@ impl Part {
             points_m: None,
             times_s: None,
             curve: None,
+            ramp_s: None,
+            point_m: None,
             radius_m: None,
             period_s: None,
             laps: None,
@@ -183,6 +211,29 @@ impl Part {
         }
     }
 
+    /// Returns whether the part may ask for more than the vehicle has, which is then a warning and no error.
+    pub fn may_exceed(&self) -> bool {
+        use CurveKind as C;
+        matches!(self.curve, Some(C::Line | C::Trapezoid | C::MinJerk | C::Spline)) || self.kind == PartKind::Jump
+    }
+
+    /// Keys that a part of this kind must have, and those that it may have besides `heading_deg`.
+    pub fn keys(&self) -> [&'static [&'static str]; 2] {
+        match (self.kind, self.curve) {
+            (PartKind::Takeoff, _) => [&["height_m"], &["duration_s"]],
+            (PartKind::Waypoints, None | Some(CurveKind::MinSnap | CurveKind::Quintic)) => {
+                [&["points_m"], &["times_s", "curve"]]
+            }
+            (PartKind::Waypoints, Some(CurveKind::Trapezoid)) => [&["points_m", "times_s", "ramp_s", "curve"], &[]],
+            (PartKind::Waypoints, Some(_)) => [&["points_m", "times_s", "curve"], &[]],
+            (PartKind::Jump, _) => [&["point_m", "duration_s"], &[]],
+            (PartKind::Circle | PartKind::FigureEight, _) => [&["radius_m"], &["period_s", "laps", "direction_deg"]],
+            (PartKind::Helix, _) => [&["radius_m", "climb_m"], &["period_s", "laps", "direction_deg"]],
+            (PartKind::Loiter, _) => [&["duration_s"], &[]],
+            (PartKind::Landing, _) => [&[], &["sink_mps"]],
+        }
+    }
+
     /// Keys that were given, except `heading_deg`.
     pub fn given(&self) -> impl Iterator<Item = &'static str> {
         let given = [
@@ -190,6 +241,8 @@ impl Part {
             ("points_m", self.points_m.is_some()),
             ("times_s", self.times_s.is_some()),
             ("curve", self.curve.is_some()),
+            ("ramp_s", self.ramp_s.is_some()),
+            ("point_m", self.point_m.is_some()),
             ("radius_m", self.radius_m.is_some()),
             ("period_s", self.period_s.is_some()),
             ("laps", self.laps.is_some()),

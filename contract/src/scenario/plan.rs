@@ -1,4 +1,5 @@
-//! Plan of a mission of parts: its curves, from the initial position on, and the limits of the vehicle.
+//! Plan of a mission: its curves, and the limits of the vehicle. Survey and hover begin at the origin, and parts at the
+//! initial position.
 //!
 //! | limit | from |
 //! |---|---|
@@ -12,13 +13,11 @@
 
 use airframe::Trim;
 pub use curves::Planned;
-use curves::curve::Shape;
 use curves::heading::Rule;
 pub use curves::limits::Demand;
 use curves::plan::{Least, Start};
-use curves::spline::Spline;
 pub use curves::stray::{Offer, Stray, range_m};
-use curves::{Limits, Motion, Plan, figure};
+use curves::{Limits, Motion, Plan, figure, named};
 
 use super::{CurveKind, Ground, HeadingRule, Part, PartHeading, PartKind, Ramp, RampName, Scenario, TrajectoryKind};
 
@@ -48,47 +47,37 @@ pub fn limits(scenario: &Scenario) -> Limits {
     }
 }
 
-/// Builds the plan of `mission.part`, from the initial position and heading on.
+/// Builds the plan of the mission.
 pub fn build(scenario: &Scenario) -> Plan {
+    let mission = &scenario.mission;
+    let named = |motion| {
+        let heading = Rule::Steps(vec![(0.0, mission.heading_deg.to_radians())]);
+        ([0.0; 3], vec![curves::Part { motion, heading }])
+    };
+    let (position_m, parts) = match mission.trajectory {
+        TrajectoryKind::Survey => named(named::survey(match mission.ramp_s {
+            Ramp::Seconds(ramp_s) => Some(ramp_s),
+            Ramp::Named(RampName::MinJerk) => None,
+        })),
+        TrajectoryKind::Hover => named(named::hover()),
+        TrajectoryKind::Parts => {
+            (scenario.initial.position_m, mission.part.iter().map(|part| read(part, scenario)).collect())
+        }
+    };
     let start = Start {
-        position_m: scenario.initial.position_m,
+        position_m,
         heading_rad: scenario.initial.attitude_deg[2].to_radians(),
         heading_rate_radps: scenario.guidance.heading_rate_limit_dps.to_radians(),
-        limits: limits(scenario).share(scenario.mission.limits.share),
+        limits: limits(scenario).share(mission.limits.share),
     };
-    let parts: Vec<_> = scenario.mission.part.iter().map(|part| read(part, scenario)).collect();
     Plan::new(&start, &parts)
 }
 
-/// Finds the smooth curves of the mission that go beyond the box of their points by more than the longest leg, each
-/// with the table of its keys in the scenario.
-pub fn strays(scenario: &Scenario) -> Vec<(String, Stray)> {
-    let mission = &scenario.mission;
-    let limits = limits(scenario).share(mission.limits.share);
-    match mission.trajectory {
-        TrajectoryKind::Parts => {
-            let plan = build(scenario);
-            let stray = |(i, (part, planned)): (usize, (&Part, &Planned))| {
-                let Motion::Through { points_m, least, .. } = read(part, scenario).motion else { return None };
-                let points_m = [vec![planned.curve.at(0.0).position_m], points_m].concat();
-                Some((format!("mission.part[{i}]"), Stray::find(&planned.curve, &points_m, least, &limits)?))
-            };
-            mission.part.iter().zip(plan.parts()).enumerate().filter_map(stray).collect()
-        }
-        TrajectoryKind::Waypoints if mission.ramp_s == Ramp::Named(RampName::Spline) => {
-            let (points_m, begins_s) = (&mission.waypoints_m, mission.times_s.first().copied().unwrap_or(0.0));
-            let since = mission.times_s.iter().map(|t_s| t_s - begins_s);
-            let waypoints: Vec<_> = since.zip(points_m.iter().map(|point| (*point).into())).collect();
-            let mut stray = Stray::find(&Shape::Spline(Spline::new(&waypoints)).into(), points_m, Least::Jerk, &limits);
-            if let Some(offer) = stray.as_mut().and_then(|stray| stray.offer.as_mut()) {
-                // Here the first waypoint has a time too.
-                offer.times_s.iter_mut().for_each(|t_s| *t_s += begins_s);
-                offer.times_s.insert(0, begins_s);
-            }
-            stray.map(|stray| ("mission".to_owned(), stray)).into_iter().collect()
-        }
-        _ => vec![],
-    }
+/// Finds out whether a smooth curve of `part` goes beyond the box of its points by more than the longest leg.
+pub fn stray(scenario: &Scenario, part: &Part, planned: &Planned) -> Option<Stray> {
+    let Motion::Through { points_m, least, .. } = read(part, scenario).motion else { return None };
+    let points_m = [vec![planned.curve.at(0.0).position_m], points_m].concat();
+    Stray::find(&planned.curve, &points_m, least, &limits(scenario).share(scenario.mission.limits.share))
 }
 
 /// Down coordinate of a vehicle that stands on the ground \[m\].
@@ -108,27 +97,32 @@ fn read(part: &Part, scenario: &Scenario) -> curves::Part {
         climb_m,
         direction_rad: part.direction_deg.unwrap_or(DIRECTION_DEG).to_radians(),
     };
+    let points_m = || part.points_m.clone().unwrap_or_default();
+    let smooth = |least| Motion::Through { points_m: points_m(), times_s: part.times_s.clone(), least };
+    let straight =
+        |ramp_s| Motion::Legs { points_m: points_m(), times_s: part.times_s.clone().unwrap_or_default(), ramp_s };
     let motion = match part.kind {
         PartKind::Takeoff => Motion::Climb(height_m, part.duration_s),
-        PartKind::Waypoints => Motion::Through {
-            points_m: part.points_m.clone().unwrap_or_default(),
-            times_s: part.times_s.clone(),
-            least: match part.curve.unwrap_or_default() {
-                CurveKind::MinSnap => Least::Snap,
-                CurveKind::Quintic => Least::Jerk,
-            },
+        PartKind::Waypoints => match part.curve.unwrap_or_default() {
+            CurveKind::MinSnap => smooth(Least::Snap),
+            CurveKind::Quintic | CurveKind::Spline => smooth(Least::Jerk),
+            CurveKind::Line => straight(Some(0.0)),
+            CurveKind::Trapezoid => straight(Some(part.ramp_s.unwrap_or_default())),
+            CurveKind::MinJerk => straight(None),
         },
+        PartKind::Jump => Motion::Rest { at_m: part.point_m, duration_s },
         PartKind::Circle | PartKind::Helix => figure(figure::Shape::Circle),
         PartKind::FigureEight => figure(figure::Shape::Eight),
-        PartKind::Loiter => Motion::Rest(duration_s),
+        PartKind::Loiter => Motion::Rest { at_m: None, duration_s },
         PartKind::Landing => Motion::Land {
             standing_down_m: standing_down_m(&scenario.plant.ground),
             sink_mps: part.sink_mps.unwrap_or(SINK_MPS),
         },
     };
     let heading = match &part.heading_deg {
-        None => Rule::Keep,
-        Some(PartHeading::Constant(deg)) => Rule::Fixed(deg.to_radians()),
+        None => Rule::KEEP,
+        Some(PartHeading::Constant(deg)) => Rule::Steps(vec![(0.0, deg.to_radians())]),
+        Some(PartHeading::Steps(all)) => Rule::Steps(all.iter().map(|(t_s, deg)| (*t_s, deg.to_radians())).collect()),
         Some(PartHeading::Points(all)) => Rule::Waypoints(all.iter().map(|deg| deg.to_radians()).collect()),
         Some(PartHeading::Named(HeadingRule::AlongTrack)) => Rule::Track,
         Some(PartHeading::Named(HeadingRule::Centre)) => Rule::Centre,

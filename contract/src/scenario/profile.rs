@@ -8,9 +8,9 @@ use airframe::{Parameters, Preset, projection};
 
 use super::{
     Attitude, Battery, Bounds, BrokenVehicle, Constraints, Deadline, DelayCompensation, DelayName, Derivative,
-    FlownAirframe, Ground, Guidance, Heading, IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode,
-    Model, Mpc, Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor,
-    Run, Scenario, Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
+    FlownAirframe, Ground, Guidance, IndiGains, Initial, Late, Law, Mission, MissionLimits, Mixer, Mode, Model, Mpc,
+    Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Rotor, Run, Scenario,
+    Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind, Turbulence,
 };
 
 /// Returns all defaults of a profile.
@@ -34,9 +34,9 @@ const MOST_MOVES: f64 = 20.0;
 /// Share of an error of the model that its disturbance estimate takes in, at last \[1/s\].
 const DISTURBANCE_RATE: f64 = 2.0;
 
-/// Returns the defaults of the profile of `chosen`, adapted to what else it chooses: actuators and parameters of its
-/// preset, and the weights of the inputs, which are scaled with mass and inertia so that the same acceleration costs
-/// the same, and the closed loop has the same poles.
+/// Returns the defaults of the profile of `chosen`, adapted to what else it chooses: the trajectory to its parts, the
+/// actuators and parameters to its preset, and the weights of the inputs to mass and inertia, so that the same
+/// acceleration costs the same, and the closed loop has the same poles.
 ///
 /// In profile `robust` the control horizon ends where a solve would take too long, the disturbance estimate is as fast
 /// at every rate, and what a law or a model has no use for is off.
@@ -56,8 +56,10 @@ pub(super) fn for_choice(chosen: &Scenario) -> Scenario {
             ..scenario.plant
         },
     };
+    let trajectory = if chosen.mission.part.is_empty() { scenario.mission.trajectory } else { TrajectoryKind::Parts };
+    let mission = Mission { trajectory, ..scenario.mission };
     let attitude = Attitude { mpc, ..scenario.attitude };
-    let scenario = Scenario { airframe: vehicle.preset.into(), plant, attitude, ..scenario };
+    let scenario = Scenario { airframe: vehicle.preset.into(), mission, plant, attitude, ..scenario };
     match scenario.profile {
         Profile::Paper => scenario,
         Profile::Robust => for_law(scenario, &chosen.attitude, f64::from(chosen.run.rate_hz)),
@@ -225,16 +227,8 @@ fn allocation() -> Mixer {
 fn survey() -> Mission {
     Mission {
         trajectory: TrajectoryKind::Survey,
-        step_m: [10.0, 10.0, -10.0],
-        step_at_s: 1.0,
-        waypoints_m: vec![[0.0, 0.0, 0.0], [0.0, 0.0, -8.0]],
-        times_s: vec![0.0, 10.0],
         ramp_s: Ramp::Seconds(1.5),
-        radius_m: 5.0,
-        height_m: 10.0,
-        period_s: 40.0,
-        laps: 1,
-        heading_deg: Heading::Constant(0.0),
+        heading_deg: 0.0,
         limits: MissionLimits::default(),
         part: vec![],
     }

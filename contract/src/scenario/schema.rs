@@ -135,7 +135,7 @@ mod tests {
         assert_eq!([&rate["minimum"], &rate["maximum"], &rate["default"]], [50, 2000, 100]);
         assert!(rate["description"].as_str().unwrap().contains("[Hz]"));
         assert_eq!(of(&schema, "plant.tilt_max_deg")["exclusiveMinimum"], 0);
-        assert_eq!(of(&schema, "mission.waypoints_m")["items"]["items"]["maximum"], 1_000_000_000);
+        assert_eq!(of(&schema, "initial.position_m")["items"]["maximum"], 1_000_000_000);
         assert_eq!(of(&schema, "bounds.max_fallback_s")["maximum"], Value::Null, "infinity lifts a bound");
         assert_eq!(of(&schema, "plant.sensors.position.latency_ms")["maximum"], 500, "the narrower of two ranges");
     }

@@ -10,7 +10,7 @@ use super::moved::{self, Kind, Moved, Now};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
-    Attitude, Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, MissionLimits,
+    Attitude, Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Late, Mission, MissionLimits,
     NodeSettings, Nodes, Part, PartKind, Plant, Policy, Profile, Scenario, Swap, SwapNode, Wrong,
 };
 
@@ -72,7 +72,6 @@ fn example() -> Table {
     };
     let all = Scenario {
         mission: Mission {
-            heading_deg: Heading::Steps(vec![(0.0, 0.0), (15.0, 90.0)]),
             limits: MissionLimits { speed_mps: Some(8.0), acceleration_mps2: Some(4.0), ..robust.mission.limits },
             part: vec![Part { height_m: Some(5.0), ..Part::new(PartKind::Takeoff) }],
             ..robust.mission
@@ -236,7 +235,8 @@ fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Optio
     let span = span.unwrap_or_default();
     let key = key_at(tree, "", span.start).unwrap_or_default();
     let value = key.split('.').try_fold(&Value::Table(example()), |value, name| value.get(name)).cloned();
-    if let Some(Moved { title, .. }) = moved::refused(&key, message) {
+    if let Some(Moved { title, .. }) = moved::refused(&key, source.text.get(span.clone()).unwrap_or_default(), message)
+    {
         return Problem { title, place: Some((source, span)), help: ALL_NAMES.into() };
     }
     let message = &suggest(message);

@@ -34,7 +34,7 @@ fn set_takes_toml_and_bare_words() {
         "name=wind step",
         "run.mode=lockstep",
         "mission.ramp_s=min-jerk",
-        "mission.trajectory = \"waypoints\"",
+        "mission.trajectory = \"survey\"",
         "plant.noise={position_m=1e-3}",
         "plant.wind_ned_mps=[[15, [5, 0, 0]]]",
         "plant.drag_linear_nspm=[0.2, 0.2, 0.1]",
@@ -43,7 +43,7 @@ fn set_takes_toml_and_bare_words() {
     .unwrap();
     assert_eq!((scenario.name.as_str(), scenario.run.mode), ("wind step", Mode::Lockstep));
     let mission = (scenario.mission.ramp_s, scenario.mission.trajectory);
-    assert_eq!(mission, (Ramp::Named(RampName::MinJerk), TrajectoryKind::Waypoints));
+    assert_eq!(mission, (Ramp::Named(RampName::MinJerk), TrajectoryKind::Survey));
     assert_eq!(scenario.plant.noise, Noise { position_m: 1e-3, ..Noise::default() });
     assert_eq!(scenario.plant.wind_ned_mps, [(15.0, [5.0, 0.0, 0.0])]);
     assert_eq!(scenario.attitude.delay_compensation, DelayCompensation::Sample(false));
@@ -51,16 +51,17 @@ fn set_takes_toml_and_bare_words() {
 
 #[test]
 fn arrays_replace_and_tables_merge() {
-    let (_folder, path) = file(b"[mission]\nheading_deg = [[0, 0], [5, 90]]\n[plant.noise]\nposition_m = 0.01\n");
-    let overrides = ["mission.heading_deg=[[1, 45]]", "plant.noise.rates_dps=0.1"].map(String::from);
+    let text = b"[attitude.mpc]\nq = [1, 1, 1, 1, 1, 1, 1]\n[plant.noise]\nposition_m = 0.01\n";
+    let (_folder, path) = file(text);
+    let overrides = ["attitude.mpc.q=[2, 2, 2, 2, 2, 2, 2]", "plant.noise.rates_dps=0.1"].map(String::from);
     let scenario = load(Some(&path), &overrides).unwrap();
-    assert_eq!(scenario.mission.heading_deg, Heading::Steps(vec![(1.0, 45.0)]));
+    assert_eq!(scenario.attitude.mpc.q, [2.0; 7]);
     assert_eq!((scenario.plant.noise.position_m, scenario.plant.noise.rates_dps), (0.01, 0.1));
 }
 
 #[test]
 fn errors_in_the_shape_name_the_key_and_the_fix() {
-    let cases: [(&str, &[&str]); 20] = [
+    let cases: [(&str, &[&str]); 19] = [
         ("duration_s=3", &["unknown key `duration_s`", "--set duration_s=3", "did you mean `run.duration_s`?"]),
         ("plant.mass_kg=1.2", &["unknown key `plant.mass_kg`", "did you mean `plant.airframe.mass_kg`?"]),
         ("mpc={qq=1, law=\"pid\"}", &["unknown key `mpc.qq`", "`attitude.mpc.q`?", "`mpc.law` is `attitude.law` now"]),
@@ -73,14 +74,13 @@ fn errors_in_the_shape_name_the_key_and_the_fix() {
         ("run.mode=lockstpe", &["`run.mode`", "expected one of `realtime`, `lockstep`, `inprocess`"]),
         ("run.mode.x=1", &["`run.mode` is not a table", "run.mode = \"realtime\""]),
         ("run=3", &["`run` is a table", "duration_s, mode, rate_hz, seed"]),
-        ("mission.step_m=[1, 2]", &["`mission.step_m`", "invalid length 2, expected an array of length 3"]),
-        ("mission.step_m=[1, 2, 3, 4]", &["`mission.step_m`", "invalid length 4, expected 3", "[10.0, 10.0, -10.0]"]),
+        ("initial.position_m=[1, 2]", &["`initial.position_m`", "invalid length 2, expected an array of length 3"]),
+        ("initial.position_m=[1, 2, 3, 4]", &["`initial.position_m`", "length 4, expected 3", "[0.0, 0.0, 0.0]"]),
         ("plant.wind_ned_mps=[[1, [2, 3, 4], 5]]", &["`plant.wind_ned_mps`", "invalid length 3, expected 2"]),
-        ("mission.ramp_s=fast", &["`mission.ramp_s`", "expected seconds, \"min-jerk\" or \"spline\""]),
-        ("mission.heading_deg=[[1, 2, 3]]", &["`mission.heading_deg`", "expected degrees, or steps"]),
+        ("mission.ramp_s=fast", &["`mission.ramp_s`", "expected seconds or \"min-jerk\""]),
         (
-            "mission.step_m=[1, 2",
-            &["not TOML: unclosed array", "--set mission.step_m=[1, 2", "write `--set key=value`"],
+            "initial.position_m=[1, 2",
+            &["not TOML: unclosed array", "--set initial.position_m=[1, 2", "write `--set key=value`"],
         ),
         ("run.seed", &["not TOML", "expected `=`", "write `--set key=value`"]),
         ("", &["nothing to set", "write `--set key=value`"]),
@@ -88,6 +88,36 @@ fn errors_in_the_shape_name_the_key_and_the_fix() {
     for (set, expected) in cases {
         check_refused(set, expected);
     }
+}
+
+#[test]
+fn the_mission_of_earlier_versions_is_refused_by_the_part_that_it_is_now() {
+    let cases: [(&str, &[&str]); 8] = [
+        ("mission.waypoints_m=[[0, 0, 0]]", &["there is no `mission.waypoints_m`", "kind = \"waypoints\"", "points_m"]),
+        ("mission.times_s=[0, 10]", &["there is no `mission.times_s`", "since its beginning"]),
+        ("mission.step_m=[1, 2, 3]", &["there is no `mission.step_m`", "\"loiter\"", "\"jump\" with point_m"]),
+        ("mission.laps=2", &["there is no `mission.laps`", "\"circle\" with radius_m, period_s and laps"]),
+        ("mission.trajectory=circle", &["there is no `mission.trajectory = \"circle\"`", "three parts"]),
+        ("mission={trajectory='waypoints'}", &["there is no `mission.trajectory = \"waypoints\"`", "are a part"]),
+        ("mission.ramp_s=spline", &["there is no `mission.ramp_s = \"spline\"`", "curve = \"spline\""]),
+        ("mission.heading_deg=[[1, 90]]", &["a part has `heading_deg` = [[t_s, deg], ...]"]),
+    ];
+    for (set, expected) in cases {
+        check_refused(set, expected);
+    }
+}
+
+#[test]
+fn a_scenario_with_parts_flies_them_unless_it_says_otherwise() {
+    let parts = "mission.part=[{kind='takeoff', height_m=5}]";
+    let scenario = from_set(&[parts]).unwrap();
+    assert_eq!(scenario.mission.trajectory, TrajectoryKind::Parts);
+    check_returns(&scenario);
+    assert_eq!(from_set(&[parts, "mission.trajectory=hover"]).unwrap().mission.part, []);
+    check_refused(
+        "mission={trajectory='hover', part=[{kind='takeoff', height_m=5}]}",
+        &["`mission.part` has no effect"],
+    );
 }
 
 #[test]
@@ -204,7 +234,7 @@ proptest! {
         let mut scenario = Scenario { name, ..Scenario::default() };
         scenario.run.seed = seed;
         scenario.guidance.kp_phi = gain;
-        scenario.mission.heading_deg = Heading::Steps(vec![(0.0, gain), (0.1, -gain)]);
+        scenario.mission.heading_deg = gain;
         scenario.attitude.mpc.r = positive;
         scenario.initial.position_m = position_m;
         scenario.plant.wind_ned_mps = vec![(1.0 / 3.0, wind)];

@@ -2,7 +2,7 @@
 
 use contract::Scenario;
 use contract::message::guidance_flags;
-use contract::scenario::{Heading, Profile, TrajectoryKind};
+use contract::scenario::{Profile, TrajectoryKind};
 use nalgebra::Vector3;
 
 use super::{hovering, roll_trim, scenario};
@@ -13,7 +13,7 @@ use crate::observer::HeadingFrame;
 /// Memory after every tick of a flight that reaches the limits, turned by `turn_rad` about the origin.
 fn turned(turn_rad: f64) -> Vec<Memory> {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
-    s.mission.heading_deg = Heading::Constant(turn_rad.to_degrees());
+    s.mission.heading_deg = turn_rad.to_degrees();
     s.initial.attitude_deg[2] = turn_rad.to_degrees();
     let mut guidance = Guidance::new(&s);
     let frame = HeadingFrame::new(turn_rad);

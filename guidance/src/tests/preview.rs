@@ -2,16 +2,19 @@
 
 use airframe::angle;
 use contract::message::PREVIEW;
-use contract::scenario::Heading;
 use nalgebra::{Rotation3, Vector3};
 
 use super::*;
 
 const STEP_TICKS: u64 = 5;
 
-fn turning(trajectory: TrajectoryKind) -> Scenario {
-    let mut scenario = scenario(Profile::Robust, trajectory);
-    scenario.mission.heading_deg = Heading::Steps(vec![(1.0, 120.0), (6.0, -120.0), (11.0, 30.0)]);
+const LEGS: &str = "{kind='waypoints', curve='trapezoid', ramp_s=1.5, points_m=[[0, 0, -8], [8, 0, -8]], \
+    times_s=[10, 20], heading_deg=[[1, 120], [6, -120], [11, 30]]}";
+const CIRCLE: &str = "{kind='takeoff', height_m=10, duration_s=10, heading_deg=[[1, 120], [6, -120]]}, \
+    {kind='circle', radius_m=5, period_s=40, heading_deg=[[1, 30]]}";
+
+fn turning(parts: &str) -> Scenario {
+    let mut scenario = with_parts(parts);
     scenario.guidance.heading_rate_limit_dps = 60.0;
     scenario.guidance.preview_s = 0.01 * (STEP_TICKS * PREVIEW as u64) as f64;
     scenario
@@ -20,7 +23,7 @@ fn turning(trajectory: TrajectoryKind) -> Scenario {
 /// Reference at `tick` of a level vehicle that is, moves and points as the reference says, `east_m` beside it.
 fn beside(scenario: &Scenario, tick: u64, east_m: f64) -> Reference {
     let (mut guidance, t_s) = (Guidance::new(scenario), tick as f64 * scenario.sample_s());
-    let (setpoint, psi) = (guidance.trajectory.at(t_s), guidance.heading_at(t_s));
+    let (setpoint, psi) = (guidance.trajectory.at(t_s), guidance.trajectory.heading_at(t_s));
     let mut state = hovering(tick);
     let [x, y, z] = setpoint.position_m;
     state.measured.position_m = [x, y + east_m, z];
@@ -37,9 +40,9 @@ fn numbers(reference: &Reference) -> impl Iterator<Item = f64> {
 
 #[test]
 fn a_lead_is_the_feed_forward_of_a_later_time_at_the_place_of_now() {
-    let turning = turning(TrajectoryKind::Circle);
+    let turning = turning(CIRCLE);
     let mut straight = turning.clone();
-    straight.mission.heading_deg = Heading::Constant(0.0);
+    straight.mission.part.iter_mut().for_each(|part| part.heading_deg = None);
     // The preview turns feed-forward with the heading that it expects; the lead is that of the measured one.
     for (now, skipped) in [(straight, 0), (turning, 2)] {
         let mut led = now.clone();
@@ -62,10 +65,8 @@ fn a_lead_is_the_feed_forward_of_a_later_time_at_the_place_of_now() {
 
 #[test]
 fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
-    for (trajectory, east_m) in
-        [(TrajectoryKind::Survey, 0.0), (TrajectoryKind::Survey, 0.3), (TrajectoryKind::Circle, -0.2)]
-    {
-        let mut scenario = turning(trajectory);
+    for (parts, east_m) in [(LEGS, 0.0), (LEGS, 0.3), (CIRCLE, -0.2)] {
+        let mut scenario = turning(parts);
         scenario.guidance.ki_phi = 0.0; // the integral grows meanwhile
         scenario.guidance.ki_theta = 0.0;
         let mut largest = [0.0_f64; 4];
@@ -79,7 +80,7 @@ fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
                     changes.zip(numbers(&now)).zip(numbers(&later)).zip(&mut largest)
                 {
                     let miss = angle::wrapped(change - (later - now));
-                    assert!(miss.abs() < 1e-9, "{trajectory:?} at {tick}, element {number}: {miss}");
+                    assert!(miss.abs() < 1e-9, "{parts} at {tick}, element {number}: {miss}");
                     *largest = largest.max(change.abs());
                 }
             }
@@ -90,8 +91,7 @@ fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
 
 #[test]
 fn a_heading_that_turns_past_south_turns_on_in_the_preview() {
-    let mut scenario = turning(TrajectoryKind::Hover);
-    scenario.mission.heading_deg = Heading::Steps(vec![(0.0, 170.0), (5.0, -170.0)]);
+    let scenario = turning("{kind='loiter', duration_s=20, heading_deg=[[0, 170], [5, -170]]}");
     let ahead = beside(&scenario, 495, 0.0).preview;
     let turned: Vec<f64> = ahead.iter().map(|ahead| ahead.attitude_rad[2].to_degrees()).collect();
     for (degrees, number) in turned.iter().zip(0..) {
@@ -102,7 +102,7 @@ fn a_heading_that_turns_past_south_turns_on_in_the_preview() {
 
 #[test]
 fn without_the_setting_nothing_is_said() {
-    let mut scenario = turning(TrajectoryKind::Survey);
+    let mut scenario = turning(LEGS);
     scenario.guidance.preview_s = 0.0;
     let reference = beside(&scenario, 100, 0.0);
     assert_eq!((reference.preview_step_ns, reference.preview), (0, Reference::default().preview));

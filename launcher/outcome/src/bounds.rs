@@ -2,7 +2,7 @@
 //!
 //! | bound | default |
 //! |---|---|
-//! | `max_position_error_m` | 1.5 m for profile robust, 2 m for paper; plus the step of the mission's trajectory, the distance of the start from the trajectory, and 3 m for a start that is no hover |
+//! | `max_position_error_m` | 1.5 m for profile robust, 2 m for paper; plus the largest jump of the mission, the distance of the start from the trajectory, and 3 m for a start that is no hover |
 //! | `max_fallback_s` | 2 s: from then on the mixer brings the vehicle down |
 //!
 //! `inf` lifts a bound.
@@ -10,8 +10,7 @@
 use std::borrow::Cow;
 
 use contract::Scenario;
-use contract::scenario::{Bounds, Initial, Profile, TrajectoryKind};
-use guidance::Trajectory;
+use contract::scenario::{Bounds, Initial, Profile, plan};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -106,13 +105,12 @@ fn position_error_m(scenario: &Scenario) -> f64 {
         Profile::Robust => 1.5,
         Profile::Paper => 2.0,
     };
-    let mission = &scenario.mission;
-    let step_m = if mission.trajectory == TrajectoryKind::Step { distance_m([0.0; 3], mission.step_m) } else { 0.0 };
-    let begins_m = Trajectory::new(scenario).at(0.0).position_m;
+    let plan = plan::build(scenario);
+    let begins_m = plan.at(0.0).position_m;
     let Initial { position_m, velocity_mps, attitude_deg, rates_radps, .. } = scenario.initial;
     let hovers = [velocity_mps, attitude_deg, rates_radps] == [[0.0; 3]; 3];
     let upset_m = if hovers { 0.0 } else { UPSET_M };
-    usual_m + step_m + distance_m(begins_m, position_m) + upset_m
+    usual_m + plan.jump_m() + distance_m(begins_m, position_m) + upset_m
 }
 
 fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -133,8 +131,8 @@ mod tests {
     fn profile_and_mission_decide_a_bound_that_the_scenario_does_not_set() {
         assert_eq!(error_m(&[]), 1.5, "a smooth mission asks for no more");
         assert_eq!(error_m(&["profile=\"paper\""]), 2.0);
-        let step = ["mission.trajectory=\"step\"", "mission.step_m=[3.0,4.0,0.0]"];
-        assert_eq!(error_m(&step), 1.5 + 5.0);
+        let jump = "{kind='loiter', duration_s=1}, {kind='jump', point_m=[3, 4, 0], duration_s=1}";
+        assert_eq!(error_m(&[&format!("mission.part=[{jump}]")]), 1.5 + 5.0);
         assert_eq!(error_m(&["initial.position_m=[0.0,2.0,0.0]"]), 3.5);
         assert_eq!(error_m(&["initial.rates_radps=[3.0,0.0,0.0]"]), 4.5);
         assert_eq!(error_m(&["bounds.max_position_error_m=0.1"]), 0.1);

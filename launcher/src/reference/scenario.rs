@@ -88,7 +88,6 @@ const UNITS: &[&str] = &[
 const PURE: &[&str] = &[
     "run.seed",
     "run.command_drop_probability",
-    "mission.laps",
     "mission.part[].laps",
     "mission.limits.share",
     "plant.rotor_speed_max_ratio",

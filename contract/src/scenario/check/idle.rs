@@ -18,7 +18,7 @@ use toml::{Table, Value};
 
 use super::found::Found;
 use crate::scenario::{
-    Constraints, Filter, Heading, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind,
+    Constraints, Filter, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind,
 };
 
 /// Setting that decides whether others are read.
@@ -31,30 +31,12 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 21] = [
-    Switch {
-        settings: &["mission.waypoints_m", "mission.times_s"],
-        key: "mission.trajectory",
-        is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Waypoints,
-        on: "\"waypoints\"",
-    },
-    Switch {
-        settings: &["mission.step_m", "mission.step_at_s"],
-        key: "mission.trajectory",
-        is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Step,
-        on: "\"step\"",
-    },
+const SWITCHES: [Switch; 18] = [
     Switch {
         settings: &["mission.ramp_s"],
         key: "mission.trajectory",
-        is_on: |scenario| matches!(scenario.mission.trajectory, TrajectoryKind::Survey | TrajectoryKind::Waypoints),
-        on: "\"survey\" or \"waypoints\"",
-    },
-    Switch {
-        settings: &["mission.radius_m", "mission.height_m", "mission.period_s", "mission.laps"],
-        key: "mission.trajectory",
-        is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Circle,
-        on: "\"circle\"",
+        is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Survey,
+        on: "\"survey\"",
     },
     Switch {
         settings: &["mission.part", "mission.limits"],
@@ -78,8 +60,7 @@ const SWITCHES: [Switch; 21] = [
         settings: &["guidance.lead_s"],
         key: "guidance.acceleration_feedforward",
         is_on: |scenario| {
-            let turns = !matches!(scenario.mission.heading_deg, Heading::Constant(_))
-                || scenario.mission.trajectory == TrajectoryKind::Parts;
+            let turns = scenario.mission.trajectory == TrajectoryKind::Parts;
             scenario.guidance.acceleration_feedforward || scenario.guidance.velocity_feedforward || turns
         },
         on: "true, or `guidance.velocity_feedforward`, or with a heading that turns,",
@@ -220,8 +201,8 @@ pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mu
     }
 }
 
-/// Drops from the settings `below` those that a switch in the settings `above` turns off, for instance the waypoints of
-/// a file under `--set mission.trajectory=hover`. `merge` makes a scenario of both; if it fails nothing is dropped.
+/// Drops from the settings `below` those that a switch in the settings `above` turns off, for instance the parts of a
+/// file under `--set mission.trajectory=hover`. `merge` makes a scenario of both; if it fails nothing is dropped.
 pub fn drop_overridden(below: &mut Table, above: &Table, merge: impl Fn(Table, Table) -> Option<Scenario>) {
     if !SWITCHES.iter().any(|switch| at(above, switch.key).is_some()) {
         return;

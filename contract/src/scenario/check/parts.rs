@@ -1,15 +1,18 @@
-//! Checks of a mission of parts: the keys of each part, and what its curves ask of the vehicle.
+//! Checks of a mission of parts: the keys of each part, and what its curves ask of the vehicle. A part that may exceed
+//! its limits is warned of and flown.
 
 use curves::curve::SAMPLES;
+use curves::fastest::MAX_POINTS;
 use curves::{Excess, Limits, Planned, Quantity};
 
 use super::found::Found;
-use crate::scenario::{HeadingRule, Part, PartHeading, PartKind, Scenario, TrajectoryKind, plan};
+use crate::scenario::plan::{Demand, Offer, Stray};
+use crate::scenario::{CurveKind, HeadingRule, Part, PartHeading, PartKind, Scenario, TrajectoryKind, plan};
 
 /// Largest number of parts, which bounds the time of the check.
 const MAX_PARTS: usize = 100;
-/// Largest number of points of one part: the search for the fastest times grows with its square.
-const MAX_POINTS: usize = 50;
+/// Largest number of points of a part whose curve needs times, so that none are searched for.
+const MAX_TIMED_POINTS: usize = 1000;
 /// Shortest time from point to point \[s\].
 const MIN_LEG_S: f64 = 0.01;
 /// Shortest way from point to point \[m\].
@@ -22,9 +25,11 @@ const MAX_POSITION_M: f64 = 500.0;
 const GRAZE_M: f64 = 0.01;
 
 /// Ranges of the numbers of a part.
-const RANGES: [(&str, f64, f64); 9] = [
+const RANGES: [(&str, f64, f64); 11] = [
     ("height_m", 0.1, 500.0),
     ("points_m", -MAX_POSITION_M, MAX_POSITION_M),
+    ("ramp_s", 0.01, MAX_MISSION_S),
+    ("point_m", -MAX_POSITION_M, MAX_POSITION_M),
     ("radius_m", 0.1, 250.0),
     ("period_s", 0.1, MAX_MISSION_S),
     ("laps", 1.0, 1e4),
@@ -71,8 +76,9 @@ impl Place {
 
 /// Requires that `part` has the keys of its kind, and numbers in their ranges.
 fn check_keys(part: &Part, place: &Place, found: &mut Found) {
-    let kind = part.kind.name();
-    let [needed, possible] = part.kind.keys();
+    let curve = part.curve.filter(|_| part.kind == PartKind::Waypoints && part.may_exceed());
+    let kind = part.kind.name().to_owned() + &curve.map_or(String::new(), |curve| format!(" along a {}", curve.name()));
+    let [needed, possible] = part.keys();
     let given: Vec<&str> = part.given().collect();
     for key in needed.iter().filter(|key| !given.contains(key)) {
         place.require(found, false, "kind", &format!("a {kind} without `{key}`"), &format!("`{key}` with it"));
@@ -101,6 +107,8 @@ fn check_keys(part: &Part, place: &Place, found: &mut Found) {
 fn numbers(part: &Part, key: &str) -> Vec<f64> {
     let one = match key {
         "height_m" => part.height_m,
+        "ramp_s" => part.ramp_s,
+        "point_m" => return part.point_m.into_iter().flatten().collect(),
         "radius_m" => part.radius_m,
         "period_s" => part.period_s,
         "laps" => part.laps.map(f64::from),
@@ -117,8 +125,9 @@ fn numbers(part: &Part, key: &str) -> Vec<f64> {
 fn check_points(part: &Part, place: &Place, found: &mut Found) {
     let Some(points_m) = &part.points_m else { return };
     let count = points_m.len();
-    let allowed = format!("1 to {MAX_POINTS} points");
-    place.require(found, (1..=MAX_POINTS).contains(&count), "points_m", &format!("{count} points"), &allowed);
+    let most = if part.may_exceed() { MAX_TIMED_POINTS } else { MAX_POINTS };
+    let allowed = format!("1 to {most} points");
+    place.require(found, (1..=most).contains(&count), "points_m", &format!("{count} points"), &allowed);
     let Some(times_s) = &part.times_s else { return };
     place.require(
         found,
@@ -128,12 +137,22 @@ fn check_points(part: &Part, place: &Place, found: &mut Found) {
         "one time in `times_s` for each point, since the beginning of the part",
     );
     let legs = std::iter::once(&0.0).chain(times_s).zip(times_s);
+    let shortest_s = legs.map(|(from_s, until_s)| until_s - from_s).fold(f64::INFINITY, f64::min);
+    let rises = shortest_s >= MIN_LEG_S && times_s.iter().all(|t_s| *t_s <= MAX_MISSION_S);
     place.require(
         found,
-        legs.into_iter().all(|(from_s, until_s)| until_s - from_s >= MIN_LEG_S && *until_s <= MAX_MISSION_S),
+        rises,
         "times_s",
         "`times_s` does not rise from 0",
         &format!("each time at least {MIN_LEG_S} s after the one before, the first after 0, at most {MAX_MISSION_S}"),
+    );
+    let ramp_s = part.ramp_s.unwrap_or(0.0);
+    place.require(
+        found,
+        !rises || ramp_s <= shortest_s / 2.0,
+        "ramp_s",
+        &format!("`ramp_s` = {ramp_s:?} does not fit the shortest leg of {shortest_s:?} s"),
+        &format!("at most half of it, {:?}", shortest_s / 2.0),
     );
 }
 
@@ -150,6 +169,11 @@ fn check_heading(part: &Part, place: &Place, found: &mut Found) {
             part.kind == PartKind::Waypoints && all.len() == count && all.iter().all(|deg| deg.abs() <= 360.0),
             format!("{count} points and {} headings", all.len()),
             "one heading of -360 to 360 for each of `points_m`, or one for all".to_owned(),
+        ),
+        Some(PartHeading::Steps(all)) => (
+            all.iter().all(|(t_s, deg)| *t_s >= 0.0 && deg.abs() <= 360.0) && all.is_sorted_by_key(|(t_s, _)| *t_s),
+            "the steps of `heading_deg` are out of order or range".into(),
+            "[[t_s, deg], ...] with times of 0 or later, sorted, and -360 to 360 degrees".into(),
         ),
         Some(PartHeading::Named(HeadingRule::Centre)) => (
             is_figure,
@@ -199,9 +223,20 @@ fn check_curves(scenario: &Scenario, found: &mut Found) {
     let (plan, limits) = (plan::build(scenario), plan::limits(scenario));
     for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
         let place = Place(i);
+        check_space(part, planned, &place, found);
+        check_steps(part, planned, &place, found);
+        if part.may_exceed() {
+            continue;
+        }
         check_ways(part, planned, &place, found);
-        check_demands(part, planned, &limits, &place, found);
-        check_space(scenario, part, planned, &place, found);
+        if let Some((key, what)) = excess(part, planned, &limits) {
+            let allowed = "times within the limits of `trefoil check`, or none: as fast as they allow";
+            place.require(found, false, key, &what, allowed);
+        }
+        if let Some(what) = below_ground(scenario, i, planned) {
+            let allowed = "a curve above it; one through points swings out less with more points, or as \"quintic\"";
+            place.require(found, false, culprit(part), &what, allowed);
+        }
     }
     let duration_s = plan.duration_s();
     found.require(
@@ -210,6 +245,51 @@ fn check_curves(scenario: &Scenario, found: &mut Found) {
         format!("the parts of the mission take {duration_s:.1} s"),
         &format!("at most a day, {MAX_MISSION_S} s"),
     );
+}
+
+/// Describes what the parts of a checked scenario ask for beyond the vehicle, and how far smooth curves leave their
+/// points.
+pub fn warnings(scenario: &Scenario) -> Vec<String> {
+    if scenario.mission.trajectory != TrajectoryKind::Parts {
+        return vec![];
+    }
+    let (plan, limits) = (plan::build(scenario), plan::limits(scenario));
+    let mut all = vec![];
+    for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
+        let mut warn = |what: &str| all.push(format!("`mission.part[{i}]`: {what}"));
+        if part.may_exceed() {
+            if planned.jump_m > 0.0 {
+                warn(&format!("the reference jumps by {:.1} m, which no vehicle can follow", planned.jump_m));
+            }
+            if part.curve == Some(CurveKind::Line) {
+                let speed_mps = planned.demand(&limits).speed_mps;
+                warn(&format!("its velocity steps, to up to {speed_mps:.1} m/s, which no vehicle can follow"));
+            }
+            excess(part, planned, &for_curve(part, limits)).iter().for_each(|(_, what)| warn(what));
+            below_ground(scenario, i, planned).iter().for_each(|what| warn(what));
+        }
+        if let Some(Stray { beyond_m, longest_leg_m, offer }) = plan::stray(scenario, part, planned) {
+            let advice = offer.map_or("give it more points".into(), |Offer { times_s, beyond_m }| {
+                let times_s = times_s.iter().map(|t_s| format!("{t_s:.2}")).collect::<Vec<_>>().join(", ");
+                format!("with `times_s = [{times_s}]` it stays within {beyond_m:.2} m of it")
+            });
+            warn(&format!(
+                "its curve goes {beyond_m:.1} m beyond the box of its points, whose longest leg has \
+                 {longest_leg_m:.1} m; {advice}"
+            ));
+        }
+    }
+    all
+}
+
+/// Limits for the curve of `part`: where the acceleration steps, the rate at which the thrust turns has no meaning.
+fn for_curve(part: &Part, limits: Limits) -> Limits {
+    match part.curve {
+        Some(CurveKind::Line | CurveKind::Trapezoid) => {
+            Limits { most: Demand { turn_radps: f64::INFINITY, ..limits.most }, ..limits }
+        }
+        _ => limits,
+    }
 }
 
 /// Requires that each point of a curve lies away from the one before.
@@ -227,11 +307,24 @@ fn check_ways(part: &Part, planned: &Planned, place: &Place, found: &mut Found) 
     }
 }
 
-/// Requires that the vehicle has what each leg asks for.
-fn check_demands(part: &Part, planned: &Planned, limits: &Limits, place: &Place, found: &mut Found) {
+/// Requires that each step of the heading begins within the part.
+fn check_steps(part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
+    let Some(PartHeading::Steps(steps)) = &part.heading_deg else { return };
+    let (last_s, duration_s) = (steps.last().map_or(0.0, |(t_s, _)| *t_s), planned.curve.duration_s());
+    place.require(
+        found,
+        last_s <= duration_s,
+        "heading_deg",
+        &format!("a step of `heading_deg` at {last_s:?} s in a part of {duration_s:.1} s"),
+        "times since the beginning of the part, up to its end",
+    );
+}
+
+/// Finds the first leg that asks for more than the vehicle has: the key that could mend it, and what it asks for.
+fn excess(part: &Part, planned: &Planned, limits: &Limits) -> Option<(&'static str, String)> {
     let legs = planned.curve.legs(SAMPLES);
-    let exceeded = legs.iter().enumerate().find_map(|(leg, of)| Some((leg, limits.demand(of, 1.0).excess(limits)?)));
-    let Some((leg, excess)) = exceeded else { return };
+    let exceeded = |(leg, of)| Some((leg, limits.demand(of, 1.0).excess(limits)?));
+    let (leg, excess) = legs.iter().enumerate().find_map(exceeded)?;
     let stretch = limits.least_stretch(&legs);
     let longer = |duration_s: f64| (duration_s * stretch * 10.0).ceil() / 10.0;
     let (key, which, advice) = match part.kind {
@@ -251,14 +344,7 @@ fn check_demands(part: &Part, planned: &Planned, limits: &Limits, place: &Place,
             ("period_s", "a lap".into(), format!("give it {period_s:.1} s or more"))
         }
     };
-    let what = format!("{which} asks for {}; {advice}", describe(&excess, limits.g_mps2));
-    place.require(
-        found,
-        false,
-        key,
-        &what,
-        "times within the limits of `trefoil check`, or none: as fast as they allow",
-    );
+    Some((key, format!("{which} asks for {}; {advice}", describe(&excess, limits.g_mps2))))
 }
 
 /// Describes a demand and its limit.
@@ -288,27 +374,31 @@ fn describe(Excess { quantity, asked, has }: &Excess, g_mps2: f64) -> String {
     }
 }
 
-/// Requires that a curve stays within the space of the plant, and above the ground unless it lands.
-fn check_space(scenario: &Scenario, part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
-    let legs = planned.curve.legs(SAMPLES);
-    let culprit = if part.kind == PartKind::Waypoints { "points_m" } else { "kind" };
-    let farthest_m = legs.iter().flat_map(|leg| leg.range_m).map(|at| at.amax()).fold(0.0, f64::max);
+/// Key that decides where the curve of a part goes.
+fn culprit(part: &Part) -> &'static str {
+    if part.kind == PartKind::Waypoints { "points_m" } else { "kind" }
+}
+
+/// Requires that a curve stays within the space of the plant.
+fn check_space(part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
+    let [low, high] = planned.curve.range_m();
+    let farthest_m = low.amax().max(high.amax());
     place.require(
         found,
         farthest_m < MAX_POSITION_M,
-        culprit,
+        culprit(part),
         &format!("its curve goes {farthest_m:.0} m from the origin"),
         &format!("below {MAX_POSITION_M:.0} m on every axis: beyond, a run counts as diverged"),
     );
-    let lowest_m = legs.iter().map(|leg| leg.range_m[1].z).fold(f64::NEG_INFINITY, f64::max);
-    let below_m = lowest_m - plan::standing_down_m(&scenario.plant.ground);
-    place.require(
-        found,
-        !scenario.plant.ground.present || part.kind == PartKind::Landing || below_m <= GRAZE_M,
-        culprit,
-        &format!("its curve goes {below_m:.2} m below the ground"),
-        "a curve above it; one through points swings out less with more points, or as \"quintic\"",
-    );
+}
+
+/// Describes how far the curve of part `i` goes below the ground; `None` if it does not, or if it lands: as a landing,
+/// or as the last part, which may exceed.
+fn below_ground(scenario: &Scenario, i: usize, planned: &Planned) -> Option<String> {
+    let (ground, parts) = (&scenario.plant.ground, &scenario.mission.part);
+    let lands = parts[i].kind == PartKind::Landing || parts[i].may_exceed() && i + 1 == parts.len();
+    let below_m = planned.curve.range_m()[1].z - plan::standing_down_m(ground);
+    (ground.present && !lands && below_m > GRAZE_M).then(|| format!("its curve goes {below_m:.2} m below the ground"))
 }
 
 #[cfg(test)]

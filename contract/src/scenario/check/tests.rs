@@ -12,9 +12,7 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ("run.command_delay_ms=-1", "at least 0, at most 1000"),
         ("run.command_jitter_ms=1001", "at least 0, at most 1000"),
         ("run.command_drop_probability=1.1", "at least 0, at most 1"),
-        ("mission.step_at_s=-1", "at least 0, at most 1e9"),
         ("mission.ramp_s=-0.1", "at least 0, at most 1e9"),
-        ("mission.times_s=[-1, 10]", "at least 0, at most 1e9"),
         ("airframe.mass_kg=0", "at least 1e-4, at most 1e6"),
         ("airframe.km=-1", "at least 1e-12, at most 1000"),
         ("airframe.g_mps2=1e308", "at least 0.01, at most 1000"),
@@ -65,11 +63,10 @@ fn numbers_out_of_range_are_refused_with_the_range() {
 
 #[test]
 fn settings_that_contradict_are_refused() {
-    let waypoints = "mission={trajectory=\"waypoints\", waypoints_m=[[0,0,0],[0,0,-1],[1,0,-1]], ";
     let cases = [
         ("name=\" \"", "`name` is empty"),
         ("guidance.kp_w=nan", "`guidance.kp_w` = NaN is not finite"),
-        ("mission.waypoints_m=[[0, 0, 0], [0, 0, -inf]]", "`mission.waypoints_m` = -inf is not finite"),
+        ("initial.position_m=[0, 0, -inf]", "`initial.position_m` = -inf is not finite"),
         ("guidance.disturbance_observer_radps=100", "at least 0, below 100"),
         ("run.rate_hz=300", "`run.rate_hz` = 300 has no sample time in whole nanoseconds"),
         ("plant.rotor_lag_s=0.0004", "`plant.rotor_lag_s` = 0.0004 is too short for `plant.substep_s` = 0.001"),
@@ -93,19 +90,9 @@ fn settings_that_contradict_are_refused() {
         ),
         ("plant.wind_ned_mps=[[2, [0, 0, 0]], [1, [0, 0, 0]]]", "`plant.wind_ned_mps` are out of order"),
         ("plant.disturbance=[[-1, [0, 0, 0], [0, 0, 0]]]", "`plant.disturbance` are out of order"),
-        ("mission.heading_deg=[[2, 0], [1, 0]]", "`mission.heading_deg` are out of order"),
         ("initial.position_m=[400, 400, 0]", "within 500 m"),
         ("initial.attitude_deg=[0, -88, 0]", "a pitch between -88 and 88"),
-        ("mission.times_s=[0, 10, 20]", "2 waypoints and 3 times"),
-        ("mission={waypoints_m=[[0, 0, 0]], times_s=[0]}", "1 waypoints and 1 times"),
-        ("mission.times_s=[10, 10]", "`mission.times_s` does not rise"),
-        ("mission.ramp_s=5.1", "`mission.ramp_s` = 5.1 does not fit the shortest leg of 10.0 s"),
-        (&format!("{waypoints}times_s=[0, 9, 11]}}"), "does not fit the shortest leg of 2.0 s"),
-        (&format!("{waypoints}times_s=[0, 9, 9.0078125], ramp_s=\"spline\"}}"), "\"spline\" with a leg of 0.0078125"),
-        ("mission.radius_m=40", "`mission.radius_m` has no effect here"),
-        ("mission.height_m=40", "`mission.height_m` has no effect here"),
-        ("mission.period_s=30", "`mission.period_s` has no effect here"),
-        ("mission.laps=2", "`mission.laps` has no effect here"),
+        ("mission.ramp_s=5.1", "`mission.ramp_s` = 5.1 does not fit the legs of 10.0 s"),
         (
             "attitude.mpc.control_horizon_s=0.21",
             "`attitude.mpc.control_horizon_s` = 0.21 is longer than `attitude.mpc.prediction_horizon_s` = 0.2: 21 and 20 \
@@ -286,9 +273,6 @@ fn a_model_where_it_would_have_no_effect_is_refused() {
 #[test]
 fn a_setting_that_its_switch_leaves_unread_is_refused() {
     let cases = [
-        ("mission.waypoints_m=[[0, 0, 0], [1, 2, 3]]", "`mission.trajectory` = \"waypoints\" with it"),
-        ("mission={trajectory=\"survey\", times_s=[0, 9]}", "`mission.times_s` has no effect here"),
-        ("mission.step_m=[1, 2, 3]", "`mission.trajectory` = \"step\" with it"),
         ("mission={trajectory=\"hover\", ramp_s=60}", "`mission.ramp_s` has no effect here"),
         ("attitude={mpc.r_rate=[1, 1, 1, 1], law=\"lqr\"}", "`attitude.law` = \"mpc\" with it"),
         ("attitude={law=\"indi\", disturbance_gain=0.1}", "`attitude.law` = a law other than \"indi\" with it"),
@@ -312,7 +296,8 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
     let led = ["profile=paper", "guidance.lead_s=0.1"];
     let nothing = from_set(&led).expect_err("no feed-forward leads").to_string();
     assert!(nothing.contains("`guidance.acceleration_feedforward` = true, or"), "{nothing}");
-    from_set(&[&led[..], &["mission.heading_deg=[[1, 90]]"]].concat()).expect("the heading leads");
+    from_set(&[&led[..], &["mission.part=[{kind='loiter', duration_s=9, heading_deg=90}]"]].concat())
+        .expect("the heading leads");
     let pid = ["attitude.law=pid", "attitude.mpc.constraints=none", "guidance.preview_s=0.2"];
     let unseen = from_set(&pid).expect_err("only the MPC plans ahead").to_string();
     assert!(unseen.contains("`attitude.law` = \"mpc\" with it"), "{unseen}");
@@ -329,7 +314,7 @@ fn a_switch_that_is_turned_off_by_name_leaves_the_others_as_they_are() {
         ["plant.battery.sag=0.2", "plant.battery.energy_wh=0.0"],
         ["plant.wind_roughness_m=0.1", "plant.wind_ned_mps=[]"],
         ["fault=[{at_s=60, target=\"mixer\", kind=\"kill\"}]", "run.duration_s=60"],
-        ["mission.waypoints_m=[[0, 0, 0], [0, 0, -8]]", "mission.trajectory=survey"], // the default, as a run's folder has it
+        ["mission.part=[{kind='takeoff', height_m=5}]", "mission.trajectory=survey"], // the default, as a run's folder has it
     ] {
         let scenario = from_set(&settings).unwrap_or_else(|error| panic!("{settings:?}: {error}"));
         from_merged(&to_toml(&scenario), "scenario.toml").unwrap();

@@ -8,7 +8,7 @@
 //! `y` is a true motion less that of a flight without the step, so that a hover away from the reference does not count.
 
 use contract::message::State;
-use contract::scenario::{Mission, Scenario, TrajectoryKind};
+use contract::scenario::{Mission, Part, PartKind, Scenario, TrajectoryKind};
 use runtime::node::Open;
 
 use super::held::{HELD, STEP_TICK, STEPS};
@@ -40,9 +40,12 @@ pub fn attitude_bandwidths(scenario: &Scenario) -> [Option<f64>; 4] {
 pub fn position_bandwidths(scenario: &Scenario) -> [Option<f64>; 3] {
     let step_at_s = STEP_TICK as f64 * scenario.sample_s();
     let stepped = |i: usize| {
-        let mut step_m = [0.0; 3];
-        step_m[i] = SMALL;
-        let mission = Mission { trajectory: TrajectoryKind::Step, step_m, step_at_s, ..scenario.mission.clone() };
+        let mut point_m = [0.0; 3];
+        point_m[i] = SMALL;
+        let wait = Part { duration_s: Some(step_at_s), ..Part::new(PartKind::Loiter) };
+        let step = Part { point_m: Some(point_m), duration_s: Some(POSITION_S), ..Part::new(PartKind::Jump) };
+        let part = vec![wait, step];
+        let mission = Mission { trajectory: TrajectoryKind::Parts, part, ..scenario.mission.clone() };
         Scenario { mission, ..scenario.clone() }
     };
     let course = |scenario: &Scenario| course(scenario, ring::nodes::open, POSITION_S, |state| state.actual.position_m);

@@ -3,8 +3,8 @@
 use airframe::Trim;
 use contract::message::{Kinematics, State};
 use contract::scenario::{
-    Battery, Ground, Guidance, Heading, Initial, Mission, Noise, Plant, RollReference, Run, Scenario, Sensors,
-    TrajectoryKind, Turbulence,
+    Battery, Ground, Guidance, Initial, Mission, Noise, Plant, RollReference, Run, Scenario, Sensors, TrajectoryKind,
+    Turbulence,
 };
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use plant::dynamics::{Dynamics, Surroundings, assemble};
@@ -24,11 +24,7 @@ pub fn scenario(scenario: &Scenario) -> Scenario {
         .map(|tilt_reaction| Trim::solve(&scenario.airframe, tilt_reaction));
     let mut hover = Scenario {
         run: Run { command_jitter_ms: 0.0, command_drop_probability: 0.0, ..scenario.run.clone() },
-        mission: Mission {
-            trajectory: TrajectoryKind::Hover,
-            heading_deg: Heading::Constant(0.0),
-            ..scenario.mission.clone()
-        },
+        mission: Mission { trajectory: TrajectoryKind::Hover, heading_deg: 0.0, ..scenario.mission.clone() },
         initial: Initial {
             attitude_deg: [(known.roll_rad - flown.roll_rad).to_degrees(), 0.0, 0.0],
             ..Initial::default()

@@ -503,7 +503,7 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
 fn other_flights_are_not_judged() {
     let (log, mut scenario) = (hover(3000), Scenario::from(Profile::Paper));
     assert_eq!(claims(&log, &RunRecord { flown_s: 30.0, ..survey() }, &scenario).0, [None; 5]);
-    scenario.mission.trajectory = TrajectoryKind::Circle;
+    scenario.mission.trajectory = TrajectoryKind::Parts;
     assert_eq!(claims(&log, &survey(), &scenario).0, [None; 5]);
     let page = render(&log, &survey(), &scenario);
     check_tells(&page, &["<dt>altitude error, maximum</dt>"]);

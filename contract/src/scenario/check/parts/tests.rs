@@ -9,22 +9,24 @@ use proptest::sample::select;
 use crate::scenario::tests::from_set;
 use crate::scenario::{from_merged, plan, to_toml};
 
-const PARTS: &str = "mission.trajectory=parts";
+use super::warnings;
+
 const TAKEOFF: &str = "{kind='takeoff', height_m=5}";
 
 fn of(parts: &str, more: &[&str]) -> Result<crate::Scenario, String> {
     let part = format!("mission.part=[{parts}]");
-    from_set(&[&[PARTS, &part], more].concat()).map_err(|error| error.to_string())
+    from_set(&[&[part.as_str()], more].concat()).map_err(|error| error.to_string())
 }
 
 #[test]
 fn each_kind_flies_with_the_keys_it_needs() {
     let parts = "{kind='takeoff', height_m=5}, {kind='waypoints', points_m=[[5, 0, -5], [5, 5, -8]]}, \
                  {kind='circle', radius_m=3}, {kind='figure-eight', radius_m=3}, \
-                 {kind='helix', radius_m=3, climb_m=-1}, {kind='loiter', duration_s=1}, {kind='landing'}";
+                 {kind='helix', radius_m=3, climb_m=-1}, {kind='loiter', duration_s=1}, \
+                 {kind='jump', point_m=[0, 0, -5], duration_s=1}, {kind='landing'}";
     let scenario = of(parts, &["plant.ground.present=true"]).unwrap();
     let plan = plan::build(&scenario);
-    assert_eq!(plan.parts().len(), 7);
+    assert_eq!(plan.parts().len(), 8);
     assert!(plan.duration_s() > 20.0 && plan.duration_s() < 60.0, "{} s", plan.duration_s());
     assert_eq!(from_merged(&to_toml(&scenario), "merged.toml").unwrap(), scenario);
 }
@@ -33,10 +35,28 @@ fn each_kind_flies_with_the_keys_it_needs() {
 fn keys_that_a_part_needs_or_does_not_use_are_named() {
     let long = format!("[{}]", ["[1, 2, -3]"; 51].join(", "));
     for (parts, expected) in [
-        ("", "`mission.trajectory` = \"parts\" with 0 parts"),
         ("{kind='takeoff'}", "`mission.part[0]`: a takeoff without `height_m`"),
         ("{kind='takeoff', height_m=5, laps=2}", "`mission.part[0]`: a takeoff with a `laps` that it has no use for"),
         ("{kind='helix', radius_m=5}", "`mission.part[0]`: a helix without `climb_m`"),
+        ("{kind='jump', duration_s=1}", "`mission.part[0]`: a jump without `point_m`"),
+        ("{kind='waypoints', curve='line', points_m=[[1, 2, -3]]}", "a waypoints along a line without `times_s`"),
+        (
+            "{kind='waypoints', curve='trapezoid', points_m=[[1, 2, -3]], times_s=[9]}",
+            "`mission.part[0]`: a waypoints along a trapezoid without `ramp_s`",
+        ),
+        (
+            "{kind='waypoints', curve='trapezoid', points_m=[[1, 2, -3]], times_s=[9], ramp_s=5}",
+            "`mission.part[0]`: `ramp_s` = 5.0 does not fit the shortest leg of 9.0 s",
+        ),
+        (
+            "{kind='waypoints', curve='spline', points_m=[[1, 2, -3]], times_s=[9], ramp_s=2}",
+            "`mission.part[0]`: a waypoints along a spline with a `ramp_s` that it has no use for",
+        ),
+        ("{kind='loiter', duration_s=2, heading_deg=[[3, 90]]}", "a step of `heading_deg` at 3.0 s in a part of 2.0 s"),
+        (
+            "{kind='loiter', duration_s=2, heading_deg=[[1, 90], [0, 0]]}",
+            "`mission.part[0]`: the steps of `heading_deg` are out of order or range",
+        ),
         ("{kind='circle', radius_m=0}", "`mission.part[0]`: `radius_m` = 0.0 is out of range"),
         ("{kind='circle', radius_m=5, laps=0}", "`mission.part[0]`: `laps` = 0.0 is out of range"),
         ("{kind='circle', radius_m=5, period_s=nan}", "`mission.part[0]`: `period_s` = NaN is out of range"),
@@ -100,10 +120,10 @@ fn unknown_keys_and_kinds_are_refused_in_a_part() {
 fn settings_that_parts_do_not_use_are_idle_and_those_of_parts_without_them() {
     let idle = of(TAKEOFF, &["mission.heading_deg=90"]).unwrap_err();
     assert!(idle.contains("`mission.heading_deg` has no effect here"), "{idle}");
-    for set in ["mission.part=[{kind='takeoff', height_m=5}]", "mission.limits.share=0.5"] {
-        let idle = from_set(&[set]).unwrap_err().to_string();
-        assert!(idle.contains("has no effect here") && idle.contains("`mission.trajectory` = \"parts\""), "{idle}");
-    }
+    let idle = from_set(&["mission.limits.share=0.5"]).unwrap_err().to_string();
+    assert!(idle.contains("has no effect here") && idle.contains("`mission.trajectory` = \"parts\""), "{idle}");
+    let none = from_set(&["mission.trajectory=parts"]).unwrap_err().to_string();
+    assert!(none.contains("`mission.trajectory` = \"parts\" with 0 parts"), "{none}");
     assert!(of(TAKEOFF, &["mission.trajectory=hover"]).is_ok(), "what a later switch turns off is dropped");
 }
 
@@ -152,10 +172,43 @@ fn a_demand_beyond_the_vehicle_names_the_leg_the_limit_and_the_time_that_suffice
 
 #[test]
 fn the_place_of_a_wrong_part_is_shown() {
-    let text = "[mission]\ntrajectory = \"parts\"\n[[mission.part]]\nkind = \"takeoff\"\nheight_m = 5\n\
+    let text = "[mission]\n[[mission.part]]\nkind = \"takeoff\"\nheight_m = 5\n\
                 [[mission.part]]\nkind = \"circle\"\nradius_m = 5\nperiod_s = 2\n";
     let message = from_merged(text, "wrong.toml").unwrap_err().to_string();
-    assert!(message.contains("wrong.toml:9:"), "{message}");
+    assert!(message.contains("wrong.toml:8:"), "{message}");
+}
+
+#[test]
+fn hand_made_curves_and_jumps_are_warned_of_and_flown() {
+    let warned = |parts: &str, more: &[&str]| warnings(&of(parts, more).unwrap_or_else(|error| panic!("{error}")));
+    let within = |time_s: f64, curve: &str| {
+        format!("{{kind='waypoints', points_m=[[10, 0, 0]], times_s=[{time_s}], curve={curve}}}")
+    };
+    let asks = vec!["`mission.part[0]`: the leg to point 0 asks for"];
+    for (parts, expected) in [
+        (
+            within(1.6, "'line'"),
+            vec!["`mission.part[0]`: its velocity steps, to up to 6.2 m/s, which no vehicle can follow"],
+        ),
+        (within(1.5, "'trapezoid', ramp_s=0.5"), asks.clone()),
+        (within(1.5, "'min-jerk'"), asks.clone()),
+        (within(1.5, "'spline'"), asks.clone()),
+        (
+            "{kind='loiter', duration_s=1}, {kind='jump', point_m=[3, 4, 0], duration_s=1}".into(),
+            vec!["`mission.part[1]`: the reference jumps by 5.0 m, which no vehicle can follow"],
+        ),
+        (within(10.0, "'trapezoid', ramp_s=1"), vec![]),
+        (within(4.0, "'trapezoid', ramp_s=2"), vec![]), // the thrust turns in steps
+    ] {
+        let warned = warned(&parts, &[]);
+        assert_eq!(warned.len(), expected.len(), "{parts}: {warned:?}");
+        assert!(warned.iter().zip(&expected).all(|(found, expected)| found.starts_with(expected)), "{warned:?}");
+    }
+    let down = "{kind='waypoints', points_m=[[0, 0, 5]], times_s=[9], curve='min-jerk'}";
+    let ground = ["plant.ground.present=true"];
+    assert_eq!(warned(down, &ground), Vec::<String>::new(), "it lands");
+    let through = warned(&format!("{down}, {}", down.replace("5]", "-5]")), &ground);
+    assert!(through.len() == 1 && through[0].starts_with("`mission.part[0]`: its curve goes 5."), "{through:?}");
 }
 
 fn part() -> impl Strategy<Value = String> {
@@ -168,17 +221,27 @@ fn part() -> impl Strategy<Value = String> {
         "direction_deg",
         "duration_s",
         "sink_mps",
+        "ramp_s",
         "heading_deg",
     ]);
     let numbers = vec((key, number()), 0..4);
     let points = vec([number(), number(), number()], 0..4);
-    let kind = select(vec!["takeoff", "waypoints", "circle", "figure-eight", "helix", "loiter", "landing"]);
-    (kind, numbers, points, vec(number(), 0..4), 0..5_u32).prop_map(|(kind, numbers, points, times, more)| {
+    let kind = select(vec!["takeoff", "waypoints", "jump", "circle", "figure-eight", "helix", "loiter", "landing"]);
+    let curve = select(vec![None, Some("quintic"), Some("line"), Some("trapezoid"), Some("min-jerk"), Some("spline")]);
+    let times = vec(number(), 0..4);
+    (kind, curve, numbers, points, times, 0..5_u32).prop_map(|(kind, curve, numbers, points, times, more)| {
         let mut keys: BTreeMap<&str, String> = numbers.into_iter().map(|(key, x)| (key, format!("{x:?}"))).collect();
         match kind {
             "takeoff" => _ = keys.entry("height_m").or_insert("5.0".into()),
             "loiter" => _ = keys.entry("duration_s").or_insert("5.0".into()),
-            "waypoints" => _ = keys.insert("points_m", format!("{points:?}")),
+            "waypoints" => {
+                keys.insert("points_m", format!("{points:?}"));
+                keys.extend(curve.map(|curve| ("curve", format!("'{curve}'"))));
+            }
+            "jump" => {
+                keys.entry("duration_s").or_insert("5.0".into());
+                keys.insert("point_m", format!("{:?}", points.first().unwrap_or(&[1.0, 2.0, -3.0])));
+            }
             "landing" => {}
             _ => _ = keys.entry("radius_m").or_insert("5.0".into()),
         }

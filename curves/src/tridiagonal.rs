@@ -1,0 +1,39 @@
+//! Symmetric block tridiagonal equations, as the waypoints of a curve give them: each waypoint is coupled with its
+//! neighbours only. Block elimination (the algorithm of Thomas) solves them.
+
+use nalgebra::SMatrix;
+
+/// Equations of one waypoint with `N` unknowns on each axis: `across-' x- + on x + across x+ = right`.
+#[derive(Debug, Clone, Copy)]
+pub struct Row<const N: usize> {
+    /// Coefficients of its own unknowns.
+    pub on: SMatrix<f64, N, N>,
+    /// Coefficients of those of the next waypoint; of no meaning in the last row.
+    pub across: SMatrix<f64, N, N>,
+    /// Right-hand side, a column for each axis.
+    pub right: SMatrix<f64, N, 3>,
+}
+
+/// Solves the equations. A block without an inverse, which only waypoints that coincide in time have, counts as zero:
+/// the curve rests there.
+pub fn solve<const N: usize>(rows: &[Row<N>]) -> Vec<SMatrix<f64, N, 3>> {
+    // Forward: eliminate the waypoint before from the equations of each.
+    let mut left: Vec<(SMatrix<f64, N, N>, SMatrix<f64, N, 3>)> = vec![];
+    for (i, Row { mut on, mut right, .. }) in rows.iter().copied().enumerate() {
+        if let Some((inverse, last_right)) = left.last() {
+            let across = rows[i - 1].across;
+            let eliminated = across.transpose() * inverse;
+            on -= eliminated * across;
+            right -= eliminated * last_right;
+        }
+        left.push((on.try_inverse().unwrap_or_else(SMatrix::zeros), right));
+    }
+    // Back: solve each waypoint from the one after it.
+    let mut next = SMatrix::<f64, N, 3>::zeros();
+    let mut solved = vec![next; rows.len()];
+    for (i, (inverse, right)) in left.iter().enumerate().rev() {
+        next = inverse * (right - rows[i].across * next);
+        solved[i] = next;
+    }
+    solved
+}
