@@ -364,7 +364,7 @@ fn the_campaigns_of_the_page_can_be_flown() {
     let page = fs::read_to_string(top().join("docs/campaigns.md")).expect("the page");
     let examples: Vec<&str> =
         page.split("```toml\n").skip(1).map(|rest| rest.split("```").next().expect("a block ends")).collect();
-    let [whole, compare, promise, faults] = examples[..] else { panic!("{} examples", examples.len()) };
+    let [whole, compare, promise, limit, faults] = examples[..] else { panic!("{} examples", examples.len()) };
     let shipped = fs::read_to_string(top().join("campaigns/fifty-seeds.toml")).expect("it is shipped");
     assert!(shipped.contains(whole), "{shipped}");
     let place = Place::new(&format!("samples = 3\n[settings]\nrun.duration_s = 20.0\n{faults}"));
@@ -372,6 +372,12 @@ fn the_campaigns_of_the_page_can_be_flown() {
     let promised =
         "[vary]\nrun.command_delay_ms = [0.0, 10.0]\n[case.calm]\n[case.gusts]\n[controller.lqr]\n[controller.pid]\n";
     check(&Place::new(&format!("{promised}{compare}{promise}")).fly(&["--plan"], "out"), 0, &[]);
+    check(&Place::new(limit).fly(&["--plan"], "out"), 0, &[]);
+    let shipped = fs::read_to_string(top().join("campaigns/delay-limit.toml")).expect("it is shipped");
+    let settings = |text: &str| {
+        text.lines().filter_map(|line| Some(line.split('#').next()?.trim().to_owned())).collect::<Vec<_>>()
+    };
+    assert!(settings(&shipped).windows(6).any(|lines| lines == settings(limit)), "{limit}");
 }
 
 #[test]

@@ -9,7 +9,8 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder};
 use campaign::layout::MAX_SHARDS;
-use campaign::page::{self, Page, differences, promises, under_way};
+use campaign::observed::Observed;
+use campaign::page::{self, Page, differences, limits, promises, under_way};
 use campaign::row::{self, Standing};
 use campaign::table::{Cell, Table};
 use campaign::{Campaign, OwnController, Plan, Rate, local, seeds, slurm};
@@ -59,6 +60,9 @@ pub struct CampaignArgs {
     web: Option<SocketAddr>,
     #[command(flatten)]
     token: TokenArgs,
+    /// Run in real time whose age at the actuator is put beside the limits of a delay, a jitter or a loss
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["plan", "only", "status"])]
+    observed: Option<PathBuf>,
     #[command(flatten)]
     cluster: Cluster,
 }
@@ -136,6 +140,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
         "--web shows a campaign that this command flies on this machine; --slurm, --only, --plan, --status and --collect \
          have no page, and `trefoil campaign FILE --collect` writes campaign.html of the flights that are there"
     );
+    let shown = Shown::new(what, &plan, args.observed.as_deref())?;
     let page = OpenPage::open(args.web, &args.token)?;
     if args.plan {
         print_plan(&plan);
@@ -146,10 +151,32 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
     }
     if args.status || args.collect {
         let folder = CampaignFolder::open(&out, &plan, None, Access::Reading)?;
-        return if args.status { status(&plan, &folder) } else { conclude(&plan, &folder, what) };
+        return if args.status { status(&plan, &folder) } else { conclude(&plan, &folder, &shown) };
     }
     plan.check().and_then(|()| seeds::check(&plan)).with_context(|| what.file.display().to_string())?;
-    if args.cluster.slurm { on_slurm(&args.cluster, what, &plan, shards) } else { fly_here(what, &plan, shards, page) }
+    if args.cluster.slurm {
+        on_slurm(&args.cluster, &out, &plan, shards, &shown)
+    } else {
+        fly_here(&out, &plan, shards, page, &shown)
+    }
+}
+
+/// Parts of the results that come from the command line.
+struct Shown {
+    /// Command that flies one flight again; a number follows.
+    again: String,
+    observed: Option<Observed>,
+}
+
+impl Shown {
+    fn new(what: &What, plan: &Plan, observed: Option<&Path>) -> anyhow::Result<Self> {
+        let read = |run: &Path| {
+            let limit =
+                plan.campaign.limit().context("--observed stands beside limits, and the campaign has no [limit]")?;
+            Observed::read(run, &limit.key)
+        };
+        Ok(Self { again: what.again(), observed: observed.map(read).transpose()? })
+    }
 }
 
 impl What {
@@ -188,14 +215,19 @@ impl SoFar {
 }
 
 /// Flies the missing shards on all cores of this machine; returns the exit code.
-fn fly_here(what: &What, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>) -> anyhow::Result<u8> {
-    let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::Alone)?;
+fn fly_here(out: &Path, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>, shown: &Shown) -> anyhow::Result<u8> {
+    let folder = CampaignFolder::open(out, plan, shards, Access::Alone)?;
     // Reads the shards that exist, so that a damaged one is an error before any flight.
     let (there, missing) = folder.collect(plan)?;
     if there.rows() > 0 {
         let more =
             if missing.is_empty() { ", and none is flown again; --out flies them into another folder" } else { "" };
-        eprint_line(&format!("{} of {} flights are there already{more}", there.rows(), plan.flights()));
+        eprint_line(&format!(
+            "{} of {} {} are there already{more}",
+            there.rows(),
+            plan.flights(),
+            plan.campaign.units()
+        ));
     }
     // Signals are caught only from here on: until now nothing has begun, and a signal may end the program.
     let interrupts = catch_interrupts()?;
@@ -206,9 +238,9 @@ fn fly_here(what: &What, plan: &Plan, shards: Option<u64>, page: Option<OpenPage
         &interrupts,
         landed,
     ) {
-        exit::FLOWN => conclude(plan, &folder, what),
+        exit::FLOWN => conclude(plan, &folder, shown),
         code => {
-            conclude(plan, &folder, what)?;
+            conclude(plan, &folder, shown)?;
             Ok(code)
         }
     };
@@ -218,9 +250,8 @@ fn fly_here(what: &What, plan: &Plan, shards: Option<u64>, page: Option<OpenPage
     };
     let so_far = Mutex::new(SoFar { flights: there, words: "no flight has ended yet".into() });
     let lock = || so_far.lock().unwrap_or_else(PoisonError::into_inner);
-    let again = what.again();
     page.while_running(
-        || SoFar::page(&so_far, plan, &again),
+        || SoFar::page(&so_far, plan, &shown.again),
         || {
             let code = fly(&mut |now, row| {
                 let mut so_far = lock();
@@ -283,9 +314,9 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
 }
 
 /// Submits the missing shards to Slurm, and waits for them unless detached; returns the exit code.
-fn on_slurm(cluster: &Cluster, what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
+fn on_slurm(cluster: &Cluster, out: &Path, plan: &Plan, shards: Option<u64>, shown: &Shown) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
-    let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::WithShards)?;
+    let folder = CampaignFolder::open(out, plan, shards, Access::WithShards)?;
     let job = slurm::Job {
         partition: cluster.partition.clone(),
         time: cluster.time.clone(),
@@ -297,7 +328,7 @@ fn on_slurm(cluster: &Cluster, what: &What, plan: &Plan, shards: Option<u64>) ->
     let ended = slurm::fly(&job, &folder, detach, &interrupts, |line| progress.show(|| line.to_owned()));
     progress.finish();
     match ended? {
-        slurm::Ended::Complete => conclude(plan, &folder, what),
+        slurm::Ended::Complete => conclude(plan, &folder, shown),
         slurm::Ended::Detached => {
             eprint_line("submitted; `--status` says how far it is, the same command without `--detach` waits for it");
             Ok(exit::FLOWN)
@@ -316,7 +347,8 @@ fn on_slurm(cluster: &Cluster, what: &What, plan: &Plan, shards: Option<u64>) ->
 fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
     let (_, missing) = folder.collect(plan)?;
     let there = folder.layout.shards - missing.len() as u64;
-    print(&format!("{there} of {} shards of {} flights are there\n", folder.layout.shards, folder.layout.flights));
+    let (shards, units) = (folder.layout.shards, plan.campaign.units());
+    print(&format!("{there} of {shards} shards of {} {units} are there\n", folder.layout.flights));
     if let Some(tasks) = slurm::status(folder) {
         print(&format!("{tasks}\n"));
     }
@@ -324,7 +356,7 @@ fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
 }
 
 /// Writes the results of the shards that are there and prints a summary; returns the exit code.
-fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result<u8> {
+fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &Shown) -> anyhow::Result<u8> {
     end_at_once(
         "interrupted before the results were written; the shards are there, and the same command continues".into(),
     );
@@ -334,21 +366,23 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
         (0..flights.rows()).filter(|row| verdicts.is_some_and(|all| all.text(*row) == verdict.name())).count()
     };
     let [passed, failed, invalid] = Standing::ALL.map(count);
-    let mut text = format!(
-        "{}: {} flights: {passed} passed, {failed} failed, {invalid} invalid\n",
-        plan.campaign.name(),
-        flights.rows()
-    );
-    let page = Page::new(plan, &flights);
-    text += &rates(&page);
-    text += &differences::text(&page);
+    let verdicts = match plan.campaign.limit() {
+        Some(_) => format!("{failed} fail already at the safe end, {invalid} invalid"),
+        None => format!("{passed} passed, {failed} failed, {invalid} invalid"),
+    };
+    let mut text = format!("{}: {} {}: {verdicts}\n", plan.campaign.name(), flights.rows(), plan.campaign.units());
+    let page = Page { observed: shown.observed.clone(), ..Page::new(plan, &flights) };
+    text += &match plan.campaign.limit() {
+        Some(limit) => limits::text(&page, limit) + &page.grounds().join("\n") + "\n",
+        None => rates(&page) + &differences::text(&page),
+    };
     let targets = promises::targets(&page);
     for target in &targets {
         text += &(target.line().trim_end().to_owned() + "\n");
     }
     print(&text);
     let write = || -> anyhow::Result<()> {
-        folder.dir.write_whole("campaign.html", page::page(&page, &what.again())?.as_bytes())?;
+        folder.dir.write_whole("campaign.html", page::page(&page, &shown.again)?.as_bytes())?;
         let whole = "flights.parquet";
         match missing.is_empty() {
             true => folder.dir.write_whole(whole, &flights.to_parquet(&[])?)?,
@@ -420,7 +454,7 @@ fn print_plan(plan: &Plan) {
 /// Flies one flight again, with its log; an error if its shard is there and has another result for it.
 fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
     ensure!(number < plan.flights(), "--only {number}: the flights have the numbers 0 to {}", plan.flights() - 1);
-    let flight = plan.flight(number);
+    let flight = row::told_of(plan, number);
     if CampaignFolder::is_there(out) {
         let folder = CampaignFolder::open(out, plan, None, Access::Reading)?;
         if let Some((table, row)) = folder.shard_with(plan, number)? {

@@ -108,7 +108,7 @@ pub const HELP: &[Help] = &[
     help("stop", &["stop", "stop --namespace mine"]),
     Help {
         command: "campaign",
-        examples: &["campaign fifty-seeds", "campaign fifty-seeds --web", "campaign mine.toml --plan", "campaign mine.toml --only 17"],
+        examples: &["campaign fifty-seeds", "campaign fifty-seeds --web", "campaign delay-limit --observed runs/mine", "campaign mine.toml --plan", "campaign mine.toml --only 17"],
         exits: &[
             (exit::OUT_OF_BOUNDS, "flights could not be flown (invalid), or a promise is broken"),
             (exit::PROCESS_LOST, "shards are missing, or results could not be written"),
@@ -126,7 +126,6 @@ pub const HELP: &[Help] = &[
     Help { command: "measure navigation", examples: &["measure navigation"], exits: MEASURES },
     Help { command: "measure faults", examples: &["measure faults"], exits: MEASURES },
     Help { command: "measure kills", examples: &["measure kills"], exits: MEASURES },
-    Help { command: "measure sensitivity", examples: &["measure sensitivity"], exits: MEASURES },
     Help { command: "measure replay", examples: &["measure replay"], exits: MEASURES },
     Help { command: "measure timing", examples: &["measure timing"], exits: MEASURES },
     help("scenarios", &["scenarios", "scenarios faults/swap-law"]),

@@ -91,6 +91,7 @@ pub const MOVED: &[(Kind, &str, Now)] = &[
     (Command, "export fmu", Name("export --to fmu")),
     (Command, "measure laws", Name("campaign aggressive")),
     (Command, "measure conditions", Gone("fly the campaigns conditions and conditions-estimated")),
+    (Command, "measure sensitivity", Name("campaign delay-limit")),
     (Command, "measure timing --survey-s", Name("measure timing --survey")),
     (Column, "max_altitude_error_horizontal_m", Name("max_altitude_error_m")),
     (Column, "max_altitude_error_vertical_m", Name("max_altitude_error_m")),

@@ -140,6 +140,11 @@ impl Evidence {
         self.axis.map_or(0, |axis| axis.place(number))
     }
 
+    /// Returns the number of the first flight with the same settings as `number`, in the first draw.
+    pub fn in_first_draw(&self, number: u64) -> u64 {
+        number - self.axis.map_or(0, |axis| axis.place(number) * axis.step)
+    }
+
     /// Number of draws of the campaign.
     pub fn all_draws(&self) -> u64 {
         self.axis.map_or(0, |axis| axis.values)

@@ -29,6 +29,7 @@
 //! controllers = ["lqr"]
 //! passed = "all"
 //!
+//! [limit]                            # searched: up to which value a flight passes: see `limit`
 //! [random_faults]
 //! count = [0, 2]
 //! at_s = [2.0, 15.0]
@@ -49,6 +50,7 @@ use toml::{Table, Value};
 
 use crate::compare::Compare;
 use crate::hex::hex;
+use crate::limit::Limit;
 use crate::named::Named;
 use crate::own_controller::OwnController;
 use crate::promise::Promise;
@@ -122,6 +124,9 @@ pub(crate) struct File {
     #[serde(default, skip_serializing_if = "Named::is_empty")]
     #[schemars(schema_with = "any_table")]
     case: Named,
+    /// Setting whose largest value at which a flight passes is searched, for each flight of the plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limit: Option<Limit>,
     /// Faults drawn from the catalogue for each draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     random_faults: Option<RandomFaults>,
@@ -274,6 +279,16 @@ impl Campaign {
         self.file.random_faults.as_ref()
     }
 
+    /// Returns `[limit]`, if the file has it: each number of the plan is then a search of several flights.
+    pub fn limit(&self) -> Option<&Limit> {
+        self.file.limit.as_ref()
+    }
+
+    /// Word for what a number of the plan stands for, in the plural.
+    pub fn units(&self) -> &'static str {
+        if self.file.limit.is_some() { "searches" } else { "flights" }
+    }
+
     /// Returns `[tune]`, if the file has it.
     pub fn tune(&self) -> Option<&Tune> {
         self.file.tune.as_ref()
@@ -344,6 +359,7 @@ impl Campaign {
             ensure!(drawn > 0 || self.file.random_faults.is_some(), "[tune] has no draws to train on");
             tune.check(&self.controllers).context("[tune]")?;
         }
+        self.check_limit()?;
         match (self.file.samples, drawn > 0 || self.file.random_faults.is_some()) {
             (Some(0), _) => bail!("`samples` = 0: give how often to draw, 1 or more"),
             (Some(samples), _) if samples > MAX_SAMPLES => {
@@ -391,7 +407,34 @@ impl Campaign {
         let listed = self.factors.iter().filter(|factor| matches!(factor.values, Values::Listed(_)));
         let listed: Vec<&str> = listed.map(|factor| factor.key.as_str()).collect();
         self.compare().map_or(Ok(()), |compare| compare.check(&controllers))?;
-        self.promises().iter().try_for_each(|promise| promise.check(&controllers, &cases, &listed))
+        self.promises().iter().try_for_each(|promise| promise.check(&controllers, &cases, &listed, self.limit()))
+    }
+
+    /// Checks `[limit]` against the other tables.
+    fn check_limit(&self) -> anyhow::Result<()> {
+        let Some(limit) = self.limit() else { return Ok(()) };
+        limit.check().context("[limit]")?;
+        let key = &limit.key;
+        ensure!(key != SEED, "`{key}` has no safe end: search another setting");
+        for Factor { key: varied, .. } in &self.factors {
+            let is_part = |whole: &str, part: &str| part.strip_prefix(whole).is_some_and(|rest| rest.starts_with('.'));
+            ensure!(
+                varied != key && !is_part(varied, key) && !is_part(key, varied),
+                "`{key}` of [limit] and `{varied}` vary the same setting: remove one of them"
+            );
+        }
+        for (name, own) in &self.file.controller.0 {
+            ensure!(find(own, key).is_none(), "`{key}` of [limit] stands in [controller.{name}] too: remove it there");
+        }
+        ensure!(
+            self.file.tune.is_none(),
+            "[limit] and [tune] do not go together: a limit is searched with gains that are known; give [tune] a file of its own"
+        );
+        ensure!(
+            self.file.compare.is_none(),
+            "[limit] and [compare] do not go together: the flights of two limits have different settings; remove [compare]"
+        );
+        Ok(())
     }
 }
 

@@ -18,10 +18,13 @@
 //! | [`folder`], [`layout`] | the folder of a campaign, its lock, and the program and campaign of its shards |
 //! | [`local`] | all cores of this machine |
 //! | [`slurm`], `scheduler` | a cluster, and the commands of its scheduler |
+//! | [`limit`](mod@limit) | up to which value of a setting a flight passes |
+//! | [`observed`] | that value in a flight in real time |
 //! | [`tune`], [`search`] | gains tuned by one procedure, on draws that the campaign does not use |
 //! | [`seeds`] | refuses seeds that change nothing |
 //! | [`evidence`] | the draws of a campaign, and the copies among its flights |
 //! | [`mean`], [`rate`], [`difference`] | 95 % intervals of a mean, of a share, of the difference of two controllers |
+//! | [`median`] | 95 % interval of a median |
 //! | [`compare`] | metrics in which controllers are compared; `page::differences` has the table |
 //! | [`promise`] | what a campaign file promises of its flights; `page::promises` has the verdicts |
 //! | [`page`] | `campaign.html` |
@@ -41,10 +44,13 @@ pub mod file;
 pub mod folder;
 mod hex;
 pub mod layout;
+pub mod limit;
 pub mod local;
 pub mod mean;
+pub mod median;
 mod named;
 pub mod normal;
+pub mod observed;
 pub mod own_controller;
 pub mod page;
 pub mod plan;

@@ -23,6 +23,8 @@ pub struct Progress {
     pub flown: u64,
     /// Flights that this call has to fly.
     pub all: u64,
+    /// Word for what is flown: flights, or searches of several flights.
+    units: &'static str,
     pub failed: u64,
     pub invalid: u64,
     started: Instant,
@@ -31,12 +33,12 @@ pub struct Progress {
 impl Progress {
     /// Returns the progress in one line, with the time left.
     pub fn describe(&self) -> String {
-        let Self { flown, all, failed, invalid, started } = self;
+        let Self { flown, all, units, failed, invalid, started } = self;
         let per_s = *flown as f64 / started.elapsed().as_secs_f64().max(1e-9);
         let left_s = (all - flown) as f64 / per_s.max(1e-9);
         let invalid = if *invalid > 0 { format!(", {invalid} invalid") } else { String::new() };
         format!(
-            "{flown} of {all} flights   {per_s:.0} per second   {} left   {failed} failed{invalid}",
+            "{flown} of {all} {units}   {per_s:.0} per second   {} left   {failed} failed{invalid}",
             duration(left_s)
         )
     }
@@ -82,7 +84,8 @@ pub fn fly(
 ) -> anyhow::Result<bool> {
     let range = |shard: u64| shard::range(folder.layout.flights, shard, folder.layout.shards);
     let all = shards.iter().map(|shard| range(*shard)).map(|range| range.end - range.start).sum();
-    let mut progress = Progress { flown: 0, all, failed: 0, invalid: 0, started: Instant::now() };
+    let mut progress =
+        Progress { flown: 0, all, units: plan.campaign.units(), failed: 0, invalid: 0, started: Instant::now() };
     let columns = shard::columns_of(plan);
     let is_over = AtomicU32::new(0);
     let go_on = || interrupts.load(Ordering::Relaxed) + is_over.load(Ordering::Relaxed) == 0;

@@ -102,9 +102,10 @@ impl Plan {
         axes
     }
 
-    /// Returns the flight of a number below [`flights`](Self::flights).
+    /// Returns the flight of a number below [`flights`](Self::flights); with `[limit]` that at the safe end.
     pub fn flight(&self, number: u64) -> Flight {
-        self.flight_with(number, &[])
+        let at_safe_end = self.campaign.limit().map(|limit| limit.setting(0));
+        self.flight_with(number, at_safe_end.as_slice())
     }
 
     /// Returns the flight with more settings of its controller on top.
@@ -167,8 +168,8 @@ impl Plan {
     /// The first value or controller that cannot be flown, with its name and what to do.
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!(
-            self.flights() > 1,
-            "nothing varies: give `seeds`, [vary], or several controllers; `trefoil fly` flies one flight"
+            self.flights() > 1 || self.campaign.limit().is_some(),
+            "nothing varies: give `seeds`, [vary], [limit], or several controllers; `trefoil fly` flies one flight"
         );
         for (i, factor) in self.campaign.factors.iter().enumerate() {
             for value in factor.values.ends() {
@@ -190,7 +191,22 @@ impl Plan {
                 }
             }
         }
+        self.check_limit()?;
         (0..self.campaign.controllers.len() as u64).try_for_each(|number| self.check_controller(number))
+    }
+
+    /// Checks that both ends of the range of `[limit]`, and the value beside the first, can be flown.
+    fn check_limit(&self) -> anyhow::Result<()> {
+        let Some(limit) = self.campaign.limit() else { return Ok(()) };
+        for step in [0, 1, limit.steps()] {
+            let (key, value) = limit.setting(step);
+            let flight = |number| self.flight_with(number, &[(key.clone(), value.clone())]);
+            let refusals = (0..self.flights().min(LOOKED_AT)).map(|number| flight(number).refusal());
+            if let Some(refusal) = refusals.collect::<Option<Vec<String>>>().and_then(|all| all.into_iter().next()) {
+                bail!("[limit] `{key}` = {value}: {refusal}");
+            }
+        }
+        Ok(())
     }
 
     /// Checks that controller `number` can be flown in one of at most 64 flights, spread over the campaign.

@@ -7,7 +7,7 @@
 //! cases = ["step"]                             # likewise
 //! at = { "run.command_delay_ms" = 4.0 }        # only flights with this listed value, or one of an array of values
 //! metric = "max_position_error_m"              # column of the table of flights
-//! of = "max"                                   # over the flights: max (default), min, mean or sum
+//! of = "max"                                   # over the flights: max (default), min, median, mean or sum
 //! at_most = 0.7                                # or at_least
 //! over_best = true                             # as a multiple of the best controller of the campaign there
 //! because = "the paper claims it"              # reason that the verdict shows
@@ -15,6 +15,12 @@
 //! [[promise]]
 //! figure = "flights lost"
 //! passed = "all"                               # or "none", or "share" with at_least = 0.95, held against its interval
+//!
+//! [[promise]]
+//! figure = "{controller}: delay up to which it flies"
+//! metric = "limit"                             # of a campaign with [limit]; `of` is min, max or median
+//! of = "min"
+//! at_least = 40.0
 //! ```
 //!
 //! If one of the flights failed, the gathered metric is infinite on the side that breaks the promise. Flights that are
@@ -27,6 +33,7 @@ use serde::Deserialize;
 use toml::Table;
 
 use crate::columns;
+use crate::limit::{LIMIT, Limit};
 
 /// One `[[promise]]` of a campaign file.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -73,6 +80,8 @@ pub enum Gather {
     Max,
     /// Least value.
     Min,
+    /// Median; of two in the middle the lower one.
+    Median,
     /// Mean.
     Mean,
     /// Sum.
@@ -96,7 +105,13 @@ impl Promise {
     ///
     /// # Errors
     /// A name or a column that the campaign does not have, or settings of the promise that contradict each other.
-    pub fn check(&self, controllers: &[&str], cases: &[&str], listed: &[&str]) -> anyhow::Result<()> {
+    pub fn check(
+        &self,
+        controllers: &[&str],
+        cases: &[&str],
+        listed: &[&str],
+        limit: Option<&Limit>,
+    ) -> anyhow::Result<()> {
         let Self { figure, metric, passed, at_most, at_least, .. } = self;
         let known = |what: &str, names: &[String], all: &[&str]| match names.iter().find(|n| !all.contains(&n.as_str()))
         {
@@ -109,7 +124,15 @@ impl Promise {
             bail!("[[promise]] {figure:?}: {}", moved.title);
         }
         known("list of values of", &self.at.keys().cloned().collect::<Vec<_>>(), listed)?;
-        metric.iter().try_for_each(|metric| columns::require_metric(&format!("[[promise]] {figure:?}"), metric))?;
+        match metric.as_deref() {
+            Some(LIMIT) if limit.is_some() => ensure!(
+                matches!(self.of, Some(Gather::Min | Gather::Max | Gather::Median)) && !self.over_best,
+                "[[promise]] {figure:?}: give `of` = \"min\", \"max\" or \"median\", without `over_best`: a limit beyond the \
+                 range is known only to be there"
+            ),
+            Some(metric) => columns::require_metric(&format!("[[promise]] {figure:?}"), metric)?,
+            None => {}
+        }
         let is_limited = at_most.is_some() != at_least.is_some();
         let is_finite = [at_most, at_least].into_iter().flatten().all(|limit| limit.is_finite());
         ensure!(is_finite, "[[promise]] {figure:?}: give a finite limit");

@@ -1,4 +1,5 @@
-//! One flight and its verdict, as the cells of a row.
+//! One flight and its verdict, as the cells of a row. With `[limit]` a row is one search: it has the limit, and the
+//! verdict and figures of the flight there, or at the safe end if already that one fails.
 //!
 //! | verdict | the flight |
 //! |---|---|
@@ -6,6 +7,7 @@
 //! | failed | is any other that was flown |
 //! | invalid | could not be flown: its settings contradict each other, or the program panicked. It counts as neither |
 
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use anyhow::{Context, anyhow};
@@ -26,6 +28,7 @@ use sha2::{Digest, Sha256};
 
 use crate::columns::measured;
 use crate::hex::hex;
+use crate::limit::{self, Found, Limit};
 use crate::plan::{Flight, Plan};
 use crate::table::{Cell, Table};
 
@@ -58,12 +61,41 @@ pub struct FlightRow {
     pub happened: Happenings,
 }
 
-/// Flies flight `number` of a plan, and makes its row: the cells of the plan, then those of the outcome. `None` when
-/// `go_on` said no before the end.
+/// Flies number `number` of a plan, and makes its row: the cells of the plan, with `[limit]` those of the search, and
+/// those of the outcome. `None` when `go_on` said no before the end.
 pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
     let flight = plan.flight(number);
-    let outcome = fly(&flight, go_on, |_| {})?;
-    Some(FlightRow { cells: [plan.cells(&flight), outcome.cells].concat(), ..outcome })
+    let (of_search, outcome) = match plan.campaign.limit() {
+        None => (vec![], fly(&flight, go_on, |_| {})?),
+        Some(limit) => {
+            let (found, outcome) = search(plan, limit, number, go_on)?;
+            (found.map_or(vec![Cell::None; limit::columns().len()], |found| limit.cells(&found)), outcome)
+        }
+    };
+    Some(FlightRow { cells: [plan.cells(&flight), of_search, outcome.cells].concat(), ..outcome })
+}
+
+/// Returns the flight that row `number` tells of: with `[limit]` that at the limit, which is searched again.
+pub fn told_of(plan: &Plan, number: u64) -> Flight {
+    let found = plan.campaign.limit().and_then(|limit| Some((limit, search(plan, limit, number, || true)?.0?.limit?)));
+    found.map_or_else(|| plan.flight(number), |(limit, step)| plan.flight_with(number, &[limit.setting(step)]))
+}
+
+/// Searches the limit of number `number`; returns it with the flight there, or at the safe end if there is none. An
+/// invalid flight ends the search, and stands alone. `None` when `go_on` said no before the end.
+fn search(plan: &Plan, limit: &Limit, number: u64, go_on: impl Fn() -> bool) -> Option<(Option<Found>, FlightRow)> {
+    let mut flown = BTreeMap::new();
+    let found = limit.search(|step| {
+        let row = fly(&plan.flight_with(number, &[limit.setting(step)]), &go_on, |_| {})?;
+        let standing = row.standing;
+        flown.insert(step, row);
+        (standing != Standing::Invalid).then_some(standing == Standing::Passed)
+    });
+    let row = match &found {
+        Some(found) => flown.remove(&found.limit.unwrap_or(0)),
+        None => flown.into_values().find(|row| row.standing == Standing::Invalid),
+    };
+    Some((found, row?))
 }
 
 /// Flies; `None` when `go_on` said no before the end. `watch` is given every message.

@@ -18,6 +18,7 @@ use sha2::{Digest, Sha256};
 use crate::columns;
 use crate::hex::hex;
 use crate::layout::Layout;
+use crate::limit;
 use crate::plan::Plan;
 use crate::table::{Cell, Kind, Table};
 
@@ -66,7 +67,8 @@ pub fn name(index: u64) -> String {
 
 /// Columns of all tables of a campaign.
 pub fn columns_of(plan: &Plan) -> Vec<(String, Kind)> {
-    [plan.columns(), columns::of_the_outcome()].concat()
+    let of_a_search = plan.campaign.limit().map(|_| limit::columns());
+    [plan.columns(), of_a_search.unwrap_or_default(), columns::of_the_outcome()].concat()
 }
 
 /// Metadata that the file of a shard must have.

@@ -16,6 +16,7 @@ use parquet::schema::types::Type;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use toml::Value;
+use view::draw::short;
 
 use crate::hex::hex;
 
@@ -166,6 +167,17 @@ impl Column {
         }
     }
 
+    /// Formats the value of a row.
+    pub fn word(&self, row: usize) -> String {
+        match self.cell(row) {
+            Cell::None => "none".to_owned(),
+            Cell::Bool(yes) => yes.to_string(),
+            Cell::Int(n) => n.to_string(),
+            Cell::Real(x) => short(x),
+            Cell::Text(text) => text,
+        }
+    }
+
     fn hash(&self, hash: &mut Sha256) {
         let mut one = |value: Option<&[u8]>| {
             hash.update(value.map_or(u64::MAX, |bytes| bytes.len() as u64).to_le_bytes());
@@ -204,7 +216,6 @@ impl Table {
         pairs.into_iter().try_for_each(|((_, column), (_, more))| column.append(more))
     }
 
-    /// Finds a column by name.
     /// Returns the rows as objects.
     pub fn to_json(&self) -> serde_json::Value {
         let cell = |cell: Cell| match cell {
@@ -220,6 +231,7 @@ impl Table {
         (0..self.rows()).map(row).collect()
     }
 
+    /// Finds a column by name.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|(of, _)| of == name).map(|(_, column)| column)
     }

@@ -29,11 +29,6 @@ pub fn seconds_or_inf(text: &str) -> Result<f64, String> {
     if text.trim() == "inf" { Ok(f64::INFINITY) } else { seconds(text).map_err(|error| error + ", or inf") }
 }
 
-/// Parses a duration in milliseconds, with its unit as for [`seconds`].
-pub fn milliseconds(text: &str) -> Result<f64, String> {
-    seconds(text).map(|duration_s| duration_s * 1e3)
-}
-
 /// Parses the value of an option that is called `ms`, which gives a plain number its unit, with an optional minus sign.
 pub fn signed_milliseconds(text: &str) -> Result<f64, String> {
     let plain = text.trim().parse().ok().filter(|ms: &f64| ms.is_finite());
@@ -64,8 +59,8 @@ mod tests {
         for text in ["", "s", "-1s", "1d", "NaN", "inf", "ms", "1 2", "1e999"] {
             assert!(seconds(text).unwrap_err().contains("500ms, 0.5s, 2min"), "{text}");
         }
-        for parsed in [seconds("5"), seconds_or_inf("5"), milliseconds("5"), signed_seconds("-5")] {
-            assert!(parsed.unwrap_err().starts_with("'5' has no unit: say 5s or 5ms"), "seconds or milliseconds?");
+        for parsed in [seconds("5"), seconds_or_inf("5"), signed_seconds("-5")] {
+            assert!(parsed.unwrap_err().starts_with("'5' has no unit: say 5s or 5ms"));
         }
     }
 
@@ -73,8 +68,7 @@ mod tests {
     fn durations_may_be_infinite_or_signed_milliseconds() {
         assert_eq!([seconds_or_inf("inf"), seconds_or_inf("1s")], [Ok(f64::INFINITY), Ok(1.0)]);
         assert!(seconds_or_inf("nan").unwrap_err().contains("or inf"));
-        assert_eq!(["20ms", "0.02s"].map(milliseconds), [Ok(20.0), Ok(20.0)]);
-        assert_eq!(["-5", "-5ms", "5"].map(signed_milliseconds), [Ok(-5.0), Ok(-5.0), Ok(5.0)]);
+        assert_eq!(["-5", "-5ms", "20", "0.02s"].map(signed_milliseconds), [Ok(-5.0), Ok(-5.0), Ok(20.0), Ok(20.0)]);
         assert!(signed_milliseconds("nan").is_err());
     }
 }

@@ -6,8 +6,7 @@
 //! | [`navigation`] | `measure navigation`: how long the navigation unit takes, and a tick of the plant |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
 //! | [`kills`] | `measure kills`: a thousand kills of any process at any moment |
-//! | [`shipped`] | shipped campaigns, which `faults` and `sensitivity` fly |
-//! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
+//! | [`shipped`] | a shipped campaign, which `faults` flies |
 //! | [`replay`] | `measure replay`: flights in real time, flown again bit for bit |
 //! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and the rule by which one counts as failed |
@@ -25,7 +24,6 @@ pub mod kills;
 pub mod mpc;
 pub mod navigation;
 pub mod replay;
-pub mod sensitivity;
 pub mod shipped;
 pub mod timing;
 
@@ -41,8 +39,6 @@ pub enum Measure {
     Faults(faults::FaultsArgs),
     /// Kill any process of short flights at any moment, again and again
     Kills(kills::KillsArgs),
-    /// Fly campaigns/sensitivity-*.toml: the tracking error over delay, jitter and lost commands
-    Sensitivity(sensitivity::SensitivityArgs),
     /// Fly in real time, undisturbed and disturbed, and fly each flight again from its log
     Replay(replay::ReplayArgs),
     /// Time the stack against cyclictest, raw rings, load and rates
@@ -60,7 +56,6 @@ impl Measure {
             Self::Navigation(args) => navigation::measure(args),
             Self::Faults(args) => faults::measure(args),
             Self::Kills(args) => kills::measure(args),
-            Self::Sensitivity(args) => sensitivity::measure(args),
             Self::Replay(args) => replay::measure(args),
             Self::Timing(args) => timing::measure(args),
             Self::RingPeer(args) => timing::ring_peer::run(args),

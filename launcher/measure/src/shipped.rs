@@ -2,14 +2,13 @@
 
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use campaign::page::{Page, promises};
 use campaign::row::Standing;
 use campaign::table::Table;
-use campaign::{Campaign, OwnController, Plan, local};
-use flight::shipped::{Kind, ROOT, Shipped};
+use campaign::{Campaign, Plan, local};
+use flight::shipped::ROOT;
 use outcome::target::Target;
-use toml::Value;
 
 /// Flights of a shipped campaign.
 pub struct Flown {
@@ -17,59 +16,17 @@ pub struct Flown {
     pub flights: Table,
 }
 
-/// Plans the campaign `campaigns/NAME.toml`, with controllers of the user beside its own; `edit` may change its text
-/// before.
+/// Flies the campaign `campaigns/NAME.toml` in process on all cores.
 ///
 /// # Errors
-/// The text is no campaign, or a controller cannot be flown.
-pub fn plan(
-    name: &str,
-    own: &[OwnController],
-    edit: impl FnOnce(String) -> anyhow::Result<String>,
-) -> anyhow::Result<Plan> {
-    let file = format!("campaigns/{name}.toml");
-    let shipped = Shipped::find(Kind::Campaign, &Path::new(ROOT).join(&file)).context("there is no such campaign")?;
-    let text = edit(shipped.text().to_owned())?;
-    let folder = Path::new(ROOT).join("campaigns");
-    let plan = Plan::new(Campaign::read_with(&text, &file, name, &folder, own)?)?;
-    if !own.is_empty() {
-        plan.check()?;
-    }
-    Ok(plan)
-}
-
-/// Flies the same campaign in process on all cores.
-///
-/// # Errors
-/// The text is no campaign, or a flight of it cannot be flown.
-pub fn fly(name: &str, edit: impl FnOnce(String) -> anyhow::Result<String>) -> anyhow::Result<Flown> {
-    fly_with(name, &[], edit)
-}
-
-/// Flies the same campaign with controllers of the user beside its own.
-///
-/// # Errors
-/// As for [`fly`], or a controller cannot be flown.
-pub fn fly_with(
-    name: &str,
-    own: &[OwnController],
-    edit: impl FnOnce(String) -> anyhow::Result<String>,
-) -> anyhow::Result<Flown> {
-    let plan = plan(name, own, edit)?;
+/// There is no such campaign, or a flight of it cannot be flown.
+pub fn fly(name: &str) -> anyhow::Result<Flown> {
+    let plan = Plan::new(Campaign::load(&Path::new(ROOT).join(format!("campaigns/{name}.toml")))?)?;
     let flown = Flown { flights: local::fly_all(&plan), plan };
     match (0..flown.flights.rows()).find(|row| flown.text(*row, "verdict") == Standing::Invalid.name()) {
         Some(row) => bail!("flight {row} cannot be flown: {}", flown.text(row, "outcome")),
         None => Ok(flown),
     }
-}
-
-/// Formats the path of a scenario that a user named as TOML, absolute.
-///
-/// # Errors
-/// There is no such file.
-pub fn path_as_toml(path: &Path) -> anyhow::Result<Value> {
-    let absolute = path.canonicalize().with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(Value::from(&*absolute.to_string_lossy()))
 }
 
 impl Flown {
@@ -91,6 +48,7 @@ impl Flown {
 
 #[cfg(test)]
 mod tests {
+    use flight::shipped::{Kind, Shipped};
     use outcome::target::Verdict;
 
     use super::*;
@@ -104,7 +62,7 @@ mod tests {
 
     #[test]
     fn the_vehicle_lands_without_a_controller_and_falls_without_a_mixer_or_a_rotor() {
-        let flown = fly("brought-down", Ok).unwrap();
+        let flown = fly("brought-down").unwrap();
         for row in 0..flown.flights.rows() {
             let sink_mps = flown.number(row, "touchdown_sink_mps");
             let case = flown.text(row, "case");

@@ -256,28 +256,29 @@ pub fn warnings(scenario: &Scenario) -> Vec<String> {
     let (plan, limits) = (plan::build(scenario), plan::limits(scenario));
     let mut all = vec![];
     for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
-        let mut warn = |what: &str| all.push(format!("`mission.part[{i}]`: {what}"));
+        let mut found = vec![];
         if part.may_exceed() {
-            if planned.jump_m > 0.0 {
-                warn(&format!("the reference jumps by {:.1} m, which no vehicle can follow", planned.jump_m));
-            }
-            if part.curve == Some(CurveKind::Line) {
+            let jumps = || format!("the reference jumps by {:.1} m, which no vehicle can follow", planned.jump_m);
+            found.extend((planned.jump_m > 0.0).then(jumps));
+            let steps = || {
                 let speed_mps = planned.demand(&limits).speed_mps;
-                warn(&format!("its velocity steps, to up to {speed_mps:.1} m/s, which no vehicle can follow"));
-            }
-            excess(part, planned, &for_curve(part, limits)).iter().for_each(|(_, what)| warn(what));
-            below_ground(scenario, i, planned).iter().for_each(|what| warn(what));
+                format!("its velocity steps, to up to {speed_mps:.1} m/s, which no vehicle can follow")
+            };
+            found.extend((part.curve == Some(CurveKind::Line)).then(steps));
+            found.extend(excess(part, planned, &for_curve(part, limits)).map(|(_, what)| what));
+            found.extend(below_ground(scenario, i, planned));
         }
-        if let Some(Stray { beyond_m, longest_leg_m, offer }) = plan::stray(scenario, part, planned) {
+        found.extend(plan::stray(scenario, part, planned).map(|Stray { beyond_m, longest_leg_m, offer }| {
             let advice = offer.map_or("give it more points".into(), |Offer { times_s, beyond_m }| {
                 let times_s = times_s.iter().map(|t_s| format!("{t_s:.2}")).collect::<Vec<_>>().join(", ");
                 format!("with `times_s = [{times_s}]` it stays within {beyond_m:.2} m of it")
             });
-            warn(&format!(
+            format!(
                 "its curve goes {beyond_m:.1} m beyond the box of its points, whose longest leg has \
                  {longest_leg_m:.1} m; {advice}"
-            ));
-        }
+            )
+        }));
+        all.extend(found.into_iter().map(|what| format!("`mission.part[{i}]`: {what}")));
     }
     all
 }

@@ -16,6 +16,10 @@ fn the_merged_file_is_the_same_campaign() {
     assert_eq!((again.merged(), again.hash()), (campaign.merged(), campaign.hash()));
     assert_eq!(again.factors, campaign.factors);
     assert_ne!(read(&text.replace("1.2", "1.3")).unwrap().hash(), campaign.hash());
+    let limit = "[limit]\nkey = 'run.command_delay_ms'\nfrom = 0.0\nto = 9.0\nresolution = 1.0\n";
+    let searched = read(&format!("{text}{limit}")).unwrap();
+    assert_eq!(read(&searched.merged()).unwrap().limit(), searched.limit());
+    assert_ne!(searched.hash(), campaign.hash(), "a limit changes the flights");
 }
 
 #[test]

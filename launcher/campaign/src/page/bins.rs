@@ -2,7 +2,7 @@
 
 use view::draw::{Axis, short};
 
-use crate::table::{Cell, Column, Table};
+use crate::table::{Column, Table};
 
 /// Largest number of different numbers that are shown one by one; more are divided into parts.
 const FEW: usize = 10;
@@ -56,7 +56,7 @@ impl Binned {
             let values: Vec<_> = rows.map(|row| column.number(row)).collect();
             by_number(&title, &values, parts(values.iter().flatten().count()))
         } else {
-            let words: Vec<String> = rows.map(|row| word(column.cell(row))).collect();
+            let words: Vec<String> = rows.map(|row| column.word(row)).collect();
             let mut entries = words.clone();
             entries.sort();
             entries.dedup();
@@ -91,22 +91,25 @@ pub fn parts_of_two(flights: usize) -> usize {
 }
 
 /// Formats a key with the unit of its suffix: `plant.airframe.mass [kg]`.
-fn title(key: &str) -> String {
-    let of_unit = |name: &str| UNITS.iter().find(|(end, _)| *end == name).map(|(_, unit)| *unit);
-    for part in key.split('.') {
-        if let Some((name, unit)) = part.rsplit_once('_').and_then(|(name, end)| Some((name, of_unit(end)?))) {
-            return format!("{} [{unit}]", key.replace(part, name));
-        }
+pub fn title(key: &str) -> String {
+    match split(key) {
+        Some((part, name, unit)) => format!("{} [{unit}]", key.replace(part, name)),
+        None => key.to_owned(),
     }
-    key.to_owned()
 }
 
-fn word(cell: Cell) -> String {
-    match cell {
-        Cell::Bool(yes) => yes.to_string(),
-        Cell::Text(text) => text,
-        _ => "none".to_owned(),
-    }
+/// Unit of a key by its suffix.
+pub fn unit(key: &str) -> Option<&'static str> {
+    split(key).map(|(_, _, unit)| unit)
+}
+
+/// Returns the part of a key that ends with a unit, the part without the unit, and the unit.
+fn split(key: &str) -> Option<(&str, &str, &'static str)> {
+    let of_unit = |name: &str| UNITS.iter().find(|(end, _)| *end == name).map(|(_, unit)| *unit);
+    key.split('.').find_map(|part| {
+        let (name, end) = part.rsplit_once('_')?;
+        Some((part, name, of_unit(end)?))
+    })
 }
 
 /// Returns the axis of some values, whether it is divided into parts, and the places of the values.
@@ -164,7 +167,7 @@ fn alike(edges: &[f64], part: f64) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::Kind;
+    use crate::table::{Cell, Kind};
 
     fn binned(values: impl IntoIterator<Item = f64>) -> Option<Binned> {
         let mut table = Table::new(&[("x".to_owned(), Kind::Real)]);

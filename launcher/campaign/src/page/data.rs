@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::bins::Binned;
 use super::bounds::{self, Bound};
 use crate::evidence::Evidence;
+use crate::observed::Observed;
 use crate::plan::Plan;
 use crate::rate::Rate;
 use crate::row::Standing;
@@ -27,6 +28,8 @@ pub struct Page<'a> {
     pub bounds: Vec<Bound>,
     pub error: Error,
     pub evidence: Evidence,
+    /// Value of the limit's setting in a flight in real time, which stands beside the limits.
+    pub observed: Option<Observed>,
 }
 
 /// Position error shown in the plots.
@@ -78,6 +81,7 @@ impl<'a> Page<'a> {
             passed: (0..flights.rows()).map(passed).collect(),
             error: Error::new(flights, &bounds),
             evidence: Evidence::of(plan, flights),
+            observed: None,
             plan,
             flights,
             names,
@@ -132,10 +136,5 @@ impl<'a> Page<'a> {
     pub fn rates(&self) -> Vec<(&'a str, Rate)> {
         let of = |i: usize| self.rate(|row| self.controllers[row] == i);
         self.names.iter().enumerate().map(|(i, name)| (*name, of(i))).collect()
-    }
-
-    /// Returns sentences on the basis of the rates, and on copies.
-    pub fn grounds(&self) -> Vec<String> {
-        [vec![self.evidence.sentences(self.each())], self.evidence.copies(&self.names)].concat()
     }
 }

@@ -5,6 +5,7 @@ use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, legend, map, shor
 
 use super::bins::{Binned, parts};
 use super::data::Page;
+use super::limits;
 use super::maps::share_cell;
 use super::words::heading;
 
@@ -46,11 +47,14 @@ pub fn section(page: &Page) -> String {
         (!plotted.is_empty() && page.error.limit.is_some(), "The broken line is the bound.".to_owned()),
         (
             !mapped.is_empty(),
-            format!(
-                "Maps have at the left the percentage passed and the number of flights (n), and at the right the \
-                 median of the {}.",
-                page.error.words
-            ),
+            match page.plan.campaign.limit() {
+                Some(_) => limits::CELLS.to_owned(),
+                None => format!(
+                    "Maps have at the left the percentage passed and the number of flights (n), and at the right the \
+                     median of the {}.",
+                    page.error.words
+                ),
+            },
         ),
     ];
     let words: Vec<String> = sentences.into_iter().filter_map(|(is_meant, words)| is_meant.then_some(words)).collect();
@@ -68,9 +72,9 @@ fn one(page: &Page, factor: &Binned) -> String {
     format!("<h3>{}</h3><div class=\"plots\">{plots}</div>", heading(&factor.key))
 }
 
-/// Returns whether a map with rows is needed, because there are too many controllers or words for a plot.
+/// Returns whether a map with rows is needed: for limits, and for more controllers or words than a plot holds.
 fn has_rows(page: &Page, factor: &Binned) -> bool {
-    page.names.len() > COLOURED || !(factor.is_number || factor.axis.fits())
+    page.plan.campaign.limit().is_some() || page.names.len() > COLOURED || !(factor.is_number || factor.axis.fits())
 }
 
 fn shares(page: &Page, factor: &Binned) -> String {
@@ -140,6 +144,10 @@ fn rows(page: &Page, factor: &Binned) -> String {
         });
         rows.collect()
     };
+    if let Some(limit) = page.plan.campaign.limit() {
+        let limits = cells(&|rows, of| limits::cell(page, limit, rows, &of));
+        return map("median limit", [&across, &up], &limits, |_, _| false);
+    }
     let passed = cells(&|flights, of| share_cell(&page.rate_of(flights.iter().copied()), &of));
     let median_of = |flights: &[usize]| median(flights.iter().filter_map(|row| page.error.of(*row)).collect());
     let medians = || flights.iter().flatten().filter_map(|flights| median_of(flights)).filter(|median| *median > 0.0);

@@ -6,6 +6,7 @@ use view::draw::{MapCell, map};
 
 use super::bins::{Binned, parts_of_two};
 use super::data::Page;
+use super::limits;
 use super::words::heading;
 use crate::Rate;
 use crate::variation::Values;
@@ -59,10 +60,15 @@ pub fn section(page: &Page) -> String {
     } else {
         ""
     };
+    let cells = match page.plan.campaign.limit() {
+        Some(_) => limits::CELLS.to_owned(),
+        None => format!(
+            "Each cell has the percentage passed, from dark (0) to bright (100), and the number of flights (n), whatever \
+             the other factors were.{apart}{half}"
+        ),
+    };
     format!(
-        "<section id=\"maps\"><h2>Two factors</h2><p>Each cell has the percentage passed, from dark (0) to bright \
-         (100), and the number of flights (n), whatever the other factors were. A cell without flights is left out.\
-         {apart}{half}{left_out}</p>{maps}</section>"
+        "<section id=\"maps\"><h2>Two factors</h2><p>{cells} A cell without flights is left out.{left_out}</p>{maps}</section>"
     )
 }
 
@@ -73,7 +79,16 @@ fn is_listed(page: &Page, factor: &Binned) -> bool {
 }
 
 /// Statistically sure effect of a factor: the largest gap between the intervals of two entries; below 0 if all overlap.
+/// For limits the largest difference of two medians.
 fn effect(page: &Page, factor: &Binned) -> f64 {
+    if let Some(limit) = page.plan.campaign.limit() {
+        let of = |bin: usize| (0..page.rows()).filter(|row| factor.bin(*row) == Some(bin)).collect::<Vec<_>>();
+        let medians = (0..factor.axis.entries.len()).filter_map(|bin| limits::median_of(page, limit, &of(bin)));
+        let steps: Vec<f64> = medians.map(|median| median.map_or(-1.0, |step| step as f64)).collect();
+        let [least, most] =
+            [steps.iter().copied().fold(f64::INFINITY, f64::min), steps.iter().copied().fold(-1.0, f64::max)];
+        return most - least;
+    }
     let rates = (0..factor.axis.entries.len()).map(|bin| page.rate(|row| factor.bin(row) == Some(bin)));
     // Without draws there is no interval, so the shares themselves are compared.
     let ends = |rate: Rate| if rate.draws == 0 { [rate.share(); 2] } else { [rate.low, rate.high] };
@@ -90,13 +105,20 @@ fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool
             of_cells[line][column].push(row);
         }
     }
+    let title = if page.names.len() > 1 { page.names[controller] } else { "" };
+    if let Some(limit) = page.plan.campaign.limit() {
+        let cells = of_cells.iter().zip(&up.axis.entries).map(|(of_row, of_up)| {
+            let of_row = of_row.iter().zip(&across.axis.entries);
+            of_row.map(|(rows, of_across)| limits::cell(page, limit, rows, &format!("{of_across}, {of_up}"))).collect()
+        });
+        return map(title, [&across.axis, &up.axis], &cells.collect::<Vec<Vec<_>>>(), |_, _| false);
+    }
     let rate = |rows: &Vec<usize>| page.rate_of(rows.iter().copied());
     let rates: Vec<Vec<Rate>> = of_cells.iter().map(|line| line.iter().map(rate).collect()).collect();
     let cells = rates.iter().zip(&up.axis.entries).map(|(of_row, of_up)| {
         let of_row = of_row.iter().zip(&across.axis.entries);
         of_row.map(|(rate, of_across)| share_cell(rate, &format!("{of_across}, {of_up}"))).collect()
     });
-    let title = if page.names.len() > 1 { page.names[controller] } else { "" };
     let border = |one: [usize; 2], other: [usize; 2]| {
         let [one, other] = [one, other].map(|[row, column]| &rates[row][column]);
         are_apart(one, other) || is_grid && (one.share() < 0.5) != (other.share() < 0.5)

@@ -11,6 +11,7 @@
 //! | `overview` | the head, the share of each controller, causes of failures, reasons of invalid flights |
 //! | `bins` | the axis of a factor, with values or parts of its range |
 //! | `factors` | each factor by itself |
+//! | [`limits`] | the limits of `[limit]`, in place of the shares |
 //! | `maps` | each pair of factors, with the border of sure differences |
 //! | `worst` | the worst flights, flown again for the page |
 //! | [`under_way`] | the page of a campaign that flies |
@@ -20,6 +21,7 @@ mod bounds;
 mod data;
 pub mod differences;
 mod factors;
+pub mod limits;
 mod maps;
 mod overview;
 mod pairs;
@@ -41,10 +43,7 @@ pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
     let body = [
         all.head(),
         promises::section(all),
-        all.controllers_section(),
-        pairs::section(all),
-        differences::section(all),
-        all.causes(),
+        results(all),
         all.invalid(),
         factors::section(all),
         maps::section(all),
@@ -53,6 +52,14 @@ pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
     ];
     let title = format!("Campaign {}", all.plan.campaign.name());
     Ok(draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body.concat()))
+}
+
+/// Returns the sections on the controllers: their limits, or their shares of passed flights.
+fn results(all: &Page) -> String {
+    if all.plan.campaign.limit().is_some() {
+        return limits::section(all);
+    }
+    [all.controllers_section(), pairs::section(all), differences::section(all), all.causes()].concat()
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use view::draw::{self, escape, list};
 
 use super::bounds;
 use super::data::Page;
+use super::limits;
 use crate::rate::Rate;
 
 /// Largest number of reasons that are shown.
@@ -15,7 +16,10 @@ impl Page<'_> {
     pub fn head(&self) -> String {
         let (there, planned) = (self.rows() as u64, self.plan.flights());
         let partial = if there < planned {
-            format!("<p class=\"warn\">{there} of {planned} flights are there: the same command flies the others.</p>")
+            format!(
+                "<p class=\"warn\">{there} of {planned} {} are there: the same command flies the others.</p>",
+                self.plan.campaign.units()
+            )
         } else {
             String::new()
         };
@@ -30,13 +34,23 @@ impl Page<'_> {
         .concat()
     }
 
+    /// Returns sentences on the basis of the figures, and on copies.
+    pub fn grounds(&self) -> Vec<String> {
+        let basis = match self.plan.campaign.limit() {
+            Some(limit) => limits::sentences(self, limit),
+            None => self.evidence.sentences(self.each()),
+        };
+        [vec![basis], self.evidence.copies(&self.names)].concat()
+    }
+
     /// Renders name and origin.
     pub fn title(&self) -> String {
         format!(
-            "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{}</b> flights</span>\
+            "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{}</b> {}</span>\
              <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>",
             escape(self.plan.campaign.name()),
             self.rows(),
+            self.plan.campaign.units(),
             self.plan.campaign.seed(),
             &self.plan.campaign.hash()[..12],
         )
@@ -48,6 +62,12 @@ impl Page<'_> {
         let all = self.rate(|_| true);
         let invalid = self.rows() - all.flights;
         let mut tiles = vec![];
+        if let Some(limit) = self.plan.campaign.limit() {
+            tiles.extend(limits::tiles(self, limit));
+            tiles.push(("draws".to_owned(), self.evidence.all_draws().to_string()));
+            tiles.push(("invalid: could not be flown".to_owned(), invalid.to_string()));
+            return format!("<div class=\"tiles\">{}</div>", list(tiles));
+        }
         // A rate pooled over several controllers is the rate of none of them.
         if self.names.len() == 1 {
             let share = if all.flights == 0 { draw::DASH.to_owned() } else { percent(&all, " <small>%</small>") };

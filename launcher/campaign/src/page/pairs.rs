@@ -23,10 +23,10 @@ struct Pair {
     difference: Option<Difference>,
 }
 
-/// Returns the section; empty with one law only.
+/// Returns the section; empty with one law only, and with limits, of which there are no shares.
 pub fn section(page: &Page) -> String {
     let pairs = compare(page);
-    if pairs.is_empty() {
+    if pairs.is_empty() || page.plan.campaign.limit().is_some() {
         return String::new();
     }
     let probabilities: Option<Vec<f64>> = pairs.iter().map(|pair| Some(pair.difference?.p)).collect();

@@ -4,7 +4,10 @@ use outcome::target::{Target, Verdict};
 use toml::Value;
 
 use super::data::Page;
+use super::limits;
 use crate::file::CASE;
+use crate::limit::LIMIT;
+use crate::median;
 use crate::promise::{Gather, Passed, Promise};
 use crate::table::Cell;
 use crate::variation::{Factor, Values};
@@ -46,6 +49,7 @@ fn target(promise: &Promise, page: &Page, group: &Group) -> Target {
             Target::when(figure, count(flown - passed), format!("all {flown}"), |lost| lost == flown as f64)
         }
         (Some(Passed::Share), _) => share(promise, page, figure, &rows, is_whole),
+        (None, Some(metric)) if metric == LIMIT => limit(promise, page, figure, &rows, is_whole),
         (None, metric) => {
             let value = is_whole.then(|| figure_of(promise, page, metric.as_deref().unwrap_or_default(), group, &rows));
             let unit = promise.unit.clone().unwrap_or_default();
@@ -56,7 +60,10 @@ fn target(promise: &Promise, page: &Page, group: &Group) -> Target {
         }
     };
     match (is_whole, rows.is_empty()) {
-        (true, _) => target.noting(promise.because.clone()),
+        (true, _) => {
+            let notes = [&*target.note, &*promise.because].map(str::to_owned);
+            target.noting(notes.into_iter().filter(|note| !note.is_empty()).collect::<Vec<_>>().join("; "))
+        }
         (_, true) => target.noting("not among the flights"),
         _ => target.noting("not all of its flights are there"),
     }
@@ -75,6 +82,38 @@ fn share(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whol
         return Target { verdict, target: format!("{}, by its interval {}", target.target, rate.interval()), ..target };
     }
     target
+}
+
+/// Holds limits against a promise. One beyond an end of the range may be any value there: what it leaves open is
+/// inconclusive.
+fn limit(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whole: bool) -> Target {
+    let Some(limit) = page.plan.campaign.limit().filter(|_| is_whole) else {
+        return Target::at_most(figure, None, promise.at_most.unwrap_or_default(), "");
+    };
+    let mut limits: Vec<[f64; 2]> = rows.iter().map(|row| limit.between(limits::of(page, limit, *row))).collect();
+    limits.sort_by(|one, other| one[0].total_cmp(&other[0]));
+    let [least, largest] = match promise.of.unwrap_or_default() {
+        Gather::Min => limits[0],
+        Gather::Median => limits[median::place(limits.len())],
+        _ => limits[limits.len() - 1],
+    };
+    let (unit, is_known) = (promise.unit.clone().unwrap_or_default(), least == largest);
+    let value = if least.is_finite() { least } else { largest };
+    let (target, is_kept, is_broken) = match (promise.at_most, promise.at_least.unwrap_or_default()) {
+        (Some(most), _) => (Target::at_most(figure, Some(value), most, &unit), largest <= most, least > most),
+        (None, bound) => (Target::at_least(figure, Some(value), bound), least >= bound, largest < bound),
+    };
+    let verdict = match (is_kept, is_broken) {
+        (true, _) => Verdict::Ok,
+        (_, true) => Verdict::Short,
+        _ => Verdict::Inconclusive,
+    };
+    let target = Target { verdict, unit, ..target };
+    target.noting(match () {
+        () if is_known => "",
+        () if largest.is_infinite() => "or more: the range ends there",
+        () => "or less: the range ends there",
+    })
 }
 
 /// Returns the promised figure: the metric of `rows`, as a multiple of the best controller's if that is asked for.
@@ -101,6 +140,11 @@ fn gathered(promise: &Promise, page: &Page, metric: &str, rows: &[usize]) -> f64
         _ if values().any(f64::is_nan) => f64::NAN,
         Gather::Max => values().fold(f64::NEG_INFINITY, f64::max),
         Gather::Min => values().fold(f64::INFINITY, f64::min),
+        Gather::Median => {
+            let mut values: Vec<f64> = values().collect();
+            values.sort_by(f64::total_cmp);
+            values[median::place(values.len())]
+        }
         Gather::Mean => values().sum::<f64>() / rows.len() as f64,
         Gather::Sum => values().sum(),
     }

@@ -5,7 +5,7 @@ use rayon::ThreadPoolBuilder;
 use view::draw::{self, STYLE, escape};
 
 use super::data::Page;
-use super::{OWN_STYLE, factors, maps, pairs, setup, worst};
+use super::{OWN_STYLE, factors, limits, maps, pairs, setup, worst};
 use crate::plan::Plan;
 use crate::table::Table;
 
@@ -45,10 +45,12 @@ fn render(all: &Page, now: &Now, again: &str) -> String {
         worst::listed(all, again),
         maps::section(all),
         factors::section(all),
+        limits::section(all),
         pairs::section(all),
         setup::section(all.plan),
     ];
-    let title = format!("Campaign {}, {} of {} flights", all.plan.campaign.name(), now.there, now.all);
+    let title =
+        format!("Campaign {}, {} of {} {}", all.plan.campaign.name(), now.there, now.all, all.plan.campaign.units());
     draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body.concat())
 }
 

@@ -5,7 +5,6 @@
 
 mod axes;
 mod charts;
-mod heat_map;
 mod html;
 mod plots;
 mod share_map;
@@ -15,7 +14,6 @@ use std::fmt::{Display, Write};
 
 pub use axes::Axis;
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
-pub use heat_map::{HeatCell, HeatMap};
 pub use html::{DASH, any, breakable, escape, leaves, list, number, page, table, verdict};
 pub use plots::{Dots, Middle, Quartiles, Share, dots, interval, legend, shares, short};
 pub use share_map::{MapCell, map};

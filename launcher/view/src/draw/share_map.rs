@@ -3,13 +3,25 @@
 use std::fmt::Write;
 
 use super::axes::{Axis, LETTER};
-use super::heat_map::colour;
 use super::{Svg, escape};
 
 /// Width and height of a cell \[px\].
 const CELL: (f64, f64) = (44.0, 34.0);
 /// Largest number of letters of a label below a cell that is not turned.
 const ACROSS: usize = 6;
+
+/// Cividis at equal steps, which colour-blind readers see as others do: red, green, blue.
+const CIVIDIS: [[f64; 3]; 9] = [
+    [0.0, 34.0, 78.0],
+    [18.0, 53.0, 112.0],
+    [59.0, 73.0, 108.0],
+    [87.0, 93.0, 109.0],
+    [112.0, 113.0, 115.0],
+    [138.0, 134.0, 120.0],
+    [165.0, 156.0, 116.0],
+    [195.0, 179.0, 105.0],
+    [254.0, 232.0, 56.0],
+];
 
 /// A cell of a map.
 #[derive(Debug, Clone)]
@@ -98,6 +110,17 @@ impl MapCell {
         svg.text(x + w / 2.0, y + 28.0, "value note middle", &escape(&self.note));
         svg.add("</g>");
     }
+}
+
+/// The colour of a place on the scale, 0 to 1.
+fn colour(shade: f64) -> String {
+    let position = shade * (CIVIDIS.len() - 1) as f64;
+    let lower = (position as usize).min(CIVIDIS.len() - 2);
+    let [r, g, b] = std::array::from_fn(|i| {
+        let (from, to) = (CIVIDIS[lower][i], CIVIDIS[lower + 1][i]);
+        (from + (position - lower as f64) * (to - from)).round()
+    });
+    format!("rgb({r},{g},{b})")
 }
 
 #[cfg(test)]
