@@ -122,7 +122,7 @@ fn a_table_has_the_bits_of_the_log() {
     assert_eq!(table.len(), 1 + log.states.len());
     let columns = log::columns(Topic::State);
     assert_eq!(table[0].len(), columns.len() + 3, "time_s, the words, status_name, is_intact");
-    for (row, state) in table[1..].iter().zip(&log.states) {
+    for ((row, state), truth) in table[1..].iter().zip(&log.states).zip(&log.truths) {
         let record = Record::from(*state);
         let bits = |(column, cell): (&log::Column, &String)| {
             if column.is_count {
@@ -132,7 +132,7 @@ fn a_table_has_the_bits_of_the_log() {
             }
         };
         let read: Vec<u64> = columns.iter().zip(&row[1..]).map(bits).collect();
-        assert_eq!(read, record.words());
+        assert_eq!(read, log::words(&record, Some(truth)));
         assert_eq!((row[0].parse::<f64>(), &row[row.len() - 1][..]), (Ok(state.stamp.tick as f64 * 0.01), "1"));
     }
     let cycles = cells(&flown.out.join("csv/cycles.csv"));

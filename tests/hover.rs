@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use contract::Scenario;
-use contract::message::State;
+use contract::message::Truth;
 use contract::scenario::{Initial, load};
 use flight::hover::{Hover, Loops};
 use flight::inprocess;
@@ -33,9 +33,9 @@ fn is_held(settings: &[&str], changed: &str) -> bool {
     let own = ["mission.trajectory=hover", &duration, changed];
     let mut scenario = scenario(&[settings, &own].concat());
     scenario.initial = Initial { position_m: [0.02; 3], attitude_deg: [1.0; 3], ..Initial::default() };
-    let mut end = State::default();
+    let mut end = Truth::default();
     inprocess::fly(&scenario, |record| {
-        record.message::<State>().inspect(|state| end = **state);
+        record.message::<Truth>().inspect(|truth| end = **truth);
         true
     });
     let is_near = |of: [f64; 3], within: f64| of.iter().all(|x| x.abs() < within);

@@ -6,9 +6,9 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::Command;
 
-use contract::message::{Actuators, Controls, Reference, Stamp, State};
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State, Truth};
 use runtime::domain::Domain;
-use runtime::port::{Bus, NODE_DEPTH, Wire};
+use runtime::port::{Bus, NODE_DEPTH};
 use runtime::realtime::ControlPage;
 use rustix::process::Signal;
 use serde_json::Value;
@@ -92,9 +92,21 @@ fn a_second_process_for_a_node_is_turned_away() {
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
 }
 
+/// Sends a TRUTH for each of 100 ticks by which the vehicle is far off.
+fn forge_truths(namespace: &str) {
+    let domain = Domain::find(namespace).expect("it flies");
+    let page = ControlPage::open(&domain.file("page")).expect("a page");
+    let port = Bus::attach(&domain).expect("the same user").sender::<Truth>().expect("a port");
+    for tick in (page.plant_tick()..).take(100) {
+        let mut forged = Truth { tick, sequence: tick + 1, ..Truth::default() };
+        forged.actual.position_m = [100.0; 3];
+        port.send(&forged.with_checksum()).expect("the launcher receives");
+    }
+}
+
 /// Answers messages on the topic of `M` for 100 ticks with two forgeries each: newer, all zero, with a valid checksum;
 /// one has the epoch of the message, the other the next epoch.
-fn forge_on<M: Wire>(namespace: &str) {
+fn forge_on<M: Message>(namespace: &str) {
     let domain = Domain::find(namespace).expect("it flies");
     let page = ControlPage::open(&domain.file("page")).expect("a page");
     let bus = Bus::attach(&domain).expect("the same user");
@@ -129,6 +141,7 @@ fn a_foreign_publisher_is_refused_and_changes_nothing() {
         scope.spawn(|| forge_on::<Reference>(&ns));
         scope.spawn(|| forge_on::<Controls>(&ns));
         scope.spawn(|| forge_on::<Actuators>(&ns));
+        scope.spawn(|| forge_truths(&ns));
     });
     let run = land(flight);
     for listener in ["guidance", "attitude-mpc", "mixer", "plant"] {
@@ -136,7 +149,7 @@ fn a_foreign_publisher_is_refused_and_changes_nothing() {
         assert!(refused(&run, listener, "epoch") > 0, "an epoch made up: {}", run["refused"]);
     }
     let error_m = run["metrics"]["max_position_error_m"].as_f64();
-    assert!(error_m < Some(0.5), "its commands stop the motors: {error_m:?}");
+    assert!(error_m < Some(0.5), "its commands stop the motors, and its TRUTH is far off: {error_m:?}");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::process::Command;
 
-use contract::message::{Kinematics, Navigation, State};
+use contract::message::{Kinematics, Navigation, State, Truth};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use navigation::{Aiding, Constants, Filter, Imu, Noise, Source, Start, Wander};
 use rand::{RngExt, SeedableRng};
@@ -16,13 +16,13 @@ use crate::harness::{fly, python_with, top};
 const ERRORS: usize = 9;
 
 /// Error of the estimate in a sample, and the deviations that the unit expects.
-fn error(state: &State) -> [(f64, f64); ERRORS] {
+fn error(state: &State, truth: &Truth) -> [(f64, f64); ERRORS] {
     let parts = |motion: &Kinematics| {
         let [roll, pitch, yaw] = motion.attitude_rad;
         let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
         (Vector3::from(motion.position_m), attitude * Vector3::from(motion.velocity_mps), attitude)
     };
-    let (estimated, actual) = (parts(&state.measured), parts(&state.actual));
+    let (estimated, actual) = (parts(&state.measured), parts(&truth.actual));
     let off = [estimated.0 - actual.0, estimated.1 - actual.1, (actual.2.inverse() * estimated.2).scaled_axis()];
     let of = &state.navigation;
     let expected = [of.position_m, of.velocity_mps, of.attitude_rad];
@@ -44,9 +44,9 @@ fn val_errors_stay_inside_three_deviations_with_the_shipped_sensors() {
             let of = ["--mode", "inprocess", "--set", "bounds.max_position_error_m=inf", "--set", "run.duration_s=30"];
             let outcome = fly(&[&[file.as_str(), "--set", &sensors, "--set", &seed], &of[..]].concat());
             let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
-            for state in &log.states {
+            for (state, truth) in log.states.iter().zip(&log.truths) {
                 samples += 1.0;
-                for (i, (off, expected)) in error(state).into_iter().enumerate() {
+                for (i, (off, expected)) in error(state, truth).into_iter().enumerate() {
                     inside[i] += f64::from(u8::from(off.abs() <= 3.0 * expected));
                     squares[i] = (squares[i].0 + off * off, squares[i].1 + expected * expected);
                 }
@@ -77,8 +77,8 @@ fn flown_with(faults: &str) -> (f64, f64, State) {
     let set = set.iter().flat_map(|setting| ["--set", setting]);
     let outcome = fly(&["scenarios/dryden.toml", "--mode", "inprocess"].into_iter().chain(set).collect::<Vec<_>>());
     let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
-    let speed = |state: &State| Vector3::from(state.actual.velocity_mps).norm();
-    let fastest = log.states.iter().map(speed).fold(0.0, f64::max);
+    let speed = |truth: &Truth| Vector3::from(truth.actual.velocity_mps).norm();
+    let fastest = log.truths.iter().map(speed).fold(0.0, f64::max);
     (outcome.metric("max_position_error_m"), fastest, *log.states.last().expect("a flight"))
 }
 

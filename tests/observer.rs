@@ -1,7 +1,7 @@
 //! Observers: guests that read a flying stack and are never in its way.
 
-use contract::Topic;
 use flight::event::What;
+use flight::log::Record;
 use flight::observer::{Look, OBSERVERS, Observer, Seen};
 
 use crate::control::{flying, tell};
@@ -23,11 +23,11 @@ fn an_observer_sees_every_message_every_event_and_the_end() {
     let flight = Flight::start(&ns, &["--no-log", "--set", "run.duration_s=3.0", "--set", "supervision.hang_ms=5000"]);
     let mut observer = join(&ns);
     assert_eq!(observer.scenario().run.duration_s, 3.0);
-    let (mut ticks, mut events) = ([const { vec![] }; Topic::COUNT], vec![]);
+    let (mut ticks, mut events) = ([const { vec![] }; Record::KINDS], vec![]);
     let (mut is_injected, mut end) = (false, Look::Flying(0));
     wait_until("the flight ends", || {
         end = observer.look(|seen| match seen {
-            Seen::Message(record) => ticks[record.topic() as usize].push(record.stamp().tick),
+            Seen::Message(record) => ticks[record.kind()].push(record.tick()),
             Seen::Event(event) => events.push(event.clone()),
         });
         if !is_injected && ticks[0].len() > 20 {
@@ -59,10 +59,10 @@ fn an_observer_that_does_not_look_costs_the_flight_nothing_and_is_told_of_the_en
     let mut seen = vec![];
     while let Look::Flying(_) = observer.look(|message| {
         if let Seen::Message(record) = message {
-            seen.push(record.stamp().tick);
+            seen.push(record.tick());
         }
     }) {}
-    assert!(!seen.is_empty() && seen.len() < 4 * 6000, "the newest are left: {}", seen.len());
+    assert!(!seen.is_empty() && seen.len() < Record::KINDS * 6000, "the newest are left: {}", seen.len());
     drop(observer);
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new(), "what it left after the flight is gone with it");
 }
@@ -81,9 +81,10 @@ fn a_flight_takes_a_few_observers_and_a_place_is_free_when_one_leaves() {
     tell(&ns, &["inject", "mixer", "kill"]).expect("it flies");
     let mut epochs = vec![];
     wait_until("the next mixer is heard", || {
-        all[0].look(|seen| match seen {
-            Seen::Message(record) if record.topic() == Topic::Actuators => epochs.push(record.stamp().epoch),
-            _ => {}
+        all[0].look(|seen| {
+            if let Seen::Message(Record::Actuators(actuators)) = seen {
+                epochs.push(actuators.stamp.epoch);
+            }
         });
         epochs.contains(&2)
     });

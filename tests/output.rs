@@ -141,7 +141,7 @@ fn the_shortest_flights_are_seen_whole() {
         assert!(run["state_hash"].is_string(), "{ticks} ticks, {log:?}");
         if log.is_empty() {
             let logged = ["records", "dropped"].map(|key| run["log"][key].as_i64());
-            assert_eq!(logged, [Some(4 * (i64::from(ticks) + 1)), Some(0)], "{ticks} ticks");
+            assert_eq!(logged, [Some(5 * (i64::from(ticks) + 1)), Some(0)], "{ticks} ticks");
         }
     }
 }

@@ -237,7 +237,7 @@ fn a_node_that_dies_too_often_is_given_up_and_the_vehicle_comes_down() {
         assert_eq!(events.iter().filter(|what| *what == "died").count(), 4, "{node}: {events:?}");
         assert_eq!(events.last().map(String::as_str), Some("given-up"), "{node}: {events:?}");
         let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
-        let last = log.states.last().expect("states").actual;
+        let last = log.truths.last().expect("truths").actual;
         let [roll, pitch, _] = last.attitude_rad;
         assert!(roll.abs().max(pitch.abs()) < 0.2, "{node}: it is level, {roll} {pitch}");
         assert!((0.4..1.0).contains(&last.velocity_mps[2]), "{node}: it sinks at {} m/s", last.velocity_mps[2]);

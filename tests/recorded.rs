@@ -16,8 +16,15 @@ fn the_log_holds_every_message() {
         assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
         let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
         assert!(log.complete());
-        let counts = [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len()];
-        assert_eq!(counts, [201; 4], "{mode}");
+        let counts =
+            [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len(), log.truths.len()];
+        assert_eq!(counts, [201; 5], "{mode}");
+        let samples = log.states.iter().zip(&log.truths);
+        assert!(
+            samples
+                .clone()
+                .all(|(state, truth)| (truth.tick, truth.sequence) == (state.stamp.tick, state.stamp.sequence))
+        );
         for (i, controls) in log.controls.iter().enumerate() {
             let tick = i as u64;
             assert_eq!(controls.stamp.tick, tick);
@@ -113,7 +120,7 @@ fn the_log_holds_every_event() {
         (event["node"].as_str().expect("a node"), epoch, event["what"].clone())
     });
     assert_eq!(told, expected.collect::<Vec<_>>());
-    let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    let messages = log.tick_by_tick().count();
     assert_eq!(run["log"]["records"].as_u64(), Some((messages + log.events.len()) as u64));
 }
 

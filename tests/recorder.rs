@@ -57,6 +57,7 @@ fn in_lockstep_the_log_is_the_same_with_and_without_swaps() {
     assert_eq!(sent(&one.references), sent(&other.references));
     assert_eq!(sent(&one.controls), sent(&other.controls));
     assert_eq!(sent(&one.actuators), sent(&other.actuators));
+    assert!(one.truths == other.truths);
     let story = [
         (2, "started", 0.0),
         (2, "took-over", 0.0),
@@ -91,6 +92,12 @@ fn check_whole<M: Message>(messages: &[M]) {
     }
 }
 
+/// A TRUTH for every STATE.
+fn check_truths(log: &log::Log) {
+    let (states, truths) = (log.states.iter().map(|state| state.stamp.tick), log.truths.iter().map(|truth| truth.tick));
+    assert!(states.eq(truths), "{} and {}", log.states.len(), log.truths.len());
+}
+
 #[test]
 fn in_real_time_nothing_is_lost_by_swaps() {
     let ns = namespace();
@@ -109,6 +116,7 @@ fn in_real_time_nothing_is_lost_by_swaps() {
     check_whole(&log.references);
     check_whole(&log.controls);
     check_whole(&log.actuators);
+    check_truths(&log);
     assert!(log.states.len() > 100, "{}", log.states.len());
     assert_eq!(outcome.run()["log"]["dropped"], 0);
     let files = std::fs::read_dir(&outcome.out).expect("a folder").flatten().map(|entry| entry.file_name());
@@ -148,9 +156,8 @@ fn a_dead_recorder_is_replaced_and_nothing_dies_with_it() {
     let told: Vec<(u64, String)> = events(&run).into_iter().map(|(epoch, what, _)| (epoch, what)).collect();
     assert_eq!(told, [(1, "died"), (2, "started"), (2, "took-over")].map(|(epoch, what)| (epoch, what.to_owned())));
     let log = log_of(&outcome);
-    let there = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
     assert_eq!(run["log"]["dropped"], 0);
-    assert_eq!(there, 4 * 12_001);
+    assert_eq!(log.tick_by_tick().count(), 5 * 12_001);
     assert!(log.complete() && !outcome.out.join("flight.1.rest.mcap").exists());
 }
 
@@ -259,7 +266,7 @@ fn a_recorder_that_dies_four_times_is_given_up_with_what_was_recorded_until_then
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(3), "{}", outcome.stderr);
     let (run, log) = (outcome.run(), log::read(&outcome.out.join("flight.mcap")).expect("the log reads"));
-    let there = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    let there = log.tick_by_tick().count();
     let dropped = run["log"]["dropped"].as_u64().expect("a number");
     assert!(dropped > 0 && log.complete(), "{dropped}");
     check_whole(&log.states);
@@ -309,6 +316,7 @@ fn a_recorder_killed_in_a_short_flight_loses_nothing_once_the_flight_has_begun()
         check_whole(&log.references);
         check_whole(&log.controls);
         check_whole(&log.actuators);
+        check_truths(&log);
         assert_eq!(log.states.last().map(|state| state.stamp.tick), Some(90), "after {after_ms} ms");
     }
 }

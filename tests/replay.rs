@@ -6,7 +6,6 @@ use std::path::Path;
 use std::process::Output;
 
 use contract::Scenario;
-use contract::Topic;
 use contract::message::Message;
 use flight::log::{self, LogWriter, Record};
 
@@ -52,13 +51,15 @@ fn a_torn_log_is_flown_again_as_far_as_it_reads() {
     let file = flown.out.join("flight.mcap");
     let whole = std::fs::read(&file).expect("a log");
     std::fs::write(&file, &whole[..whole.len() / 2]).expect("a shorter log");
-    let states = log::read(&file).expect("the scenario and what follows").states.len();
+    let log = log::read(&file).expect("the scenario and what follows");
+    let states = log.states.len();
     assert!((100..300).contains(&states), "{states} of 401");
+    let sent = states + log.truths.len();
     let output = of_run(&["replay"], &flown.out);
     let said = text(&output);
     assert!(output.status.code() == Some(1) && said.contains("is not whole"), "{said}");
     assert!(
-        said.contains("no difference in what was compared") && said.contains(&format!("plant {states} of")),
+        said.contains("no difference in what was compared") && said.contains(&format!("plant {sent} of")),
         "{said}"
     );
 }
@@ -92,7 +93,7 @@ fn other_settings_show_what_another_controller_would_have_done() {
     let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=3.0"]);
     let ask = |more: &[&str]| text(&of_run(&[&["replay", "--node", "attitude-mpc"], more].concat(), &outcome.out));
     let alone = ask(&[]);
-    assert!(alone.contains("no difference in what was compared\ncompared: 301 of 1204 messages"), "{alone}");
+    assert!(alone.contains("no difference in what was compared\ncompared: 301 of 1505 messages"), "{alone}");
     assert!(alone.contains("not computed: plant (not asked for), guidance (not asked for), mixer"), "{alone}");
     let open = ask(&["--set", "attitude.law=lqr"]);
     assert!(open.contains("other answers from tick") && open.contains("attitude-mpc 1, demand["), "{open}");
@@ -114,7 +115,7 @@ fn another_program_may_answer_in_the_place_of_a_node() {
     let same = text(&ask(&[program]));
     assert!(same.contains("attitude-mpc 301 of 301") && same.contains("the same answers, bit for bit"), "{same}");
     let closed = text(&ask(&[program, "--closed"]));
-    assert!(closed.contains("compared: 1204 of 1204 messages") && closed.contains("with these settings"), "{closed}");
+    assert!(closed.contains("compared: 1505 of 1505 messages") && closed.contains("with these settings"), "{closed}");
     let gone = ask(&["/bin/true"]);
     assert!(gone.status.code() == Some(2) && text(&gone).contains("has ended instead of answering"), "{}", text(&gone));
 }
@@ -177,7 +178,7 @@ fn a_replay_begins_with_what_the_nodes_remembered_and_so_flies_what_comes_after_
         check(&["--from", "10s"], 0, &["10.00 to 12.50 s of 12.50 s"]); // that is before it
         let sets = ["--from", "11s", "--node", "attitude-mpc", "--set", "attitude.law=lqr", "--closed"];
         check(&sets, 0, &["other answers from tick 11", begun]);
-        rewrite(&outcome.out.join("flight.mcap"), |record| !(300..310).contains(&record.stamp().tick));
+        rewrite(&outcome.out.join("flight.mcap"), |record| !(300..310).contains(&record.tick()));
         check(
             &[],
             1,
@@ -187,7 +188,7 @@ fn a_replay_begins_with_what_the_nodes_remembered_and_so_flies_what_comes_after_
         check(
             &["--from", "2s", "--to", "4s"],
             1,
-            &["not all that was asked for", "40 messages before that are missing"],
+            &["not all that was asked for", "50 messages before that are missing"],
         );
         check(&["--to", "2.9s"], 0, &["no difference in what was compared\n"]);
     }
@@ -202,7 +203,7 @@ fn what_was_not_compared_is_not_the_same() {
         assert!(output.status.code() == Some(code) && said.contains(part), "{more:?} should say {part}: {said}");
         assert_eq!(said.contains("the same bits"), code == 0 && more.is_empty(), "{more:?}: {said}");
     };
-    check(&[], 0, "compared: 804 of 804 messages (plant 201 of 201, guidance 201 of 201, attitude-mpc 201 of 201");
+    check(&[], 0, "compared: 1005 of 1005 messages (plant 402 of 402, guidance 201 of 201, attitude-mpc 201 of 201");
     check(&["--from", "100s"], 1, "nothing was compared");
     check(&["--from", "1s"], 0, "1.00 to 2.00 s of 2.00 s");
     check(&["--to", "1s"], 0, "0.00 to 1.00 s of 2.00 s");
@@ -211,9 +212,9 @@ fn what_was_not_compared_is_not_the_same() {
     let whole = std::fs::read(&path).expect("a log");
     let run = std::fs::read(outcome.out.join("run.json")).expect("run.json");
     // The last message of the mixer: no other shows that it is missing.
-    rewrite(&path, |record| record.topic() != Topic::Actuators || record.stamp().tick < 200);
-    check(&[], 1, "it has 803 records, and run.json tells of 804");
-    rewrite(&path, |record| record.stamp().tick < 150);
+    rewrite(&path, |record| !matches!(record, Record::Actuators(_)) || record.tick() < 200);
+    check(&[], 1, "it has 1004 records, and run.json tells of 1005");
+    rewrite(&path, |record| record.tick() < 150);
     check(&[], 1, "what was read ends at 1.49 s of 2.00 s");
     check(&["--node", "attitude-mpc", "--set", "attitude.law=lqr"], 1, "other answers from");
     std::fs::write(&path, &whole).expect("written");
@@ -259,7 +260,7 @@ fn a_log_without_its_end_is_told_first_by_every_command() {
     std::fs::copy(&path, &stray).expect("copied");
     rewrite(&stray, |_| true); // a log of its own, which only has the name of a part
     assert_repeats(&outcome.out);
-    rewrite(&path, |record| record.stamp().tick < 120);
+    rewrite(&path, |record| record.tick() < 120);
     let run = outcome.out.display().to_string();
     for command in ["report", "explain", "compare"] {
         let other = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.5"]);

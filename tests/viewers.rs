@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use contract::Topic;
 use flight::foxglove::Channel;
 use flight::log;
 use serde_json::{Value, json};
@@ -63,13 +62,13 @@ fn the_ten_lines_of_the_page_read_a_log() {
     let log_file = flown.out.join("flight.mcap");
     let printed = script(&python, "docs/read_mcap.py", &[&log_file]);
     let printed = String::from_utf8_lossy(&printed.stdout).into_owned();
-    let states = log::read(&log_file).expect("the log reads").states;
-    let line = |state: &contract::message::State| {
-        let [x, y, z] = state.actual.position_m;
-        let at_s = state.stamp.tick as f64 / 100.0;
+    let truths = log::read(&log_file).expect("the log reads").truths;
+    let line = |truth: &contract::message::Truth| {
+        let [x, y, z] = truth.actual.position_m;
+        let at_s = truth.tick as f64 / 100.0;
         format!("{at_s:6.2} s  north {x:7.3}  east {y:7.3}  down {z:7.3} m")
     };
-    let expected: Vec<String> = states.iter().filter(|state| state.stamp.tick % 100 == 0).map(line).collect();
+    let expected: Vec<String> = truths.iter().filter(|truth| truth.tick % 100 == 0).map(line).collect();
     assert_eq!(printed.lines().collect::<Vec<_>>(), expected);
 }
 
@@ -78,11 +77,12 @@ fn the_ten_lines_of_the_page_read_a_log() {
 fn layouts_name_what_a_log_has() {
     let read = |name: &str| std::fs::read_to_string(top().join("docs/layouts").join(name)).expect("a layout");
     let known = |separator: &str| -> Vec<String> {
-        let columns = |topic: Topic| log::columns(topic).into_iter().map(move |column| (topic, column.name));
-        let name = |(topic, column): (Topic, String)| {
-            format!("/{}{separator}{}", topic.name(), column.replace('.', separator))
+        let names = |(kind, channel): (usize, &log::Channel)| {
+            let name =
+                |field: &log::Column| format!("{}{separator}{}", channel.topic, field.name.replace('.', separator));
+            log::fields(kind).iter().map(name).collect::<Vec<_>>()
         };
-        Topic::ALL.into_iter().flat_map(columns).map(name).collect()
+        log::channels()[..log::Record::KINDS].iter().enumerate().flat_map(names).collect()
     };
     let foxglove: Value = serde_json::from_str(&read("foxglove.json")).expect("a layout is JSON");
     let panels = foxglove["configById"].as_object().expect("panels");

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`message`] | the four messages: fixed layout, stamped, plain numbers; [`messages!`] is the table of their fields |
+//! | [`message`] | the four messages and TRUTH: fixed layout, plain numbers; [`messages!`] is the table of their fields |
 //! | [`topic`] | the four topics, their publishers and their receivers |
 //! | [`stamp`] | provenance and timing of a message: its plant sample, its inputs, its times |
 //! | [`guard`], [`integrity`] | which messages are accepted |

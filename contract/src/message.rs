@@ -1,7 +1,8 @@
 //! The messages of the ring: fixed layout, plain numbers, newest value wins.
 //!
-//! Every message begins with a [`Stamp`], which names the plant sample that the message descends from. The process
-//! fills the stamp in, not the core of the node. [`messages!`](crate::messages) is the table of all fields.
+//! Every message on a topic begins with a [`Stamp`], which names the plant sample that the message descends from. The
+//! process fills the stamp in, not the core of the node. [`Truth`] has no topic: no node receives it.
+//! [`messages!`](crate::messages) is the table of all fields.
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians; rotor speeds in the paper's unit.
 
@@ -10,6 +11,7 @@ use std::mem::offset_of;
 use airframe::Actuation;
 use bytemuck::{Pod, Zeroable};
 
+use crate::integrity::checksum;
 use crate::{Topic, messages};
 use field::{Field, HasShape, Mark, Shape};
 use iceoryx2_bb_derive_macros::ZeroCopySend;
@@ -20,7 +22,7 @@ pub mod stamp;
 mod status;
 mod table;
 
-pub use stamp::{Content, Message};
+pub use stamp::{Content, Message, Payload};
 pub use status::{PlantStatus, SolveStatus, guidance_flags, mixer_flags};
 
 /// Largest plausible position \[m\] and velocity \[m/s\]: twenty times the 500 m at which a flight counts as diverged.
@@ -41,23 +43,30 @@ pub const PREVIEW: usize = 8;
 /// Makes the types of the table, with their fields.
 macro_rules! define {
     (parts { $($(#[$about:meta])* $part:ident { $($fields:tt)* })* }
-     messages { $($(#[$of:meta])* $message:ident $layout:literal $bytes:literal bytes { $($its:tt)* })* }) => {
+     messages { $($(#[$of:meta])* $message:ident $layout:literal $bytes:literal bytes { $($its:tt)* })* }
+     truth { $(#[$of_truth:meta])* $truth:ident $its_layout:literal $its_bytes:literal bytes { $($true:tt)* } }) => {
         $(define! { $(#[$about])* $part { $($fields)* } })*
-        $(define! { $(#[$of])* $message $layout { $($its)* } }
+        $(define! { $(#[$of])* $message $layout $bytes { $($its)* } }
         impl Message for $message {
             const TOPIC: Topic = Topic::$message;
-            const FIELDS: &'static [Field] = Self::FIELDS;
             fn stamp(&self) -> &Stamp { &self.stamp }
             fn stamp_mut(&mut self) -> &mut Stamp { &mut self.stamp }
         }
-        // The layout is the interface: a change of size is a change of version.
-        const _: () = assert!(size_of::<$message>() == $bytes && align_of::<$message>() == 8);)*
+        impl Payload for $message {
+            const NAME: &'static str = Topic::$message.name();
+            const FIELDS: &'static [Field] = Self::FIELDS;
+        })*
+        define! { $(#[$of_truth])* $truth $its_layout $its_bytes { $($true)* } }
+        impl Payload for $truth {
+            const NAME: &'static str = "truth";
+            const FIELDS: &'static [Field] = Self::FIELDS;
+        }
 
-        /// Names of the four message types by topic. A name ends in the version of the layout: a process with another
-        /// version cannot join a ring, and a log of another version is refused.
-        pub const LAYOUT: [&str; Topic::COUNT] = [$($layout),*];
+        /// Names of the message types: the four of the ring by topic, then TRUTH. A name ends in the version of the
+        /// layout: a process with another version cannot join a ring, and a log of another version is refused.
+        pub const LAYOUT: [&str; Topic::COUNT + 1] = [$($layout,)* $its_layout];
     };
-    ($(#[$of:meta])* $name:ident $($layout:literal)? {
+    ($(#[$of:meta])* $name:ident $($layout:literal $bytes:literal)? {
         $($(#[$doc:meta])* $field:ident: $type:ty $(= $names:ident)? $(as $mark:ident)?,)*
     }) => {
         $(#[$of])*
@@ -79,6 +88,9 @@ macro_rules! define {
         impl HasShape for $name {
             const SHAPE: Shape = Shape::Part(Self::FIELDS);
         }
+
+        // The layout is the interface: a change of size is a change of version.
+        $(const _: () = assert!(size_of::<$name>() == $bytes && align_of::<$name>() == 8);)?
     };
     () => { None };
     (clock) => { Some(Mark::Clock) };
@@ -129,14 +141,44 @@ impl From<ActuationMsg> for Actuation {
     }
 }
 
-impl State {
-    /// Feeds the bits that `state_hash` is made of to `sink`: motions, actuators, command and status, in field order.
+/// One sample of the plant: STATE, which the nodes receive, and TRUTH, which they do not.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sample {
+    /// Measured motion and the command in force.
+    pub state: State,
+    /// True motion and actuator positions.
+    pub truth: Truth,
+}
+
+impl Sample {
+    /// Feeds the bits that `state_hash` is made of to `sink`: motions, actuators, command and status.
     pub fn payload(&self, mut sink: impl FnMut(&[u8])) {
-        sink(bytemuck::bytes_of(&self.measured));
-        sink(bytemuck::bytes_of(&self.actual));
-        sink(bytemuck::bytes_of(&self.actuators));
-        sink(bytemuck::bytes_of(&self.command_in_force));
-        sink(bytemuck::bytes_of(&self.status));
+        let Self { state, truth } = self;
+        sink(bytemuck::bytes_of(&state.measured));
+        sink(bytemuck::bytes_of(&truth.actual));
+        sink(bytemuck::bytes_of(&truth.actuators));
+        sink(bytemuck::bytes_of(&state.command_in_force));
+        sink(bytemuck::bytes_of(&state.status));
+    }
+}
+
+impl Truth {
+    /// Returns the message with the checksum of its bits.
+    #[must_use]
+    pub fn with_checksum(mut self) -> Self {
+        self.checksum = 0;
+        self.checksum = checksum(&self);
+        self
+    }
+
+    /// Returns whether the checksum fits the bits.
+    pub fn is_intact(&self) -> bool {
+        self.with_checksum().checksum == self.checksum
+    }
+
+    /// Returns whether this is the first message of a port, which shows a receiver that messages of the plant arrive.
+    pub fn is_probe(&self) -> bool {
+        self.sequence == 0
     }
 }
 

@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(usize)]
 pub enum Topic {
-    /// Plant to all other nodes: the measured state.
+    /// Plant to all other nodes: the measured motion.
     State = 0,
     /// Guidance to attitude-mpc: the reference to follow.
     Reference = 1,

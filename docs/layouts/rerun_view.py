@@ -20,7 +20,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 #: Curves: entity, message field, names of its parts.
 CURVES = {
-    "/state": {
+    "/truth": {
         "position/true": ("actual.position_m", "xyz"),
         "attitude/true": ("actual.attitude_rad", ("roll", "pitch", "yaw")),
         "actuators/rotors": ("actuators.rotor_speed", ("rotor_1", "rotor_2", "rotor_3")),

@@ -10,7 +10,6 @@ use contract::message::{
 use contract::topic::Topic;
 use runtime::input::Input;
 use runtime::node::Inputs;
-use runtime::port::Wire;
 
 use crate::abi::{
     TREFOIL_NEVER, TrefoilAttitudeAnswer, TrefoilAttitudeInput, TrefoilDemand, TrefoilGuidanceAnswer,
@@ -25,7 +24,7 @@ pub trait Protocol: 'static {
     /// Inputs of the node.
     type Inputs: Inputs;
     /// Message that the node sends.
-    type Message: Wire;
+    type Message: Message;
     /// Input of a step.
     type Input: Pod;
     /// Answer of a step.

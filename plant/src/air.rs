@@ -2,7 +2,7 @@
 //! gusts, and the faults of wind and payload.
 
 use contract::Scenario;
-use contract::message::State;
+use contract::message::Truth;
 use contract::scenario::Fault;
 use nalgebra::Vector3;
 
@@ -66,9 +66,9 @@ impl Air {
 
     /// Wind at a sample of a flight that is over, NED \[m/s\]: that of the flight, because it depends on the
     /// settings, the seed and the true motion alone. Must be called in the order of samples.
-    pub fn wind_mps(&mut self, state: &State) -> Vector3<f64> {
-        let x = dynamics::assemble(&state.actual, &state.actuators.into());
-        let from_ns = state.stamp.tick.saturating_mul(self.sample_ns);
+    pub fn wind_mps(&mut self, truth: &Truth) -> Vector3<f64> {
+        let x = dynamics::assemble(&truth.actual, &truth.actuators.into());
+        let from_ns = truth.tick.saturating_mul(self.sample_ns);
         let calm = self.without_faults(from_ns, &x);
         self.with_faults(from_ns, 0.0, &calm).wind_mps
     }

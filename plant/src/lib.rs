@@ -56,7 +56,7 @@ pub mod turbulence;
 pub mod vehicle;
 
 use contract::Scenario;
-use contract::message::{Actuators, Arrival, MAX_ARRIVALS, Navigation, PlantStatus, Stamp, State};
+use contract::message::{Actuators, Arrival, MAX_ARRIVALS, Navigation, PlantStatus, Stamp, State, Truth};
 use contract::scenario::Fault;
 use contract::snapshot::PLANT_WORDS;
 use runtime::error::SessionError;
@@ -175,11 +175,10 @@ impl<V: Vehicle + ?Sized> Plant<V> {
     ///
     /// STATE names the command in force up to this instant, not one that takes effect at it.
     pub fn sample(&mut self) -> State {
-        let actual = self.vehicle.motion();
         let (measured, navigation) = if let Some(unit) = &self.navigation {
             unit.estimate(self.now_ns())
         } else {
-            let mut measured = self.sensors.measure(self.now_ns(), &actual);
+            let mut measured = self.sensors.measure(self.now_ns(), &self.vehicle.motion());
             self.sensor_faults.inject(self.tick, &mut measured);
             (measured, Navigation::default())
         };
@@ -190,8 +189,6 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             applied_sequence: command.sequence,
             applied_age_ns: command.age_ns,
             measured,
-            actual,
-            actuators: self.vehicle.actuators().into(),
             command_in_force: command.actuation.into(),
             status: self.status() as u64,
             arrivals,
@@ -199,6 +196,12 @@ impl<V: Vehicle + ?Sized> Plant<V> {
             navigation,
             sensed: self.telemetry.read(self.tick).into(),
         }
+    }
+
+    /// Returns the TRUTH at the present instant.
+    pub fn truth(&self) -> Truth {
+        let (actual, actuators) = (self.vehicle.motion(), self.vehicle.actuators().into());
+        Truth { tick: self.tick, actual, actuators, ..Truth::default() }
     }
 
     /// Receives a command `arrival_ns` after the present sample, within the coming period or later. The next sample

@@ -21,6 +21,7 @@ pub fn run(session: NodeSession) -> Result<(), SessionError> {
 pub fn run_with<V: Vehicle + ?Sized>(mut session: NodeSession, vehicle: Box<V>) -> Result<(), SessionError> {
     let mut plant = Plant::with(&session.scenario, vehicle);
     let mut states = session.output::<State>()?;
+    let truths = session.truth_output()?;
     let mut commands = session.input::<Actuators>()?;
     let scenario = session.scenario.clone();
     let mut cycles = session.ready_to_sample()?;
@@ -36,6 +37,7 @@ pub fn run_with<V: Vehicle + ?Sized>(mut session: NodeSession, vehicle: Box<V>) 
         }
         states.send(state, cycles.provenance(tick));
         cycles.done(tick);
+        truths.send(plant.truth(), &states);
         if scenario.is_remembered(tick)
             && let Some(length) = plant.memory(&mut memory)
         {

@@ -112,16 +112,17 @@ fn the_vehicle_starts_at_trim_plus_the_initial_displacement() {
     scenario.initial.velocity_mps = [0.1, 0.2, 0.3];
     scenario.initial.attitude_deg = [10.0, -20.0, 90.0];
     scenario.initial.rates_radps = [0.4, 0.5, 0.6];
-    let state = Plant::new(&scenario).sample();
+    let mut plant = Plant::new(&scenario);
+    let (state, truth) = (plant.sample(), plant.truth());
     let trim = Trim::solve(&scenario.airframe, false);
-    assert_eq!(state.actual.position_m, [1.0, 2.0, -3.0]);
-    assert_eq!(state.actual.velocity_mps, [0.1, 0.2, 0.3]);
-    assert_eq!(state.actual.rates_radps, [0.4, 0.5, 0.6]);
-    let [roll, pitch, yaw] = state.actual.attitude_rad.map(f64::to_degrees);
+    assert_eq!(truth.actual.position_m, [1.0, 2.0, -3.0]);
+    assert_eq!(truth.actual.velocity_mps, [0.1, 0.2, 0.3]);
+    assert_eq!(truth.actual.rates_radps, [0.4, 0.5, 0.6]);
+    let [roll, pitch, yaw] = truth.actual.attitude_rad.map(f64::to_degrees);
     assert!((roll - trim.roll_rad.to_degrees() - 10.0).abs() < 1e-12);
     assert!((pitch + 20.0).abs() < 1e-12 && (yaw - 90.0).abs() < 1e-12);
-    assert_eq!(state.measured, state.actual);
-    assert_eq!(Actuation::from(state.actuators), trim.actuation);
+    assert_eq!(state.measured, truth.actual);
+    assert_eq!(Actuation::from(truth.actuators), trim.actuation);
     assert_eq!(Actuation::from(state.command_in_force), trim.actuation);
     assert_eq!((state.stamp.tick, state.applied_sequence, state.applied_age_ns), (0, 0, 0));
     assert_eq!(PlantStatus::from_wire(state.status), Some(PlantStatus::Flying));
@@ -148,13 +149,13 @@ fn a_command_acts_from_its_arrival_on() {
     // The rotor lag has a closed form, so that the speed shows since when the command has been in force.
     for arrival_ns in [0, 3 * MS, 3_141_593, 9_999_999] {
         let mut plant = Plant::new(&scenario());
-        let from = plant.sample().actuators.rotor_speed[0];
+        let from = plant.truth().actuators.rotor_speed[0];
         plant.command(&message(1, faster(0.05)), arrival_ns);
         plant.advance(1).unwrap();
         let acted_s = (10 * MS - arrival_ns) as f64 / 1e9;
         let expected = from * (1.05 - 0.05 * (-acted_s / 0.03).exp());
         let state = plant.sample();
-        assert!((state.actuators.rotor_speed[0] - expected).abs() < 1e-6 * from);
+        assert!((plant.truth().actuators.rotor_speed[0] - expected).abs() < 1e-6 * from);
         assert_eq!((state.applied_sequence, state.applied_age_ns), (1, arrival_ns));
     }
 }
@@ -213,7 +214,7 @@ fn a_command_beyond_the_limits_is_followed_to_the_limit() {
         plant.advance(1).unwrap();
     }
     let limits = scenario().limits();
-    let actuators = plant.sample().actuators;
+    let actuators = plant.truth().actuators;
     assert!(actuators.rotor_speed[0] <= limits.rotor_speed_max[0] && actuators.rotor_speed[1] >= 0.0);
     assert!(actuators.tilt_rad <= limits.tilt_max_rad);
     assert_eq!(plant.sample().command_in_force.tilt_rad, 9.0, "STATE echoes the command as it was given");
@@ -237,13 +238,13 @@ fn a_flight_that_has_ended_stays_ended() {
     scenario.plant.disturbance = vec![(0.0, [0.0; 3], [0.0, 1.0, 0.0])];
     let mut plant = Plant::new(&scenario);
     let ticks = (1..100).find(|_| plant.advance(1).unwrap().diverged()).expect("it turns ever faster");
-    let state = plant.sample();
+    let (state, truth) = (plant.sample(), plant.truth());
     assert_eq!(PlantStatus::from_wire(state.status), Some(PlantStatus::TooFast));
-    assert_eq!(state.stamp.tick, ticks);
+    assert_eq!((state.stamp.tick, truth.tick), (ticks, ticks));
     assert!(plant.vehicle.x.iter().all(|value| value.is_finite()));
     assert_eq!(plant.advance(3).unwrap(), PlantStatus::TooFast);
-    let later = plant.sample();
-    assert_eq!((later.stamp.tick, later.actual), (ticks + 3, state.actual), "time passes and nothing moves");
+    let later = plant.truth();
+    assert_eq!((later.tick, later.actual), (ticks + 3, truth.actual), "time passes and nothing moves");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! message that a fault has dropped is sent too, marked as such. So a gap means messages that the reader has missed.
 
 use contract::Topic;
-use contract::message::{Message, Stamp};
+use contract::message::{Message, Stamp, Truth};
 
 use crate::record::Record;
 
@@ -12,6 +12,8 @@ use crate::record::Record;
 #[derive(Debug, Default)]
 pub struct Count {
     newest: [[Stamp; PROCESSES]; Topic::COUNT],
+    /// Newest sequence number of TRUTH.
+    truth: u64,
     /// `true` if the messages carry no checksums.
     unchecked: bool,
 }
@@ -26,13 +28,14 @@ impl Count {
     }
 
     /// Returns the previous stamp of the same process, with sequence number 0 if there is none. `None` if the message
-    /// is not counted: its publisher is on standby, it is late and withheld, damaged, or its number came before.
+    /// is not counted: its publisher is on standby, it is late and withheld, damaged, or its number came before. `None`
+    /// also for TRUTH, which has no stamp.
     pub fn before(&mut self, record: &Record) -> Option<Stamp> {
-        let stamp = record.stamp();
+        let (topic, stamp) = record.stamped()?;
         if stamp.is_withheld() || !self.unchecked && !record.is_intact() {
             return None;
         }
-        let processes = &mut self.newest[record.topic() as usize];
+        let processes = &mut self.newest[topic as usize];
         let known = processes.iter().position(|newest| newest.epoch == stamp.epoch);
         let silent = (0..PROCESSES).min_by_key(|i| (processes[*i].tick, processes[*i].epoch)).unwrap_or(0);
         let newest = &mut processes[known.unwrap_or(silent)];
@@ -46,7 +49,21 @@ impl Count {
 
     /// Returns the number of messages missed just before this one; `None` if it is not counted.
     pub fn gap(&mut self, record: &Record) -> Option<u64> {
-        self.before(record).map(|before| record.stamp().sequence - before.sequence - 1)
+        if let Record::Truth(truth) = record {
+            return self.gap_of_truth(truth);
+        }
+        let before = self.before(record)?;
+        record.stamped().map(|(_, stamp)| stamp.sequence - before.sequence - 1)
+    }
+
+    fn gap_of_truth(&mut self, truth: &Truth) -> Option<u64> {
+        if !self.unchecked && !truth.is_intact() {
+            return None;
+        }
+        // A TRUTH whose STATE was withheld has the number of the one before.
+        let next = self.truth.saturating_add(1);
+        self.truth = self.truth.max(truth.sequence);
+        Some(truth.sequence.saturating_sub(next))
     }
 }
 
@@ -113,6 +130,15 @@ mod tests {
         let misses: Vec<_> =
             counted(&messages).map(|(m, before)| (m.stamp.epoch, m.stamp.misses, before.misses)).collect();
         assert_eq!(misses, [(1, 3, 0), (2, 21, 20), (1, 4, 4)]);
+    }
+
+    #[test]
+    fn a_lost_truth_is_counted() {
+        let mut count = Count::default();
+        let truth = |sequence| Truth { sequence, ..Truth::default() }.with_checksum();
+        let mut gap = |truth: Truth| count.gap(&truth.into());
+        assert_eq!([1, 2, 2, 5].map(|sequence| gap(truth(sequence))), [Some(0), Some(0), Some(0), Some(2)]);
+        assert_eq!(gap(Truth { tick: 7, ..truth(9) }), None, "damaged");
     }
 
     #[test]

@@ -11,7 +11,8 @@
 //! | [`memory`] | snapshots of the nodes |
 //! | [`event`] | events of the processes |
 //! | [`ended`] | ends of a flight |
-//! | [`states`] | measures of the states: their hash, the position error |
+//! | [`samples`] | STATE and TRUTH of a tick, joined |
+//! | [`states`] | measures of the samples: their hash, the position error |
 //! | `limits` | every limit |
 //!
 //! Flights are bit-identical to lockstep, because the same cores get the same messages in the same order through the
@@ -29,6 +30,7 @@ pub mod nodes;
 pub mod observers;
 pub mod record;
 pub mod roles;
+pub mod samples;
 pub mod states;
 pub mod stepped;
 pub mod workers;

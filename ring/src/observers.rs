@@ -4,30 +4,31 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use contract::message::{Actuators, Controls, Reference, State};
+use contract::message::{Actuators, Controls, Message, Payload, Reference, State, Truth};
 use contract::scenario::Scenario;
 use contract::topic::Topic;
 use runtime::error::SessionError;
-use runtime::port::{ReceivePort, Wire, observer_depth};
+use runtime::port::{ReceivePort, observer_depth};
 use runtime::ports::Ports;
 use runtime::realtime::ControlPage;
 
 use crate::record::Record;
 
-/// Receiving ports of the four topics, read as one stream of records.
+/// Receiving ports of the four topics and of TRUTH, read as one stream of records.
 pub struct Observers {
     page: Arc<ControlPage>,
     states: Rc<dyn ReceivePort<State>>,
     references: Rc<dyn ReceivePort<Reference>>,
     controls: Rc<dyn ReceivePort<Controls>>,
     actuators: Rc<dyn ReceivePort<Actuators>>,
+    truths: Rc<dyn ReceivePort<Truth>>,
     received: [Cell<u32>; Topic::COUNT],
-    drained: [Cell<u64>; Topic::COUNT],
+    drained: [Cell<u64>; Record::KINDS],
     failures: Cell<u32>,
 }
 
 impl Observers {
-    /// Opens all four topics, with queues deep enough to receive every message.
+    /// Opens all of them, with queues deep enough to receive every message.
     pub fn open(ports: &mut Ports, scenario: &Scenario) -> Result<Self, SessionError> {
         let depth = observer_depth(scenario.run.rate_hz);
         Ok(Self {
@@ -36,24 +37,27 @@ impl Observers {
             references: ports.receiver(depth)?,
             controls: ports.receiver(depth)?,
             actuators: ports.receiver(depth)?,
+            truths: ports.truth_receiver(depth)?,
             received: Default::default(),
             drained: Default::default(),
             failures: Cell::default(),
         })
     }
 
-    /// Passes the messages in the queues to `each`, topic by topic, and returns their number. Probes and messages of
-    /// processes that do not belong to the run are left out.
+    /// Passes the messages in the queues to `each`, TRUTH first and then topic by topic, and returns their number.
+    /// Probes and messages of processes that do not belong to the run are left out.
     pub fn drain(&self, mut each: impl FnMut(&Record)) -> usize {
-        self.one(&*self.states, &mut each)
+        self.truths(&mut each)
+            + self.one(&*self.states, &mut each)
             + self.one(&*self.references, &mut each)
             + self.one(&*self.controls, &mut each)
             + self.one(&*self.actuators, &mut each)
     }
 
-    /// Returns the number of messages on `topic` that were passed on so far.
-    pub fn drained(&self, topic: Topic) -> u64 {
-        self.drained[topic as usize].get()
+    /// Returns the number of messages of a [kind](Record::kind) that were sent so far, and of those passed on.
+    pub fn sent_and_drained(&self, kind: usize) -> (u32, u64) {
+        let of_topic = Topic::ALL.get(kind).map(|topic| &self.page.role(*topic).sent_by_all);
+        (of_topic.unwrap_or(&self.page.truths_sent).get(), self.drained[kind].get())
     }
 
     /// Returns the number of messages received on `topic` so far that came from the process active at that time.
@@ -66,18 +70,19 @@ impl Observers {
         self.failures.get()
     }
 
-    /// Connects to the publishers of `topic` anew, with an empty queue; without effect if that fails.
-    pub fn reconnect(&self, topic: Topic) {
+    /// Connects to the publishers of a [kind](Record::kind) anew, with an empty queue; without effect if that fails.
+    pub fn reconnect(&self, kind: usize) {
         // The next attempt of the caller may succeed.
-        let _ = match topic {
-            Topic::State => self.states.reconnect(),
-            Topic::Reference => self.references.reconnect(),
-            Topic::Controls => self.controls.reconnect(),
-            Topic::Actuators => self.actuators.reconnect(),
+        let _ = match Topic::ALL.get(kind) {
+            Some(Topic::State) => self.states.reconnect(),
+            Some(Topic::Reference) => self.references.reconnect(),
+            Some(Topic::Controls) => self.controls.reconnect(),
+            Some(Topic::Actuators) => self.actuators.reconnect(),
+            None => self.truths.reconnect(),
         };
     }
 
-    fn one<M: Wire + Into<Record>>(&self, port: &dyn ReceivePort<M>, each: &mut impl FnMut(&Record)) -> usize {
+    fn one<M: Message + Into<Record>>(&self, port: &dyn ReceivePort<M>, each: &mut impl FnMut(&Record)) -> usize {
         let role = self.page.role(M::TOPIC);
         let (received, drained) = (&self.received[M::TOPIC as usize], &self.drained[M::TOPIC as usize]);
         let before = drained.get();
@@ -90,14 +95,31 @@ impl Observers {
                 drained.set(drained.get() + 1);
             }
         };
+        self.receive_all(port, &mut take);
+        (drained.get() - before) as usize
+    }
+
+    fn truths(&self, each: &mut impl FnMut(&Record)) -> usize {
+        let drained = &self.drained[Topic::COUNT];
+        let before = drained.get();
+        self.receive_all(&*self.truths, &mut |truth, from| {
+            if from == self.page.truth_port() && !(truth.is_probe() && truth.is_intact()) {
+                each(&(*truth).into());
+                drained.set(drained.get() + 1);
+            }
+        });
+        (drained.get() - before) as usize
+    }
+
+    /// Passes the messages in the queue of `port` to `take`.
+    fn receive_all<M: Payload>(&self, port: &dyn ReceivePort<M>, take: &mut dyn FnMut(&M, u64)) {
         let failed = loop {
-            match port.receive(&mut take) {
+            match port.receive(take) {
                 Ok(true) => {}
                 Ok(false) => break 0,
                 Err(_) => break 1,
             }
         };
         self.failures.set(self.failures.get() + failed);
-        (drained.get() - before) as usize
     }
 }

@@ -1,12 +1,12 @@
-//! One message of any topic, as observers of the ring get it.
+//! One message of the ring, or TRUTH, as observers get it.
 
 use std::any::Any;
 
 use contract::Topic;
-use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State, Truth};
 use contract::stamp::delivery;
 
-/// Evaluates an expression with the message in a record, for any topic.
+/// Evaluates an expression with the message in a record, whatever its type.
 #[macro_export]
 macro_rules! with_message {
     ($record:expr, $message:ident => $value:expr) => {
@@ -15,43 +15,64 @@ macro_rules! with_message {
             $crate::record::Record::Reference($message) => $value,
             $crate::record::Record::Controls($message) => $value,
             $crate::record::Record::Actuators($message) => $value,
+            $crate::record::Record::Truth($message) => $value,
         }
     };
 }
 
-/// One message of any topic.
+/// One message of any topic, or TRUTH.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Record {
     State(State),
     Reference(Reference),
     Controls(Controls),
     Actuators(Actuators),
+    Truth(Truth),
 }
 
 impl Record {
-    /// Returns the topic of the message.
-    pub fn topic(&self) -> Topic {
+    /// Number of kinds of records.
+    pub const KINDS: usize = Topic::COUNT + 1;
+
+    /// Returns the number of its kind: that of the topic, then TRUTH.
+    pub fn kind(&self) -> usize {
+        self.stamped().map_or(Topic::COUNT, |(topic, _)| topic as usize)
+    }
+
+    /// Returns topic, provenance and timing of the message; `None` for TRUTH.
+    pub fn stamped(&self) -> Option<(Topic, &Stamp)> {
         match self {
-            Self::State(_) => Topic::State,
-            Self::Reference(_) => Topic::Reference,
-            Self::Controls(_) => Topic::Controls,
-            Self::Actuators(_) => Topic::Actuators,
+            Self::State(message) => Some((Topic::State, message.stamp())),
+            Self::Reference(message) => Some((Topic::Reference, message.stamp())),
+            Self::Controls(message) => Some((Topic::Controls, message.stamp())),
+            Self::Actuators(message) => Some((Topic::Actuators, message.stamp())),
+            Self::Truth(_) => None,
         }
     }
 
-    /// Returns the provenance and timing of the message.
-    pub fn stamp(&self) -> &Stamp {
-        with_message!(self, message => message.stamp())
+    /// Returns the sample that the message answers to.
+    pub fn tick(&self) -> u64 {
+        match self {
+            Self::Truth(truth) => truth.tick,
+            _ => self.stamped().map_or(0, |(_, stamp)| stamp.tick),
+        }
     }
 
     /// Returns the message as receivers would get it without faults: marked as delivered, with a valid checksum.
     #[must_use]
     pub fn as_delivered(&self) -> Self {
-        fn delivered<M: Message>(mut message: M) -> M {
+        fn delivered<M: Message + Into<Record>>(message: &M) -> Record {
+            let mut message = *message;
             message.stamp_mut().delivery = delivery::DELIVERED;
-            message.with_checksum()
+            message.with_checksum().into()
         }
-        with_message!(*self, message => delivered(message).into())
+        match self {
+            Self::State(message) => delivered(message),
+            Self::Reference(message) => delivered(message),
+            Self::Controls(message) => delivered(message),
+            Self::Actuators(message) => delivered(message),
+            Self::Truth(truth) => Self::Truth(*truth),
+        }
     }
 
     /// Returns the words of the message in memory.
@@ -65,7 +86,7 @@ impl Record {
     }
 
     /// Returns the message; `None` if it is no `M`.
-    pub fn message<M: Message>(&self) -> Option<&M> {
+    pub fn message<M: 'static>(&self) -> Option<&M> {
         self.as_any().downcast_ref()
     }
 
@@ -84,4 +105,4 @@ macro_rules! record_from {
         }
     )*};
 }
-record_from!(State, Reference, Controls, Actuators);
+record_from!(State, Reference, Controls, Actuators, Truth);

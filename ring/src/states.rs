@@ -1,21 +1,21 @@
-//! Measures of the states of a flight: the hash over all of them, and the position error of one.
+//! Measures of the samples of a flight: the hash over all of them, and the position error of one.
 
 use std::fmt::Write;
 
-use contract::message::State;
+use contract::message::{Sample, Truth};
 use sha2::{Digest, Sha256};
 
-/// SHA-256 over the payload bits of all states, in order: two flights with the same hash are the same flight.
+/// SHA-256 over the payload bits of all samples, in order: two flights with the same hash are the same flight.
 #[derive(Clone, Default)]
 pub struct StateHash(Sha256);
 
 impl StateHash {
-    /// Takes in the next state.
-    pub fn observe(&mut self, state: &State) {
-        state.payload(|bytes| self.0.update(bytes));
+    /// Takes in the next sample.
+    pub fn observe(&mut self, sample: &Sample) {
+        sample.payload(|bytes| self.0.update(bytes));
     }
 
-    /// Returns the hash of the states so far, in hexadecimal digits.
+    /// Returns the hash of the samples so far, in hexadecimal digits.
     pub fn text(&self) -> String {
         self.0.clone().finalize().iter().fold(String::new(), |mut text, byte| {
             let _ = write!(text, "{byte:02x}"); // writing to a String cannot fail
@@ -25,8 +25,8 @@ impl StateHash {
 }
 
 /// Position that the mission asks for less the true position, NED \[m\].
-pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
-    std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
+pub fn position_error_m(wanted_m: [f64; 3], truth: &Truth) -> [f64; 3] {
+    std::array::from_fn(|axis| wanted_m[axis] - truth.actual.position_m[axis])
 }
 
 pub fn length_m(vector_m: [f64; 3]) -> f64 {

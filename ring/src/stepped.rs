@@ -1,7 +1,7 @@
 //! The ring in one thread, flown part by part of a tick, so that its caller can also be one of its nodes.
 //!
 //! ```text
-//! begin    the plant takes a sample and sends STATE
+//! begin    the plant takes a sample and sends STATE and TRUTH
 //! answer   guidance, attitude-mpc, mixer: each answers, one call each, in this order
 //! end      observers get the messages, and the plant advances to the next sample
 //! ```
@@ -15,7 +15,7 @@ use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::node::{Asked, Open};
-use runtime::output::Output;
+use runtime::output::{Output, TruthOutput};
 use runtime::shared_role::Origin;
 
 use crate::ended::{Ended, Refused, refused_by_listener};
@@ -49,6 +49,7 @@ pub struct Stepped {
     roles: Simulated,
     plant: Plant<dyn Vehicle>,
     states: Output<State>,
+    truths: TruthOutput,
     commands: Input<Actuators>,
     /// Nodes that answer, in the order of [`TOPICS`].
     nodes: [Workers; 3],
@@ -73,6 +74,7 @@ impl Stepped {
         let observers = Observers::open(&mut ring.ports(), scenario)?;
         let (member, mut ports) = ring.member(Topic::State, 1, scenario, scenario);
         let states = Output::open(&mut ports, &member, scenario)?;
+        let truths = TruthOutput::open(&mut ports, &member)?;
         let commands = Input::open(&mut ports, &member)?;
         let node = |i: usize| Workers::new(&ring, TOPICS[i], scenario, open[i]);
         Ok(Self {
@@ -82,6 +84,7 @@ impl Stepped {
             roles: Simulated::new(scenario),
             plant: Plant::with(scenario, vehicle),
             states,
+            truths,
             commands,
             ring,
             sample: (State::default(), Stamp::default()),
@@ -141,6 +144,7 @@ impl Stepped {
         }
         self.sample = (state, Stamp::at(tick, tick * self.scenario.sample_ns()));
         self.states.send(state, self.sample.1);
+        self.truths.send(self.plant.truth(), &self.states);
         self.ring.page.role(Topic::State).done(1).set(tick as u32 + 1);
         Ok(true)
     }

@@ -6,7 +6,6 @@ use std::any::Any;
 use std::io;
 use std::path::PathBuf;
 
-use contract::Topic;
 use contract::scenario::ScenarioError;
 
 use crate::limits::{FILES_NEEDED, HOME_NAMES, IMPLAUSIBLE_ANSWERS, PROBE_LIMIT_NS};
@@ -46,10 +45,10 @@ write to (--mode inprocess needs none)"
 /// Error when a port is opened or connected. The text names the topic and the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
-    #[error("topic '{topic}': {reason}")]
-    Service { topic: &'static str, reason: String },
-    #[error("topic '{}': {} cannot be heard: {reason}", .topic.name(), .topic.publisher())]
-    Unreachable { topic: Topic, reason: String },
+    #[error("topic '{name}': {reason}")]
+    Service { name: &'static str, reason: String },
+    #[error("topic '{name}': {node} cannot be heard: {reason}")]
+    Unreachable { name: &'static str, node: &'static str, reason: String },
     #[error("shared memory of this run: {0}")]
     Domain(String),
 }

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use crate::error::SessionError;
 use crate::limits::NODE_DEPTH;
 use crate::member::Member;
-use crate::port::{ReceivePort, Wire};
+use crate::port::ReceivePort;
 use crate::ports::Ports;
 use crate::realtime::{now_ns, phase};
 use contract::guard::{Guard, Refusal};
@@ -31,14 +31,12 @@ pub struct Input<M> {
     seen: u32,
 }
 
-impl<M: Wire> Input<M> {
+impl<M: Message> Input<M> {
     /// Opens the input of `member`.
     pub fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError> {
         Ok(Self::new(ports.receiver(NODE_DEPTH)?, member.clone()))
     }
-}
 
-impl<M: Message> Input<M> {
     fn new(port: Rc<dyn ReceivePort<M>>, member: Member) -> Self {
         let guard = if member.with_checksums { Guard::default() } else { Guard::without_checksums() };
         Self { port, member, guard, seen: 0 }

@@ -11,7 +11,6 @@ use crate::input::{Input, Upstream};
 use crate::limits::IMPLAUSIBLE_ANSWERS;
 use crate::member::Member;
 use crate::output::Output;
-use crate::port::Wire;
 use crate::ports::Ports;
 #[cfg(target_os = "linux")]
 use crate::session::NodeSession;
@@ -21,7 +20,7 @@ pub trait Core: Sized + 'static {
     /// Inputs of the node.
     type Inputs: Inputs;
     /// Message that the node sends.
-    type Answer: Wire;
+    type Answer: Message;
 
     /// Builds the core for a run of `scenario`.
     fn build(scenario: &Scenario) -> Result<Self, SessionError>;
@@ -67,7 +66,7 @@ impl Inputs for Input<State> {
     }
 }
 
-impl<M: Wire> Inputs for (Input<M>, Input<State>) {
+impl<M: Message> Inputs for (Input<M>, Input<State>) {
     fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError> {
         Ok((Input::open(ports, member)?, Input::open(ports, member)?))
     }

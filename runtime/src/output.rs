@@ -6,9 +6,9 @@ use std::rc::Rc;
 use crate::error::SessionError;
 use crate::link::Link;
 use crate::member::Member;
-use crate::port::{SendPort, Wire};
+use crate::port::SendPort;
 use crate::ports::Ports;
-use contract::message::{Message, Stamp};
+use contract::message::{Message, Stamp, State, Truth};
 use contract::scenario::{Late, Scenario};
 use contract::stamp::delivery;
 
@@ -22,16 +22,14 @@ pub struct Output<M> {
     timely: Option<M>,
 }
 
-impl<M: Wire> Output<M> {
+impl<M: Message> Output<M> {
     /// Opens the output of `member`. This also claims the place in the role that the launcher offered to its epoch.
     pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
         let port = ports.sender(member.epoch)?;
         member.timing.warm_up_with(port.clone());
         Ok(Self { port, member: member.clone(), link: Link::new(scenario), sequence: 0, timely: None })
     }
-}
 
-impl<M: Message> Output<M> {
     /// Returns the `known` message of a replay, if there is one; the output continues with its number.
     pub fn known(&mut self, known: Option<&dyn Any>) -> Option<M> {
         let known: &M = known?.downcast_ref()?;
@@ -91,13 +89,60 @@ impl<M: Message> Output<M> {
     }
 }
 
+/// Output of the plant for TRUTH, which no node receives: no fault, deadline or doorbell concerns it.
+pub struct TruthOutput {
+    port: Rc<dyn SendPort<Truth>>,
+    member: Member,
+}
+
+impl TruthOutput {
+    /// Opens the output of `member`, which has opened its output for STATE.
+    pub fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError> {
+        let port = ports.truth_sender()?;
+        member.timing.warm_up_with(port.clone());
+        Ok(Self { port, member: member.clone() })
+    }
+
+    /// Sends the `truth` of a sample after its STATE, so that no node waits for it; `states` has sent that.
+    pub fn send(&self, truth: Truth, states: &Output<State>) {
+        let Member { page, with_checksums, .. } = &self.member;
+        let truth = Truth { sequence: states.sequence, ..truth };
+        match self.port.send(&if *with_checksums { truth.with_checksum() } else { truth }) {
+            Ok(()) => page.truths_sent.count(),
+            Err(failure) => page.role(State::TOPIC).port_failures[failure as usize].count(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::fixture::Ring;
     use contract::Topic;
-    use contract::message::{PlantStatus, State};
-    use contract::scenario::Mode;
+    use contract::message::PlantStatus;
+    use contract::scenario::{Fault, FaultKind, FaultTarget, Mode};
+
+    #[test]
+    fn truth_is_sent_as_it_is_whatever_a_fault_makes_of_state() {
+        let mut ring = Ring::flying(Mode::Lockstep);
+        let drop = Fault::new(FaultTarget::State, FaultKind::Drop, 0.0, None);
+        ring.run.fault = vec![Fault { probability: Some(1.0), ..drop }];
+        let mut session = ring.session(Topic::State, 1);
+        let (mut states, truths) = (session.output::<State>().unwrap(), session.truth_output().unwrap());
+        let receivers = (ring.queues.receiver::<State>(4).unwrap(), ring.queues.receiver::<Truth>(4).unwrap());
+        for tick in 0..3 {
+            states.send(State::default(), Stamp::at(tick, 0));
+            truths.send(Truth { tick, ..Truth::default() }, &states);
+        }
+        while receivers.0.receive(&mut |state, _| assert!(state.stamp.is_faulted())).unwrap() {}
+        let mut sent = vec![];
+        let mut take = |truth: &Truth, from| {
+            assert!(truth.is_intact() && from == ring.page.truth_port());
+            sent.push((truth.tick, truth.sequence));
+        };
+        while receivers.1.receive(&mut take).unwrap() {}
+        assert_eq!(sent, [(0, 1), (1, 2), (2, 3)]);
+    }
 
     #[test]
     fn the_last_state_is_sent_however_late_it_is() {

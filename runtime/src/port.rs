@@ -19,13 +19,9 @@ pub use crate::error::{PortError, PortFailure};
 use crate::limits::{MAX_OBSERVER_DEPTH, OBSERVER_S};
 pub use crate::limits::{MIN_OBSERVER_DEPTH, NODE_DEPTH};
 #[cfg(target_os = "linux")]
-pub use shared_memory::{Bus, Services, Wire, ZeroCopySend};
+pub use shared_memory::{Bus, Services};
 #[cfg(target_os = "linux")]
 pub use storage::{bytes_needed, makers};
-
-/// Message that can be sent: where there is no shared memory, every message.
-#[cfg(not(target_os = "linux"))]
-pub use contract::message::Message as Wire;
 
 /// Port that can touch its memory without any other effect.
 pub trait WarmUp {

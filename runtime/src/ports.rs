@@ -10,11 +10,11 @@ use crate::error::{PortError, SessionError};
 use crate::limits::{PROBE_LIMIT_NS, PROBE_PERIOD_NS, RECONNECT_NS, RECONNECTS};
 #[cfg(target_os = "linux")]
 use crate::port::Bus;
-use crate::port::{ReceivePort, SendPort, Wire};
+use crate::port::{ReceivePort, SendPort};
 use crate::queue::Queues;
 use crate::realtime::{self, ControlPage, now_ns, phase};
 use crate::shared_role::VACANT;
-use contract::message::Stamp;
+use contract::message::{Message, Payload, Stamp, State, Truth};
 #[cfg(target_os = "linux")]
 use {crate::domain::Domain, contract::scenario::Scenario};
 
@@ -65,12 +65,8 @@ impl Ports {
     ///
     /// # Errors
     /// The place was not offered, or another process has it.
-    pub fn sender<M: Wire>(&mut self, epoch: u32) -> Result<Rc<dyn SendPort<M>>, SessionError> {
-        let port = match &self.transport {
-            #[cfg(target_os = "linux")]
-            Transport::SharedMemory(bus) => bus.sender::<M>(),
-            Transport::Queues(queues) => queues.sender(),
-        }?;
+    pub fn sender<M: Message>(&mut self, epoch: u32) -> Result<Rc<dyn SendPort<M>>, SessionError> {
+        let port = self.open_sender::<M>()?;
         if !self.page.role(M::TOPIC).claim(epoch, port.number()) {
             return Err(SessionError::Taken { node: M::TOPIC.publisher(), epoch });
         }
@@ -82,15 +78,53 @@ impl Ports {
         Ok(port)
     }
 
+    /// Opens the sending side of TRUTH, for the plant that has the place in its role. It works also without a receiver.
+    pub fn truth_sender(&mut self) -> Result<Rc<dyn SendPort<Truth>>, SessionError> {
+        let port = self.open_sender()?;
+        self.page.set_truth_port(port.number());
+        let (prober, probe) = (port.clone(), Truth::default().with_checksum());
+        let works = move || {
+            let _ = prober.send(&probe);
+            Ok(true)
+        };
+        self.probes.push(Probe { node: State::TOPIC.publisher(), works: Box::new(works) });
+        Ok(port)
+    }
+
+    fn open_sender<M: Payload>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
+        match &self.transport {
+            #[cfg(target_os = "linux")]
+            Transport::SharedMemory(bus) => bus.sender(),
+            Transport::Queues(queues) => queues.sender(),
+        }
+    }
+
     /// Opens the receiving side of `M`'s topic with a queue of `depth`.
-    pub fn receiver<M: Wire>(&mut self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, SessionError> {
+    pub fn receiver<M: Message>(&mut self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, SessionError> {
+        let active = |page: &ControlPage| page.role(M::TOPIC).port(page.role(M::TOPIC).active());
+        self.receive_from(M::TOPIC.publisher(), active, depth)
+    }
+
+    /// Opens the receiving side of TRUTH with a queue of `depth`.
+    pub fn truth_receiver(&mut self, depth: usize) -> Result<Rc<dyn ReceivePort<Truth>>, SessionError> {
+        self.receive_from(State::TOPIC.publisher(), |page| page.truth_port(), depth)
+    }
+
+    /// Opens the receiving side of `M`, which `node` sends through the port that `publisher` returns.
+    fn receive_from<M: Payload>(
+        &mut self,
+        node: &'static str,
+        publisher: fn(&ControlPage) -> u64,
+        depth: usize,
+    ) -> Result<Rc<dyn ReceivePort<M>>, SessionError> {
         let port = match &self.transport {
             #[cfg(target_os = "linux")]
             Transport::SharedMemory(bus) => bus.receiver::<M>(depth),
             Transport::Queues(queues) => queues.receiver(depth),
         }?;
-        let works = arrival(port.clone(), &self.page)?;
-        self.probes.push(Probe { node: M::TOPIC.publisher(), works: Box::new(works) });
+        let page = self.page.clone();
+        let works = arrival(node, port.clone(), &self.page, move || publisher(&page))?;
+        self.probes.push(Probe { node, works: Box::new(works) });
         Ok(port)
     }
 
@@ -130,21 +164,20 @@ impl Ports {
     }
 }
 
-/// Makes the test of a receiving port: whether a message of the active publisher has arrived; called again and again.
+/// Makes the test of a receiving port: whether a message of `node` through the port `publisher` has arrived; called
+/// again and again.
 ///
 /// # Errors
 /// The run has begun, and the publisher cannot be connected to.
-fn arrival<M: Wire>(
+fn arrival<M: Payload, F: Fn() -> u64>(
+    node: &'static str,
     port: Rc<dyn ReceivePort<M>>,
-    page: &Arc<ControlPage>,
-) -> Result<impl FnMut() -> Result<bool, PortError> + use<M>, PortError> {
-    let unreachable = || {
+    page: &ControlPage,
+    publisher: F,
+) -> Result<impl FnMut() -> Result<bool, PortError> + use<M, F>, PortError> {
+    let unreachable = move || {
         let gone = || "its files in shared memory are gone or damaged; fly again".into();
-        PortError::Unreachable { topic: M::TOPIC, reason: realtime::shortage().unwrap_or_else(gone) }
-    };
-    let publisher = {
-        let page = page.clone();
-        move || page.role(M::TOPIC).port(page.role(M::TOPIC).active())
+        PortError::Unreachable { name: M::NAME, node, reason: realtime::shortage().unwrap_or_else(gone) }
     };
     if page.phase.count() != phase::JOIN && port.cannot_reach(publisher()) {
         return Err(unreachable());

@@ -10,18 +10,18 @@ use std::rc::Rc;
 
 use crate::error::{PortError, PortFailure};
 use crate::port::{ReceivePort, SendPort, WarmUp};
-use contract::Topic;
-use contract::message::{Actuators, Controls, Message, Reference, State};
+use contract::message::{Actuators, Controls, LAYOUT, Payload, Reference, State, Truth};
 
-/// Queues of the four topics of one ring.
+/// Queues of all messages of one ring.
 #[derive(Clone)]
 pub struct Queues {
-    topics: [Rc<dyn Any>; Topic::COUNT],
+    /// [`Receivers`] of each message type, in the order of [`LAYOUT`].
+    receivers: [Rc<dyn Any>; LAYOUT.len()],
     ports: Rc<Cell<u64>>,
 }
 
-/// Queues of all receivers of one topic.
-type TopicQueues<M> = RefCell<Vec<Rc<Queue<M>>>>;
+/// Queues of all receivers of one message type.
+type Receivers<M> = RefCell<Vec<Rc<Queue<M>>>>;
 
 /// Queue of a receiver: messages, each with the number of the port that it was sent through.
 struct Queue<M> {
@@ -34,26 +34,27 @@ struct Queue<M> {
 /// Port of a publisher.
 struct Sender<M> {
     number: u64,
-    topic: Rc<TopicQueues<M>>,
+    receivers: Rc<Receivers<M>>,
     last: Cell<Option<M>>,
     /// Number of the newest receiver that the port has sent to.
     newest: Cell<u64>,
 }
 
-/// Port of a receiver, which leaves the topic when it is dropped.
+/// Port of a receiver, which gets nothing more when it is dropped.
 struct Receiver<M> {
     queue: Rc<Queue<M>>,
-    topic: Rc<TopicQueues<M>>,
+    receivers: Rc<Receivers<M>>,
 }
 
 impl Default for Queues {
     fn default() -> Self {
         Self {
-            topics: [
-                Rc::<TopicQueues<State>>::default(),
-                Rc::<TopicQueues<Reference>>::default(),
-                Rc::<TopicQueues<Controls>>::default(),
-                Rc::<TopicQueues<Actuators>>::default(),
+            receivers: [
+                Rc::<Receivers<State>>::default(),
+                Rc::<Receivers<Reference>>::default(),
+                Rc::<Receivers<Controls>>::default(),
+                Rc::<Receivers<Actuators>>::default(),
+                Rc::<Receivers<Truth>>::default(),
             ],
             ports: Rc::new(Cell::new(crate::shared_role::VACANT)),
         }
@@ -61,24 +62,24 @@ impl Default for Queues {
 }
 
 impl Queues {
-    /// Opens the sending side of `M`'s topic.
-    pub fn sender<M: Message>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
-        let (topic, number) = (self.topic()?, self.number());
+    /// Opens the sending side of `M`.
+    pub fn sender<M: Payload>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
+        let (receivers, number) = (self.receivers()?, self.number());
         // Receivers that exist already get the first message, and nothing before it.
-        Ok(Rc::new(Sender { number, topic, last: Cell::new(None), newest: Cell::new(number) }))
+        Ok(Rc::new(Sender { number, receivers, last: Cell::new(None), newest: Cell::new(number) }))
     }
 
-    /// Opens the receiving side of `M`'s topic with a queue of `depth` for each publisher.
-    pub fn receiver<M: Message>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
-        let (topic, number) = (self.topic()?, self.number());
+    /// Opens the receiving side of `M` with a queue of `depth` for each publisher.
+    pub fn receiver<M: Payload>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
+        let (receivers, number) = (self.receivers()?, self.number());
         let queue = Rc::new(Queue { depth, number, messages: RefCell::default() });
-        topic.borrow_mut().push(queue.clone());
-        Ok(Rc::new(Receiver { queue, topic }))
+        receivers.borrow_mut().push(queue.clone());
+        Ok(Rc::new(Receiver { queue, receivers }))
     }
 
-    fn topic<M: Message>(&self) -> Result<Rc<TopicQueues<M>>, PortError> {
-        let not_in_ring = || PortError::Service { topic: M::TOPIC.name(), reason: "no message of the ring".into() };
-        self.topics[M::TOPIC as usize].clone().downcast().map_err(|_| not_in_ring())
+    fn receivers<M: Payload>(&self) -> Result<Rc<Receivers<M>>, PortError> {
+        let found = self.receivers.iter().find_map(|of| of.clone().downcast().ok());
+        found.ok_or_else(|| PortError::Service { name: M::NAME, reason: "no message of the ring".into() })
     }
 
     fn number(&self) -> u64 {
@@ -99,9 +100,9 @@ impl<M: Copy> Queue<M> {
     }
 }
 
-impl<M: Message> SendPort<M> for Sender<M> {
+impl<M: Payload> SendPort<M> for Sender<M> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
-        let queues = self.topic.borrow();
+        let queues = self.receivers.borrow();
         let newest = self.newest.get();
         for queue in queues.iter() {
             if queue.number > newest
@@ -125,7 +126,7 @@ impl<M> WarmUp for Sender<M> {
     fn warm_up(&self) {}
 }
 
-impl<M: Message> ReceivePort<M> for Receiver<M> {
+impl<M: Payload> ReceivePort<M> for Receiver<M> {
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
         let mut messages = self.queue.messages.borrow_mut();
         messages.front().inspect(|(message, port)| take(message, *port));
@@ -143,7 +144,7 @@ impl<M: Message> ReceivePort<M> for Receiver<M> {
 
 impl<M> Drop for Receiver<M> {
     fn drop(&mut self) {
-        self.topic.borrow_mut().retain(|queue| !Rc::ptr_eq(queue, &self.queue));
+        self.receivers.borrow_mut().retain(|queue| !Rc::ptr_eq(queue, &self.queue));
     }
 }
 

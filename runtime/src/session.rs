@@ -9,6 +9,7 @@
 
 use std::path::Path;
 
+use contract::message::Message;
 use contract::scenario::file::{self, MAX_TEXT_BYTES};
 use contract::scenario::{self, Mode, Scenario};
 use contract::snapshot::Snapshot;
@@ -19,8 +20,7 @@ use crate::error::PortFailure;
 pub use crate::error::SessionError;
 use crate::input::Input;
 use crate::member::Member;
-use crate::output::Output;
-use crate::port::Wire;
+use crate::output::{Output, TruthOutput};
 use crate::ports::Ports;
 use crate::realtime::{self, ThisProcess, tell_of_copies};
 use crate::release::Release;
@@ -64,13 +64,18 @@ impl NodeSession {
     }
 
     /// Opens the input on which this node receives `M`.
-    pub fn input<M: Wire>(&mut self) -> Result<Input<M>, SessionError> {
+    pub fn input<M: Message>(&mut self) -> Result<Input<M>, SessionError> {
         Input::open(&mut self.ports, &self.member)
     }
 
     /// Opens the output on which this node sends `M`. This also claims the place in the role that was offered to it.
-    pub fn output<M: Wire>(&mut self) -> Result<Output<M>, SessionError> {
+    pub fn output<M: Message>(&mut self) -> Result<Output<M>, SessionError> {
         Output::open(&mut self.ports, &self.member, &self.scenario)
+    }
+
+    /// Opens the output on which the plant sends TRUTH, after [`Self::output`].
+    pub fn truth_output(&mut self) -> Result<TruthOutput, SessionError> {
+        TruthOutput::open(&mut self.ports, &self.member)
     }
 
     /// Opens a node with all its ports by `open`.

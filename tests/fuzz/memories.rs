@@ -37,6 +37,7 @@ static FLOWN: LazyLock<Flown> = LazyLock::new(|| {
     log.references.retain(|message| message.stamp.tick > 900);
     log.controls.retain(|message| message.stamp.tick > 900);
     log.actuators.retain(|message| message.stamp.tick > 900);
+    log.truths.retain(|truth| truth.tick > 900);
     let memories = log::memories(&path, u64::MAX).expect("memories");
     assert_eq!(memories.len(), 4, "of every node");
     Flown { log, memories, run: fs::read_to_string(outcome.out.join("run.json")).expect("run.json") }

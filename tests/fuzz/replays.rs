@@ -7,7 +7,7 @@ use std::fs;
 use std::sync::LazyLock;
 
 use contract::exit;
-use contract::message::{Actuators, Arrival, Controls, Reference, Stamp, State};
+use contract::message::{Actuators, Arrival, Controls, Reference, Stamp, State, Truth};
 use flight::log::{self, Log, LogWriter, Record};
 use flight::replay::Plan;
 use outcome::recorded::Recorded;
@@ -110,13 +110,14 @@ fn damage() -> impl Strategy<Value = Damage> {
 fn damaged(log: &Log, damages: &[Damage]) -> Log {
     let mut log = log.clone();
     for damage in damages {
-        let Log { states, references, controls, actuators, events, .. } = &mut log;
+        let Log { states, references, controls, actuators, truths, events, .. } = &mut log;
         match damage {
             Damage::Thin(span) => {
                 span.thin(0, states);
                 span.thin(1, references);
                 span.thin(2, controls);
                 span.thin(3, actuators);
+                span.thin(4, truths);
             }
             Damage::Mix(other, span) => {
                 let other = &other.get(&FLOWN).log;
@@ -124,6 +125,7 @@ fn damaged(log: &Log, damages: &[Damage]) -> Log {
                 span.mix(1, references, &other.references);
                 span.mix(2, controls, &other.controls);
                 span.mix(3, actuators, &other.actuators);
+                span.mix(4, truths, &other.truths);
             }
             Damage::Forget(share) => events.truncate((events.len() as f64 * (1.0 - share)) as usize),
         }
@@ -139,6 +141,7 @@ fn file_of(log: &Log) -> Vec<u8> {
     let states = log.states.iter().map(|m| Record::from(*m)).chain(log.references.iter().map(|m| Record::from(*m)));
     let all = states.chain(log.controls.iter().map(|m| Record::from(*m)));
     let all = all.chain(log.actuators.iter().map(|m| Record::from(*m)));
+    let all = all.chain(log.truths.iter().map(|m| Record::from(*m)));
     all.for_each(|record| writer.write(&record).expect("can be written"));
     log.events.iter().for_each(|event| writer.write_event(event).expect("can be written"));
     writer.finish().expect("can be finished");
@@ -187,6 +190,7 @@ fn timeless(record: &Record) -> Record {
         Record::Reference(reference) => Reference { stamp: without(reference.stamp), ..reference }.into(),
         Record::Controls(controls) => Controls { stamp: without(controls.stamp), solve_ns: 0, ..controls }.into(),
         Record::Actuators(actuators) => Actuators { stamp: without(actuators.stamp), ..actuators }.into(),
+        Record::Truth(truth) => Truth { checksum: 0, ..truth }.into(),
     }
 }
 

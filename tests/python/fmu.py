@@ -25,12 +25,12 @@ def vector(part, name):
     return [getattr(value, field.name) for field in value.DESCRIPTOR.fields]
 
 
-def expected(state):
+def expected(state, truth):
     """The outputs that the plant of the log had."""
-    outputs = {name: vector(state.actual, name) for name in KINEMATICS}
+    outputs = {name: vector(truth.actual, name) for name in KINEMATICS}
     outputs |= {f"measured_{name}": vector(state.measured, name) for name in KINEMATICS}
-    outputs["actuator_rotor_speed"] = vector(state.actuators, "rotor_speed")
-    outputs["actuator_tilt_rad"] = [state.actuators.tilt_rad]
+    outputs["actuator_rotor_speed"] = vector(truth.actuators, "rotor_speed")
+    outputs["actuator_tilt_rad"] = [truth.actuators.tilt_rad]
     return outputs
 
 
@@ -38,11 +38,14 @@ def main(fmu, log):
     problems = validate_fmu(fmu)
     if problems:
         sys.exit(f"the validator found: {problems}")
-    states, commands = {}, {}
+    states, truths, commands = {}, {}, {}
     with open(log, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages(topics=["/state", "/actuators"]):
-            (states if channel.topic == "/state" else commands)[message.stamp.tick] = message
+        for _, channel, _, message in reader.iter_decoded_messages(topics=["/state", "/actuators", "/truth"]):
+            if channel.topic == "/truth":
+                truths[message.tick] = message
+            else:
+                (states if channel.topic == "/state" else commands)[message.stamp.tick] = message
     description = read_model_description(fmu)
     step_s = float(description.defaultExperiment.stepSize)
     variables = {variable.name: variable for variable in description.modelVariables}
@@ -64,7 +67,7 @@ def main(fmu, log):
         instance.setFloat64([rotor_speed, tilt_rad], [*vector(sent, "rotor_speed"), sent.tilt_rad])
 
     def check(tick):
-        for name, values in expected(states[tick]).items():
+        for name, values in expected(states[tick], truths[tick]).items():
             if get(name) != values:
                 sys.exit(f"tick {tick}: {name} is {get(name)} in the FMU and {values} in the log")
 
@@ -106,7 +109,7 @@ def main(fmu, log):
         except Exception:  # fmpy has one of its own for each version
             refused += 1
     instance.freeInstance()
-    print(json.dumps({"states": last + 1, "outputs": len(expected(states[0])), "refused": refused}))
+    print(json.dumps({"states": last + 1, "outputs": len(expected(states[0], truths[0])), "refused": refused}))
 
 
 if __name__ == "__main__":

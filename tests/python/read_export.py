@@ -42,13 +42,23 @@ def columns(descriptor, before=""):
 
 
 def tables(log):
-    """The messages of each topic: the names of the fields, and for each message its values, with its time."""
+    """The messages of each topic: the names of the fields, and for each message its values, with its time. Those of
+    STATE have the fields of the TRUTH of their tick too."""
     found = {}
     with log.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, message, decoded in reader.iter_decoded_messages([f"/{topic}" for topic in TOPICS]):
+        truths = {}
+        for _, channel, message, decoded in reader.iter_decoded_messages([f"/{topic}" for topic in (*TOPICS, "truth")]):
+            if channel.topic == "/truth":
+                names = [name for name in columns(decoded.DESCRIPTOR) if name.startswith("actu")]
+                truths[decoded.tick] = dict(zip(names, attrgetter(*names)(decoded)))
+                continue
             names, rows = found.setdefault(channel.topic[1:], (list(columns(decoded.DESCRIPTOR)), []))
             rows.append((message.log_time * 1e-9, dict(zip(names, attrgetter(*names)(decoded)))))
+    names, rows = found["state"]
+    names.extend(next(iter(truths.values())))
+    for _, row in rows:
+        row.update(truths[row["stamp.tick"]])
     for names, rows in found.values():
         rows.sort(key=lambda row: order(names, row[1]))
     return found

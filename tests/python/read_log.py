@@ -20,13 +20,14 @@ SAMPLE_NS = 10_000_000
 
 # Schema name and fields of every topic.
 TOPICS = {
-    "/state": ("trefoil.v1.State", "stamp applied_sequence applied_age_ns measured actual actuators command_in_force"
+    "/state": ("trefoil.v1.State", "stamp applied_sequence applied_age_ns measured command_in_force"
                " status status_name arrivals arrived navigation sensed"),
     "/reference": ("trefoil.v1.Reference", "stamp position_m velocity_mps w_mps attitude_rad rates_radps"
                    " disturbance_mps2 flags preview_step_ns preview"),
     "/controls": ("trefoil.v1.Controls", "stamp demand disturbance status status_name iterations solve_ns"
                   " active_constraints fallbacks"),
     "/actuators": ("trefoil.v1.Actuators", "stamp command flags"),
+    "/truth": ("trefoil.v1.Truth", "tick sequence checksum actual actuators"),
 }
 # What happened to the processes; no message in a quiet flight.
 EVENTS = "/events"
@@ -71,6 +72,9 @@ def check(schema, channel, message, decoded):
     if topic == EVENTS:
         expect(message.log_time == decoded.tick * SAMPLE_NS, f"event at tick {decoded.tick}: log_time {message.log_time}")
         return
+    if topic == "/truth":
+        expect(message.log_time == decoded.tick * SAMPLE_NS, f"{topic} tick {decoded.tick}: log_time {message.log_time}")
+        return
     stamp = decoded.stamp
     expect(message.log_time == stamp.tick * SAMPLE_NS, f"{topic} tick {stamp.tick}: log_time {message.log_time}")
     published = getattr(stamp.publish_ns, topic[1:])
@@ -99,7 +103,7 @@ def summary(path):
             check(*item)
             counts[item.channel.topic] += 1
             times_s.append(item.message.log_time * 1e-9)
-            if item.channel.topic == "/state":
+            if item.channel.topic == "/truth":
                 heights_m.append(-item.decoded_message.actual.position_m.z)
         empty = [topic for topic in TOPICS if counts[topic] == 0]
         expect(not empty, f"no message on {' '.join(empty)}")

@@ -62,23 +62,23 @@ def length(arrow):
 
 
 def read(path):
-    states, derived, size = {}, collections.defaultdict(list), collections.Counter()
+    truths, derived, size = {}, collections.defaultdict(list), collections.Counter()
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         wind = tomllib.loads(next(reader.iter_metadata()).metadata["toml"])["plant"]["wind_ned_mps"]
         for schema, channel, message, decoded in reader.iter_decoded_messages():
             size[channel.topic.startswith("/view/")] += len(message.data) + HEADER_BYTES
-            if channel.topic == "/state":
-                states[message.log_time] = decoded
+            if channel.topic == "/truth":
+                truths[message.log_time] = decoded
             elif channel.topic.startswith("/view/"):
                 by_package = TYPES[schema.name].FromString(message.data)
                 expect(by_package.SerializeToString() == decoded.SerializeToString(), f"{schema.name} is another schema")
                 derived[channel.topic].append((message.log_time, by_package))
-    return states, derived, wind, size[True] / size[False]
+    return truths, derived, wind, size[True] / size[False]
 
 
 def main():
-    states, derived, wind, share = read(sys.argv[1])
+    truths, derived, wind, share = read(sys.argv[1])
     parents = {}
     for topic in ("/view/tf_static", "/view/tf"):
         for time_ns, frames in derived[topic]:
@@ -91,16 +91,16 @@ def main():
     for axis, expected in (((1, 0, 0), (0, 1, 0)), ((0, 1, 0), (1, 0, 0)), ((0, 0, 1), (0, 0, -1))):
         near(turned(ned.rotation, axis), expected, "an axis of ned in map: east, north, up")
     for time_ns, frames in derived["/view/tf"]:
-        state, (body, rotor, _) = states[time_ns], frames.transforms
-        near(xyz(body.translation), xyz(state.actual.position_m), "position")
-        near(turned(body.rotation, (1, 0, 0)), nose(state.actual.attitude_rad), "nose")
-        tilt = state.actuators.tilt_rad
+        truth, (body, rotor, _) = truths[time_ns], frames.transforms
+        near(xyz(body.translation), xyz(truth.actual.position_m), "position")
+        near(turned(body.rotation, (1, 0, 0)), nose(truth.actual.attitude_rad), "nose")
+        tilt = truth.actuators.tilt_rad
         near(turned(rotor.rotation, (0, 0, -1)), (0, math.sin(tilt), -math.cos(tilt)), "axis of rotor 1")
     for time_ns, scene in derived["/view/arrows"]:
-        state, entities = states[time_ns], {entity.id: entity for entity in scene.entities}
+        truth, entities = truths[time_ns], {entity.id: entity for entity in scene.entities}
         for rotor in (1, 2, 3):
             arrow, = entities[f"thrust {rotor}"].arrows
-            speed = getattr(state.actuators.rotor_speed, f"rotor_{rotor}")
+            speed = getattr(truth.actuators.rotor_speed, f"rotor_{rotor}")
             near((length(arrow),), (KF * speed**2 * THRUST_M_PER_N,), f"thrust {rotor}")
             near(turned(arrow.pose.orientation, (1, 0, 0)), (0, 0, -1), "thrust points up")
         blows = [velocity for from_s, velocity in wind if time_ns >= from_s * 1e9 - 1]

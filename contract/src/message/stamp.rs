@@ -2,6 +2,7 @@
 //! computed from, and the time at which each was published.
 
 use bytemuck::Pod;
+use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
 use super::Stamp;
 use super::field::Field;
@@ -19,12 +20,18 @@ pub trait Content {
     }
 }
 
-/// Common interface of the four messages.
-pub trait Message: Content + Pod + Default + std::fmt::Debug + Send {
-    /// Topic of the message.
-    const TOPIC: Topic;
+/// Message that a port carries: one of the four of the ring, or TRUTH.
+pub trait Payload: Pod + Default + std::fmt::Debug + Send + ZeroCopySend {
+    /// Name of the messages: that of their topic, or `truth`.
+    const NAME: &'static str;
     /// All fields, in order.
     const FIELDS: &'static [Field];
+}
+
+/// Common interface of the four messages of the ring.
+pub trait Message: Content + Payload {
+    /// Topic of the message.
+    const TOPIC: Topic;
     /// Provenance and timing.
     fn stamp(&self) -> &Stamp;
     /// Mutable provenance and timing, for the process that publishes the message.

@@ -4,7 +4,7 @@
 //! A field may have a mark: `as clock` if its value depends on the machine and not on the flight, so that a replay does
 //! not compare it; `as demand` if the receiver acts on it, so that the fault `wrong` changes it. `= PlantStatus` names
 //! the type that gives the numbers of a field their names. A change in this table is a new layout: raise the version
-//! in the names of all four messages, and change `launcher/flight/proto/trefoil.proto` alike; the compiler compares.
+//! in the names of all messages, and change `launcher/flight/proto/trefoil.proto` alike; the compiler compares.
 
 /// Calls the macro `$with` with the table of parts and messages.
 #[macro_export]
@@ -119,8 +119,8 @@ macro_rules! messages {
                 }
             }
             messages {
-                /// STATE: the measured motion, the true motion, and the command in force.
-                State "trefoil.State.v9" 808 bytes {
+                /// STATE: the measured motion and the command in force.
+                State "trefoil.State.v10" 680 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim
@@ -128,13 +128,8 @@ macro_rules! messages {
                     applied_sequence: u64,
                     /// Age of the sample behind that command when the command took effect at the actuators \[ns\].
                     applied_age_ns: u64,
-                    /// Measured motion. A controller may use only this, `sensed`, `command_in_force`, and its number
-                    /// and age.
+                    /// Measured motion.
                     measured: Kinematics,
-                    /// True motion, for the recorder and the report.
-                    actual: Kinematics,
-                    /// True actuator positions, for the recorder and the report.
-                    actuators: ActuationMsg,
                     /// Command that was in force up to this sample.
                     command_in_force: ActuationMsg,
                     /// Wire value of a [`PlantStatus`].
@@ -151,7 +146,7 @@ macro_rules! messages {
                 }
 
                 /// REFERENCE: the attitude, rates and vertical velocity that the attitude loop shall follow.
-                Reference "trefoil.Reference.v8" 608 bytes {
+                Reference "trefoil.Reference.v9" 608 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Position on the trajectory, NED \[m\].
@@ -176,7 +171,7 @@ macro_rules! messages {
                 }
 
                 /// CONTROLS: the demanded conventional inputs, as deviations from trim.
-                Controls "trefoil.Controls.v8" 320 bytes {
+                Controls "trefoil.Controls.v9" 320 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Demand of col, lon, lat, ped \[N, N m, N m, N m\].
@@ -196,13 +191,29 @@ macro_rules! messages {
                 }
 
                 /// ACTUATORS: the command for rotors and servo.
-                Actuators "trefoil.Actuators.v8" 256 bytes {
+                Actuators "trefoil.Actuators.v9" 256 bytes {
                     /// Provenance and timing.
                     stamp: Stamp,
                     /// Command inside the actuators' limits.
                     command: ActuationMsg as demand,
                     /// Limits that the command reached, and fallbacks: bits of [`mixer_flags`].
                     flags: u64,
+                }
+            }
+            truth {
+                /// TRUTH: the true motion and actuator positions at a sample, for recorder and observers. The plant
+                /// sends it after STATE, and no node receives it. It has no topic, and no fault changes it.
+                Truth "trefoil.Truth.v1" 152 bytes {
+                    /// Number of the plant sample.
+                    tick: u64,
+                    /// Sequence number of the newest STATE at that time, from 1; 0 = no TRUTH, but a probe.
+                    sequence: u64,
+                    /// Checksum of the whole message, computed with this field 0.
+                    checksum: u64 as clock,
+                    /// True motion.
+                    actual: Kinematics,
+                    /// True actuator positions.
+                    actuators: ActuationMsg,
                 }
             }
         }

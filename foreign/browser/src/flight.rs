@@ -11,6 +11,7 @@ use plant::tricopter::Tricopter;
 use ring::count::Count;
 use ring::nodes;
 use ring::record::Record;
+use ring::samples::Samples;
 use ring::states::{StateHash, length_m, position_error_m};
 use ring::stepped::Stepped;
 use serde_json::{Map, Value, json};
@@ -58,6 +59,7 @@ struct Course {
     trajectory: Trajectory,
     sample_s: f64,
     count: Count,
+    samples: Samples,
     hash: StateHash,
     last: State,
     /// Rows of the [`COLUMNS`].
@@ -72,6 +74,7 @@ impl Course {
             trajectory: Trajectory::new(scenario),
             sample_s: scenario.sample_s(),
             count: Count::default(),
+            samples: Samples::default(),
             hash: StateHash::default(),
             last: State::default(),
             rows: vec![],
@@ -81,19 +84,19 @@ impl Course {
     }
 
     fn observe(&mut self, record: &Record) {
-        let Record::State(state) = record else { return };
-        if self.count.before(record).is_none() {
+        if self.count.gap(record).is_none() {
             return;
         }
-        self.hash.observe(state);
-        let wanted_m = self.trajectory.at(state.stamp.tick as f64 * self.sample_s).position_m;
-        let error_m = length_m(position_error_m(wanted_m, state));
-        let [x, y, z] = state.actual.position_m;
+        let Some(sample) = self.samples.join(record) else { return };
+        self.hash.observe(&sample);
+        let wanted_m = self.trajectory.at(sample.truth.tick as f64 * self.sample_s).position_m;
+        let error_m = length_m(position_error_m(wanted_m, &sample.truth));
+        let [x, y, z] = sample.truth.actual.position_m;
         let [x_wanted, y_wanted, z_wanted] = wanted_m;
         self.rows.push([x, y, z, x_wanted, y_wanted, z_wanted, error_m].map(|value| value as f32));
         self.max_error_m = self.max_error_m.max(error_m);
         self.square_sum_m2 += error_m * error_m;
-        self.last = *state;
+        self.last = sample.state;
     }
 
     fn answer(&self, scenario: &Scenario) -> Value {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use contract::message::State;
+use contract::message::Sample;
 use contract::scenario::{ProgramKind, Scenario};
 use plant::vehicle::start;
 
@@ -40,7 +40,7 @@ pub fn model_description(scenario: &Scenario, date: Option<&str>) -> String {
     let mut variables = String::new();
     let mut structure = String::new();
     for (reference, output) in (FIRST_OUTPUT..).zip(&OUTPUTS) {
-        let is_vector = (output.values)(&State::default()).len() > 1;
+        let is_vector = (output.values)(&Sample::default()).len() > 1;
         let head = format!("name=\"{}\" valueReference=\"{reference}\" causality=\"output\"", output.name);
         let rest = format!("description=\"{}\" unit=\"{}\" initial=\"calculated\"", output.about, output.unit);
         let dimension = if is_vector { "><Dimension start=\"3\"/></Float64>" } else { "/>" };

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bytemuck::{bytes_of, cast_slice, pod_read_unaligned};
-use contract::message::{ActuationMsg, Actuators, PlantStatus, Stamp, State};
+use contract::message::{ActuationMsg, Actuators, PlantStatus, Sample, Stamp, State};
 use contract::scenario::{self, Scenario};
 use contract::snapshot::PLANT_WORDS;
 use plant::Plant;
@@ -15,7 +15,7 @@ use crate::variables::{SETTINGS, TIME, input, output};
 /// Largest difference between a time or step and a whole number of periods, in periods.
 const MOST_OFF: f64 = 1e-6;
 
-/// Size of a state as bytes: command, sample, memory of the plant.
+/// Size of a state as bytes: command, STATE, memory of the plant.
 pub const STATE_BYTES: usize = size_of::<ActuationMsg>() + size_of::<State>() + 8 * PLANT_WORDS;
 
 /// State of an instance that a tool can store and set again: the plant, its newest sample, and the command.
@@ -29,7 +29,7 @@ pub struct Saved {
 #[derive(Clone)]
 struct Flown {
     plant: Plant,
-    sample: State,
+    sample: Sample,
 }
 
 /// Instance of the FMU.
@@ -56,7 +56,7 @@ impl Instance {
     pub fn initialise(&mut self, start_s: f64) -> Result<(), String> {
         self.scenario = load(&self.resources, &self.settings)?;
         let mut plant = Plant::new(&self.scenario);
-        let sample = plant.sample();
+        let sample = Sample { state: plant.sample(), truth: plant.truth() };
         self.saved.flown = Some(Flown { plant, sample });
         self.start_s = start_s;
         Ok(())
@@ -77,27 +77,27 @@ impl Instance {
             ((periods - near).abs() < MOST_OFF && near >= 0.0).then_some(near as u64)
         };
         let Flown { plant, sample } = self.saved.flown.as_mut().ok_or("the FMU is not initialised")?;
-        if whole(time_s - self.start_s) != Some(sample.stamp.tick) {
-            let now_s = self.start_s + sample.stamp.tick as f64 * sample_s;
+        if whole(time_s - self.start_s) != Some(sample.truth.tick) {
+            let now_s = self.start_s + sample.truth.tick as f64 * sample_s;
             return Err(format!("the step begins at {time_s:?} s, and the plant is at {now_s:?} s"));
         }
         let periods = whole(step_s).filter(|periods| *periods > 0);
         let periods = periods.ok_or_else(|| format!("a step of {step_s:?} s is no multiple of {sample_s:?} s"))?;
         for _ in 0..periods {
-            let tick = sample.stamp.tick;
+            let tick = sample.truth.tick;
             let stamp = Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() };
             plant.command(&Actuators { stamp, command: self.saved.command, ..Actuators::default() }, 0);
             plant.advance(1).map_err(|error| error.to_string())?;
-            *sample = plant.sample();
+            *sample = Sample { state: plant.sample(), truth: plant.truth() };
         }
-        Ok(!PlantStatus::from_wire(sample.status).is_some_and(PlantStatus::diverged))
+        Ok(!PlantStatus::from_wire(sample.state.status).is_some_and(PlantStatus::diverged))
     }
 
     /// Returns the values of the variable `reference`; `None` if it is unknown, or known only after the initialisation.
     pub fn get(&mut self, reference: u32) -> Option<Vec<f64>> {
         let flown = self.saved.flown.as_ref();
         if reference == TIME {
-            let ticks = flown.map_or(0, |flown| flown.sample.stamp.tick);
+            let ticks = flown.map_or(0, |flown| flown.sample.truth.tick);
             return Some(vec![self.start_s + ticks as f64 * self.scenario.sample_s()]);
         }
         let outputs = flown.and_then(|flown| output(&flown.sample, reference)).map(<[f64]>::to_vec);
@@ -136,13 +136,14 @@ impl Instance {
             return Err(format!("a state has {STATE_BYTES} byte, and is read after initialisation"));
         }
         let (command, rest) = bytes.split_at(size_of::<ActuationMsg>());
-        let (sample, words) = rest.split_at(size_of::<State>());
-        let sample: State = pod_read_unaligned(sample);
+        let (state, words) = rest.split_at(size_of::<State>());
+        let state: State = pod_read_unaligned(state);
         let words: Vec<u64> = words.chunks_exact(8).map(pod_read_unaligned).collect();
         let mut plant = Plant::new(&self.scenario);
-        if !plant.restore(sample.stamp.tick, &words) {
+        if !plant.restore(state.stamp.tick, &words) {
             return Err("the bytes are no state of this FMU with these settings".into());
         }
+        let sample = Sample { state, truth: plant.truth() };
         Ok(Saved { command: pod_read_unaligned(command), flown: Some(Flown { plant, sample }) })
     }
 }
@@ -153,7 +154,7 @@ impl Saved {
         let mut flown = self.flown.clone().ok_or("a state before initialisation cannot be serialised")?;
         let mut words = vec![0; PLANT_WORDS];
         flown.plant.memory(&mut words).ok_or("the state cannot be serialised: the vehicle has diverged")?;
-        let parts = [bytes_of(&self.command), bytes_of(&flown.sample), cast_slice(&words)].concat();
+        let parts = [bytes_of(&self.command), bytes_of(&flown.sample.state), cast_slice(&words)].concat();
         if parts.len() != bytes.len() {
             return Err(format!("a state has {STATE_BYTES} byte"));
         }

@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use anyhow::{Context, anyhow};
 use contract::Scenario;
-use contract::message::State;
+use contract::message::Sample;
 use flight::event::TimedEvent;
 use flight::guarded;
 use flight::log::Record;
@@ -194,9 +194,9 @@ impl FlightRow {
     }
 }
 
-/// Identifies a flight: the first half of the SHA-256 of its last state and all metrics. A difference on the way still
-/// shows at the end, so that a campaign needs no hash over all states.
-fn hash(last: &State, metrics: &Metrics) -> String {
+/// Identifies a flight: the first half of the SHA-256 of its last sample and all metrics. A difference on the way still
+/// shows at the end, so that a campaign needs no hash over all samples.
+fn hash(last: &Sample, metrics: &Metrics) -> String {
     let mut hash = Sha256::new();
     last.payload(|bytes| hash.update(bytes));
     hash.update(serde_json::to_vec(metrics).expect("metrics are numbers"));
@@ -211,6 +211,7 @@ mod tests {
     use super::*;
     use crate::{Campaign, columns};
     use flight::inprocess;
+    use flight::log::Samples;
 
     fn flown(settings: &str) -> FlightRow {
         let text = format!("[settings]\nrun.duration_s = 1.0\n{settings}");
@@ -263,10 +264,10 @@ mod tests {
     fn a_flight_of_a_campaign_is_the_one_that_fly_flies_bit_for_bit() {
         let states = |flight: &Flight, is_unlogged: bool| {
             let scenario = flight.scenario.as_ref().unwrap();
-            let mut hash = Sha256::new();
+            let (mut hash, mut samples) = (Sha256::new(), Samples::default());
             let mut watch = |record: &Record| {
-                if let Record::State(state) = record {
-                    state.payload(|bytes| hash.update(bytes));
+                if let Some(sample) = samples.join(record) {
+                    sample.payload(|bytes| hash.update(bytes));
                 }
             };
             if is_unlogged {

@@ -19,7 +19,6 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use contract::Scenario;
-use contract::topic::Topic;
 use runtime::domain::{Domain, wipe_the_dead};
 use runtime::port::Bus;
 use runtime::ports::Ports;
@@ -37,7 +36,7 @@ use crate::recorder::Observers;
 /// Part of a flight that an observer sees.
 #[derive(Debug, Clone, Copy)]
 pub enum Seen<'a> {
-    /// Message of the ring; also one that is not delivered to the nodes (`Stamp::delivery`), or is not intact.
+    /// Message of the ring, or TRUTH; also one that is not delivered to the nodes (`Stamp::delivery`), or not intact.
     Message(&'a Record),
     /// Event of a process or a fault, up to a fifth of a second late.
     Event(&'a TimedEvent),
@@ -68,8 +67,8 @@ pub struct Observer {
     told: usize,
     asked: Instant,
     compared: Instant,
-    /// Messages sent and passed on at the last comparison, by topic.
-    counts: [(u32, u64); Topic::COUNT],
+    /// Messages sent and passed on at the last comparison, by [`Record::kind`].
+    counts: [(u32, u64); Record::KINDS],
 }
 
 /// Removes files in shared memory that this process made after the launcher had wiped the run's folder.
@@ -164,17 +163,17 @@ impl Observer {
         self.told - before
     }
 
-    /// Connects anew to the publishers of a topic on which messages were sent and none arrived.
+    /// Connects anew to the publishers of a kind of messages of which some were sent and none arrived.
     fn reconnect(&mut self) {
         if self.compared.elapsed() < RECONNECT_PERIOD {
             return;
         }
         self.compared = Instant::now();
-        for topic in Topic::ALL {
-            let counts = (self.page.role(topic).sent_by_all.get(), self.observers.drained(topic));
-            let before = std::mem::replace(&mut self.counts[topic as usize], counts);
+        for (kind, known) in self.counts.iter_mut().enumerate() {
+            let counts = self.observers.sent_and_drained(kind);
+            let before = std::mem::replace(known, counts);
             if counts.0 != before.0 && counts.1 == before.1 {
-                self.observers.reconnect(topic);
+                self.observers.reconnect(kind);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The recorder: a process that writes every message of the ring, and every event it gets, to `flight.mcap`.
+//! The recorder: a process that writes every message of the ring, TRUTH, and every event it gets, to `flight.mcap`.
 //!
 //! The recorder never holds the ring back: its queues overflow before a publisher would wait, and gaps in the sequence
 //! numbers tell how many messages were lost. If the disk fails, it reports that once, keeps the good part of the file
@@ -11,7 +11,6 @@ use std::time::{Instant, UNIX_EPOCH};
 
 use contract::exit;
 use contract::scenario::{self, FaultKind, Scenario};
-use contract::topic::Topic;
 pub use ring::observers::Observers;
 use runtime::console;
 use runtime::domain::Domain;
@@ -71,10 +70,13 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
         let mut newest = 0;
         let count = observers.drain(|record| {
             if record.is_intact() {
-                newest = newest.max(record.stamp().tick);
+                newest = newest.max(record.tick());
             }
-            if record.topic() == Topic::State && record.is_intact() && scenario.is_remembered(record.stamp().tick) {
-                remembered = record.stamp().tick;
+            if let Record::State(state) = record
+                && record.is_intact()
+                && scenario.is_remembered(state.stamp.tick)
+            {
+                remembered = state.stamp.tick;
             }
             log.write(record);
         });
@@ -146,7 +148,7 @@ impl CountedLog {
         let gap = self.count.gap(record);
         let missed = gap.unwrap_or(0);
         self.outcome.dropped = self.outcome.dropped.saturating_add(missed);
-        let full = self.full_from.is_some_and(|from| record.is_intact() && record.stamp().tick >= from);
+        let full = self.full_from.is_some_and(|from| record.is_intact() && record.tick() >= from);
         let write = |writer: &mut LogWriter| {
             if full { Err(writer.give_up(std::io::Error::from(Errno::NOSPC).into())) } else { writer.write(record) }
         };
@@ -199,5 +201,22 @@ impl CountedLog {
         self.writer = None;
         self.outcome.dropped += 1;
         self.outcome.error = Some(format!("{error:#}"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::message::Truth;
+
+    use super::*;
+
+    #[test]
+    fn a_lost_truth_counts_as_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut log = CountedLog::create(&folder.path().join("flight.mcap"), &Scenario::default()).unwrap();
+        for sequence in [1, 2, 5] {
+            log.write(&Truth { tick: sequence - 1, sequence, ..Truth::default() }.with_checksum().into());
+        }
+        assert_eq!(log.finish(), LogOutcome { records: 3, dropped: 2, error: None });
     }
 }

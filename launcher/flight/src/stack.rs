@@ -37,6 +37,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use contract::Scenario;
+use contract::message::{Payload, Truth};
 use contract::scenario::{Fault, Mode, ProgramKind};
 use contract::topic::Topic;
 pub use ring::ended::{Ended, Refused, refused_by_listener};
@@ -195,12 +196,13 @@ impl Stack {
 
     /// Describes the sent messages that the launcher has not seen, if any: figures without them cannot be trusted.
     fn unseen(&self) -> Option<String> {
-        let missing = |topic: Topic| {
-            let sent = u64::from(self.run.page.role(topic).sent_by_all.get());
-            Some((topic, sent.saturating_sub(self.observers.drained(topic)))).filter(|(_, missing)| *missing > 0)
+        let missing = |kind: usize| {
+            let (sent, drained) = self.observers.sent_and_drained(kind);
+            Some((kind, u64::from(sent).saturating_sub(drained))).filter(|(_, missing)| *missing > 0)
         };
-        let (topic, missing) = Topic::ALL.into_iter().find_map(missing)?;
-        Some(format!("{missing} messages on topic '{}' were sent that the launcher did not see", topic.name()))
+        let (kind, missing) = (0..Record::KINDS).find_map(missing)?;
+        let name = Topic::ALL.get(kind).map_or(Truth::NAME, |topic| topic.name());
+        Some(format!("{missing} messages of '{name}' were sent that the launcher did not see"))
     }
 
     fn port_failures(&self) -> PortFailures {
@@ -272,10 +274,11 @@ impl Stack {
         let Self { run, archive, observers, .. } = self;
         observers.drain(|record| {
             if record.is_intact() {
-                let (stamp, topic) = (record.stamp(), record.topic() as usize);
-                newest = newest.max(stamp.tick);
-                run.newest_ns[topic] = run.newest_ns[topic].max(stamp.publish_ns[topic]);
-                if stamp.is_delivered() {
+                newest = newest.max(record.tick());
+                let topic = record.kind();
+                let sent_ns = record.stamped().map_or(0, |(_, stamp)| stamp.publish_ns[topic]);
+                run.newest_ns[topic] = run.newest_ns[topic].max(sent_ns);
+                if record.stamped().is_none_or(|(_, stamp)| stamp.is_delivered()) {
                     run.newest[topic] = Some(*record);
                 }
             }

@@ -41,14 +41,14 @@ impl Vehicle {
 
     /// Takes a message of the ring; one that is damaged, or that the nodes do not act on, is left out.
     pub fn observe(&mut self, record: &Record) {
-        if !record.is_intact() || !record.stamp().is_delivered() {
+        if !record.is_intact() || !record.stamped().is_some_and(|(_, stamp)| stamp.is_delivered()) {
             return;
         }
         match record {
             Record::State(state) => self.state = Some(*state),
             Record::Reference(reference) => self.reference = Some(*reference),
             Record::Actuators(actuators) => self.actuators = Some(*actuators),
-            Record::Controls(_) => {}
+            Record::Controls(_) | Record::Truth(_) => {}
         }
     }
 

@@ -72,7 +72,7 @@ impl Frames {
         if !record.is_intact() {
             return;
         }
-        let (rate_hz, first) = (self.scenario.run.rate_hz, record.stamp().tick);
+        let (rate_hz, first) = (self.scenario.run.rate_hz, record.tick());
         let open = u64::from(rate_hz / OPEN_PER_S).max(2);
         let mut joined = self.joined.take().unwrap_or_else(|| Joined::live(&self.scenario, first, open));
         joined.observe(record, |tick| self.add_row(tick));
@@ -208,7 +208,7 @@ fn faults() -> Map<String, Value> {
 
 /// Makes the row of a tick: time, columns of the report, and [`MORE`]. Unknown values are null.
 fn row(tick: &LoggedTick, values: Vec<f64>, age_ms: f64, wind: &Air) -> String {
-    let down_m = tick.of.state.map_or(0.0, |state| state.actual.position_m[2]);
+    let down_m = tick.of.truth.map_or(0.0, |truth| truth.actual.position_m[2]);
     let wind_mps = wind.mean_wind_mps(tick.number.saturating_mul(tick.period_ns), down_m);
     let all = [tick.time_s()].into_iter().chain(values).chain([age_ms]).chain(wind_mps);
     json!(all.map(round).collect::<Vec<_>>()).to_string()

@@ -63,14 +63,14 @@ impl Node {
 impl Nodes {
     /// Takes in a message; only one that was delivered shows which process is active.
     pub fn observe(&mut self, record: &Record) {
-        let stamp = record.stamp();
+        let Some((topic, stamp)) = record.stamped() else { return };
         if !record.is_intact() || !stamp.is_delivered() {
             return;
         }
-        let node = &mut self.of[record.topic() as usize];
+        let node = &mut self.of[topic as usize];
         node.take_over(stamp.epoch as u32);
         node.misses = Some(stamp.misses);
-        if record.topic() == Topic::Actuators {
+        if topic == Topic::Actuators {
             self.rung = Some(rung(record));
         }
     }

@@ -10,7 +10,6 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use contract::topic::Topic;
 use flight::event::TimedEvent;
 use flight::log::Record;
 use outcome::happenings::Happenings;
@@ -248,8 +247,8 @@ impl<'a> Taken<'a> {
     }
 
     fn observe(&mut self, record: &Record) {
-        let is_sample = record.topic() == Topic::State && record.is_intact();
-        let now_s = record.stamp().tick as f64 * self.sample_s;
+        let is_sample = matches!(record, Record::State(_)) && record.is_intact();
+        let now_s = record.tick() as f64 * self.sample_s;
         if is_sample {
             while let Some(event) = self.events.pop_if(|event| event.at_s <= now_s) {
                 self.frames.note(event);

@@ -94,7 +94,7 @@ impl Watch {
                 }
             });
             // Topics come one after the other; a tick is shown when all of them have come.
-            records.sort_by_key(|record: &Record| record.stamp().tick);
+            records.sort_by_key(Record::tick);
             for record in records.drain(..) {
                 frames.observe(&record);
                 foxglove.on_record(&record, hub);

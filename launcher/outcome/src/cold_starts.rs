@@ -17,7 +17,7 @@ pub struct ColdStarts {
 impl ColdStarts {
     /// Takes in the next message.
     pub fn observe(&mut self, record: &Record) {
-        let (topic, stamp) = (record.topic(), record.stamp());
+        let Some((topic, stamp)) = record.stamped() else { return };
         let newest = &mut self.newest[topic as usize];
         if stamp.epoch <= *newest {
             return;

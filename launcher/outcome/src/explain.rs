@@ -66,7 +66,7 @@ const MOST_TICKS: usize = 50;
 /// second or two.
 const MOST_SAMPLES: usize = 6_001 * 10;
 /// Messages of a log that is flown again, at most: its script is held in memory, with about 1 kB a tick.
-const MOST_MESSAGES: u64 = 80_000;
+const MOST_MESSAGES: u64 = 100_000;
 
 /// Finds the costs of a recorded flight if that is little work.
 pub fn costs(recorded: &Recorded) -> Costs {
@@ -133,7 +133,7 @@ pub fn explain(
     alone.run.mode = Mode::Inprocess;
     let fly = |each: &mut dyn FnMut(&Record)| {
         guarded::fly(&alone, |record| {
-            let is_known = record.stamp().tick <= *last_tick;
+            let is_known = record.tick() <= *last_tick;
             if is_known {
                 each(record);
             }

@@ -26,7 +26,7 @@
 //! fault. In real time, if the next process takes over before any message is missing, only the launcher has seen the
 //! end of the process before it.
 
-use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
+use contract::message::{Controls, SolveStatus, Stamp, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::topic::Topic;
 use schemars::JsonSchema;
@@ -190,10 +190,10 @@ impl Watched {
     }
 
     fn observe(&mut self, record: &Record) {
-        let tick = record.stamp().tick;
-        let course = &mut self.courses[record.topic() as usize];
+        let Some((topic, Stamp { tick, .. })) = record.stamped() else { return };
+        let (tick, course) = (*tick, &mut self.courses[topic as usize]);
         self.newest = self.newest.max(tick);
-        if self.fault.target.process() == Some(record.topic()) {
+        if self.fault.target.process() == Some(topic) {
             course.sent(tick);
         } else if let Some(harmed) = harm(self.fault.target, record, self.obeyed) {
             course.note(tick, harmed);
@@ -320,8 +320,9 @@ const REACTIONS: u64 = mixer_flags::BAD_INPUT
 /// Returns whether `fault` took effect on the topic of `record` in this message; a message that is only doubled bears
 /// no mark.
 fn struck(fault: &Fault, record: &Record) -> bool {
-    let marked = record.stamp().is_faulted() || fault.kind == FaultKind::Duplicate;
-    marked && fault.target.topic() == Some(record.topic())
+    let Some((topic, stamp)) = record.stamped() else { return false };
+    let marked = stamp.is_faulted() || fault.kind == FaultKind::Duplicate;
+    marked && fault.target.topic() == Some(topic)
 }
 
 /// Returns whether `record` shows harm done by a fault of `target`; `None` if it is no witness. `obeyed` is the command
@@ -336,7 +337,7 @@ fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
         (T::Actuators, Record::State(state)) => Some(state.applied_sequence == obeyed),
         _ if target.is_a_sensor() || matches!(target, T::State | T::Reference | T::Controls) => {
             let first = target.topic().unwrap_or(Topic::State); // sensor values travel in STATE
-            if record.topic() as usize > first as usize { Some(reacts(record)) } else { None }
+            record.stamped().filter(|(topic, _)| *topic as usize > first as usize).map(|_| reacts(record))
         }
         _ => None,
     }
@@ -345,7 +346,7 @@ fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
 /// Returns whether the sender of `record` worked without the input it should have had.
 pub fn reacts(record: &Record) -> bool {
     match record {
-        Record::State(_) => false,
+        Record::State(_) | Record::Truth(_) => false,
         Record::Reference(reference) => guidance_flags::repeated(reference.flags),
         Record::Controls(Controls { status, .. }) => {
             SolveStatus::repeated(*status) || *status == SolveStatus::NoReference as u64

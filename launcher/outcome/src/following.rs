@@ -2,7 +2,7 @@
 //! sample.
 
 use airframe::angle;
-use contract::message::{Message, Reference, State};
+use contract::message::{Reference, Truth};
 use flight::log::Record;
 
 /// Number of compared quantities: phi, theta, psi \[rad\], p, q, r \[rad/s\], w \[m/s\].
@@ -28,9 +28,9 @@ enum Half {
 impl Following {
     pub fn observe(&mut self, record: &Record) {
         let (tick, half) = match record {
-            Record::State(state) => (state.stamp().tick, Half::True(truth(state))),
-            Record::Reference(reference) => (reference.stamp().tick, Half::Wanted(wanted(reference))),
-            Record::Controls(_) | Record::Actuators(_) => return,
+            Record::Truth(of_plant) => (of_plant.tick, Half::True(truth(of_plant))),
+            Record::Reference(reference) => (reference.stamp.tick, Half::Wanted(wanted(reference))),
+            Record::State(_) | Record::Controls(_) | Record::Actuators(_) => return,
         };
         let there = self.awaiting.iter().rposition(|(of, _)| *of == tick);
         match (there.map(|i| self.awaiting.remove(i).1), half) {
@@ -60,10 +60,10 @@ impl Following {
     }
 }
 
-fn truth(state: &State) -> [f64; NUMBERS] {
-    let [phi, theta, psi] = state.actual.attitude_rad;
-    let [p, q, r] = state.actual.rates_radps;
-    [phi, theta, psi, p, q, r, state.actual.velocity_mps[2]]
+fn truth(Truth { actual, .. }: &Truth) -> [f64; NUMBERS] {
+    let [phi, theta, psi] = actual.attitude_rad;
+    let [p, q, r] = actual.rates_radps;
+    [phi, theta, psi, p, q, r, actual.velocity_mps[2]]
 }
 
 fn wanted(reference: &Reference) -> [f64; NUMBERS] {
@@ -76,12 +76,11 @@ fn wanted(reference: &Reference) -> [f64; NUMBERS] {
 mod tests {
     use super::*;
 
-    fn state(tick: u64, psi_rad: f64, w_mps: f64) -> Record {
-        let mut state = State::default();
-        state.stamp.tick = tick;
-        state.actual.attitude_rad[2] = psi_rad;
-        state.actual.velocity_mps[2] = w_mps;
-        Record::State(state)
+    fn truth(tick: u64, psi_rad: f64, w_mps: f64) -> Record {
+        let mut truth = Truth { tick, ..Truth::default() };
+        truth.actual.attitude_rad[2] = psi_rad;
+        truth.actual.velocity_mps[2] = w_mps;
+        Record::Truth(truth)
     }
 
     fn reference(tick: u64, psi_rad: f64, q_radps: f64) -> Record {
@@ -102,29 +101,29 @@ mod tests {
 
     #[test]
     fn a_heading_error_is_an_angle_across_the_full_turn() {
-        let [_, _, psi, ..] = rms(&[state(0, 3.1, 0.0), reference(0, -3.1, 0.0)]);
+        let [_, _, psi, ..] = rms(&[truth(0, 3.1, 0.0), reference(0, -3.1, 0.0)]);
         assert!((psi - (std::f64::consts::TAU - 6.2)).abs() < 1e-12, "{psi}");
     }
 
     #[test]
     fn errors_are_those_of_one_sample_in_any_order_of_the_messages() {
-        let (truth, wanted) =
-            ([state(0, 0.0, 3.0), state(1, 0.0, 4.0)], [reference(0, 0.3, 0.0), reference(1, 0.4, 2.0)]);
-        let in_turn = rms(&[truth[0], wanted[0], truth[1], wanted[1]]);
-        assert_eq!(in_turn, rms(&[wanted[0], wanted[1], truth[0], truth[1]]));
+        let (truths, wanted) =
+            ([truth(0, 0.0, 3.0), truth(1, 0.0, 4.0)], [reference(0, 0.3, 0.0), reference(1, 0.4, 2.0)]);
+        let in_turn = rms(&[truths[0], wanted[0], truths[1], wanted[1]]);
+        assert_eq!(in_turn, rms(&[wanted[0], wanted[1], truths[0], truths[1]]));
         let half = |square: f64| (square / 2.0_f64).sqrt();
         for (i, expected) in [(2, half(0.25)), (4, half(4.0)), (6, half(25.0))] {
             assert!((in_turn[i] - expected).abs() < 1e-12, "{in_turn:?}");
         }
         assert_eq!(
             in_turn,
-            rms(&[truth[0], wanted[0], truth[1], wanted[1], state(2, 1.0, 1.0)]),
+            rms(&[truths[0], wanted[0], truths[1], wanted[1], truth(2, 1.0, 1.0)]),
             "a half says nothing"
         );
     }
 
     #[test]
     fn without_a_sample_the_errors_are_nan() {
-        assert!(rms(&[state(0, 0.0, 0.0), reference(1, 0.0, 0.0)]).iter().all(|rms| rms.is_nan()));
+        assert!(rms(&[truth(0, 0.0, 0.0), reference(1, 0.0, 0.0)]).iter().all(|rms| rms.is_nan()));
     }
 }

@@ -1,7 +1,7 @@
 //! Errors, effort and commands of a flight in the air.
 
 use contract::Scenario;
-use contract::message::{SolveStatus, State, mixer_flags};
+use contract::message::{SolveStatus, Truth, mixer_flags};
 use flight::log::Record;
 
 use crate::bounds::Outside;
@@ -45,9 +45,9 @@ impl InAir {
         }
     }
 
-    /// Takes in the state at `t` \[s\], with its position error, NED \[m\].
-    pub fn state(&mut self, t: f64, state: &State, error: [f64; 3]) {
-        self.following.observe(&Record::State(*state));
+    /// Takes in the true motion at `t` \[s\], with its position error, NED \[m\].
+    pub fn truth(&mut self, t: f64, truth: &Truth, error: [f64; 3]) {
+        self.following.observe(&Record::Truth(*truth));
         let distance = length_m(error);
         let m = &mut self.metrics;
         m.max_position_error_m = m.max_position_error_m.max(distance);
@@ -74,7 +74,7 @@ impl InAir {
                 self.fallback_ticks += u64::from(mixer_flags::fallback(actuators.flags));
                 self.metrics.negative_squares += u64::from(actuators.flags & mixer_flags::NEGATIVE_SQUARE != 0);
             }
-            Record::Reference(_) | Record::State(_) => {}
+            Record::Reference(_) | Record::State(_) | Record::Truth(_) => {}
         }
     }
 

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`summary`], [`in_air`], [`metrics`], [`timing`], [`following`] | what is gathered of a flight, message by message |
-//! | [`ticks`] | the four messages of a tick, joined |
+//! | [`ticks`] | the messages of a tick, joined |
 //! | [`cold_starts`] | processes restarted without the memory of the one before |
 //! | [`solves`], [`faults`] | counts and times of the solver, and the effect of each fault |
 //! | [`bounds`], [`judge`] | limits that a flight must keep, and its verdict |

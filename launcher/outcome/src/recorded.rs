@@ -92,8 +92,8 @@ impl Recorded {
         let (mut messages, mut gathered) = ([0; Topic::COUNT], None);
         let log = log::stream(&path, part.span(), |log, record| {
             let Ok((scenario, summary, ticks)) = gathered.get_or_insert_with(|| begin(log)) else { return };
-            if ticks.contains(&record.stamp().tick) {
-                messages[record.topic() as usize] += 1;
+            if ticks.contains(&record.tick()) {
+                messages[record.stamped().map_or(Topic::State, |(topic, _)| topic) as usize] += 1;
                 summary.observe(record);
                 each(scenario, record);
             } else {
@@ -114,7 +114,7 @@ impl Recorded {
         let settings = self.path.with_file_name("scenario.toml");
         let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
         let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
-        let last_tick = self.summary.last().stamp.tick;
+        let last_tick = self.summary.last().state.stamp.tick;
         Recording::new(&self.path, &self.log.events, self.messages, last_tick, &self.scenario, settled.as_ref())
     }
 
@@ -127,7 +127,7 @@ impl Recorded {
     pub fn missing(&self) -> Option<String> {
         let Self { path, log, summary, .. } = self;
         let run = self.has_summary.then_some(&self.run);
-        let is_to_end = summary.last().stamp.tick < *self.ticks.end();
+        let is_to_end = summary.last().state.stamp.tick < *self.ticks.end();
         let unlike = match run {
             Some(run) if self.ticks == Part::ALL.ticks(self.scenario.sample_s()) => self.unlike_summary(run),
             Some(run) if is_to_end => self.ends_early(run).into_iter().collect(),
@@ -140,7 +140,7 @@ impl Recorded {
             return None;
         }
         let why = if why.is_empty() { "there are gaps in it".into() } else { why.join("; ") };
-        let read = if summary.last().stamp.sequence == 0 {
+        let read = if summary.last().state.stamp.sequence == 0 {
             "it has no message of the plant".into()
         } else {
             let last_s = summary.time_s();
@@ -153,7 +153,8 @@ impl Recorded {
     /// Text for people if the log ends before both the flight and the part; else `None`.
     fn ends_early(&self, run: &RunRecord) -> Option<String> {
         let flown = (run.flown_s / self.scenario.sample_s()).round() as u64;
-        (self.summary.last().stamp.tick < flown.min(*self.ticks.end())).then(|| "it ends before the flight did".into())
+        (self.summary.last().state.stamp.tick < flown.min(*self.ticks.end()))
+            .then(|| "it ends before the flight did".into())
     }
 
     /// Lists what run.json tells and the log does not have.

@@ -44,7 +44,7 @@ pub fn replay_and_judge(
     let mut summary = Summary::new(&recording.scenario);
     let compared = plan.from..=plan.until.unwrap_or(u64::MAX);
     let replayed = replay(recording, plan, |record| {
-        if compared.contains(&record.stamp().tick) {
+        if compared.contains(&record.tick()) {
             summary.observe(record);
         } else {
             summary.pass(record);

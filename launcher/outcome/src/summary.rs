@@ -1,4 +1,4 @@
-//! Summary of a flight: the metrics of run.json and the hash over all states.
+//! Summary of a flight: the metrics of run.json and the hash over all samples.
 //!
 //! The position error is the true position against the mission's trajectory at the same sample, not against the
 //! reference that guidance sent.
@@ -12,9 +12,10 @@
 //! ```
 
 use contract::Scenario;
-use contract::message::{PlantStatus, State};
+use contract::message::{PlantStatus, Sample, State, Truth};
 use contract::scenario::Mode;
 use guidance::Trajectory;
+use ring::samples::Samples;
 use ring::states::StateHash;
 
 use crate::cold_starts::ColdStarts;
@@ -40,14 +41,16 @@ pub struct Summary {
     touchdown: Touchdown,
     reach: Reach,
     on_ground_s: f64,
-    /// Answers that came before the state of their tick, which says whether they count.
+    /// STATE and TRUTH, until both of a tick have come.
+    joined: Samples,
+    /// Answers that came before the sample of their tick, which says whether they count.
     early: Vec<Record>,
     samples: u64,
-    /// Hash over all states; `None` if it is not kept.
+    /// Hash over all samples; `None` if it is not kept.
     hash: Option<StateHash>,
     count: Count,
     missed: u64,
-    last: State,
+    last: Sample,
     /// Time \[s\] and status of the plant, at the first state and at every change: take-off and landing.
     phases: Vec<(f64, PlantStatus)>,
     pub solves: Solves,
@@ -76,12 +79,12 @@ struct Reach {
 }
 
 impl Reach {
-    fn observe(&mut self, state: &State) {
+    fn observe(&mut self, Truth { actual, actuators, .. }: &Truth) {
         let largest = |before: f64, of: &[f64]| of.iter().fold(before, |max, value| max.max(value.abs()));
-        self.max_rate_radps = largest(self.max_rate_radps, &state.actual.rates_radps);
-        self.rotor_speed_max = largest(self.rotor_speed_max, &state.actuators.rotor_speed);
-        self.rotor_speed_min = state.actuators.rotor_speed.into_iter().fold(self.rotor_speed_min, f64::min);
-        self.tilt_max_deg = largest(self.tilt_max_deg, &[state.actuators.tilt_rad.to_degrees()]);
+        self.max_rate_radps = largest(self.max_rate_radps, &actual.rates_radps);
+        self.rotor_speed_max = largest(self.rotor_speed_max, &actuators.rotor_speed);
+        self.rotor_speed_min = actuators.rotor_speed.into_iter().fold(self.rotor_speed_min, f64::min);
+        self.tilt_max_deg = largest(self.tilt_max_deg, &[actuators.tilt_rad.to_degrees()]);
     }
 }
 
@@ -101,12 +104,13 @@ impl Summary {
             touchdown: Touchdown::default(),
             reach: Reach { rotor_speed_min: f64::INFINITY, ..Reach::default() },
             on_ground_s: 0.0,
+            joined: Samples::default(),
             early: vec![],
             samples: 0,
             hash: Some(StateHash::default()),
             count: Count::default(),
             missed: 0,
-            last: State::default(),
+            last: Sample::default(),
             phases: vec![],
             solves: Solves::new(),
             faults: Faults::new(&scenario.fault, scenario.run.rate_hz),
@@ -125,25 +129,26 @@ impl Summary {
 
     /// Notes the number of a message that is not summarized, so that a gap after it is found.
     pub fn pass(&mut self, record: &Record) {
-        self.count.before(record);
+        self.count.gap(record);
     }
 
     /// Takes in the next message.
     pub fn observe(&mut self, record: &Record) {
-        let Some(before) = self.count.before(record) else { return };
-        self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);
+        if let Record::Truth(truth) = record {
+            let Some(missed) = self.count.gap(record) else { return };
+            self.missed = self.missed.saturating_add(missed);
+            if let Some(timing) = &mut self.timing {
+                timing.truth(truth);
+            }
+            return self.join(record);
+        }
+        let (Some(before), Some((_, stamp))) = (self.count.before(record), record.stamped()) else { return };
+        self.missed = self.missed.saturating_add(stamp.sequence - before.sequence - 1);
         self.faults.observe(record);
         self.cold_starts.observe(record);
         match record {
-            Record::State(state) => {
-                self.state(state);
-                let is_known = |answer: &mut Record| answer.stamp().tick <= state.stamp.tick;
-                let known: Vec<Record> = self.early.extract_if(.., is_known).collect();
-                for answer in &known {
-                    self.answer(answer);
-                }
-            }
-            answer if self.samples > 0 && answer.stamp().tick <= self.last.stamp.tick => self.answer(answer),
+            Record::State(_) => self.join(record),
+            answer if self.samples > 0 && answer.tick() <= self.last.truth.tick => self.answer(answer),
             answer => {
                 if self.early.len() == MOST_EARLY {
                     self.early.remove(0);
@@ -156,14 +161,25 @@ impl Summary {
         }
     }
 
-    fn state(&mut self, state: &State) {
-        if let Some(hash) = &mut self.hash {
-            hash.observe(state);
+    /// Takes in a STATE or TRUTH; if that completes a sample, also the answers to it that came before.
+    fn join(&mut self, record: &Record) {
+        let Some(sample) = self.joined.join(record) else { return };
+        self.sample(&sample);
+        let known: Vec<Record> = self.early.extract_if(.., |answer| answer.tick() <= sample.truth.tick).collect();
+        for answer in &known {
+            self.answer(answer);
         }
-        let t = state.stamp.tick as f64 * self.sample_s;
-        self.touch(t, state);
-        self.reach.observe(state);
-        self.last = *state;
+    }
+
+    fn sample(&mut self, sample: &Sample) {
+        if let Some(hash) = &mut self.hash {
+            hash.observe(sample);
+        }
+        let truth = &sample.truth;
+        let t = truth.tick as f64 * self.sample_s;
+        self.touch(t, sample);
+        self.reach.observe(truth);
+        self.last = *sample;
         self.samples += 1;
         let status = self.status();
         if self.phases.last().is_none_or(|(_, phase)| *phase != status) {
@@ -180,14 +196,14 @@ impl Summary {
         if stands(status) {
             self.on_ground_s += self.sample_s;
         } else {
-            let error = position_error_m(self.trajectory.at(t).position_m, state);
-            self.in_air.state(t, state, error);
+            let error = position_error_m(self.trajectory.at(t).position_m, truth);
+            self.in_air.truth(t, truth, error);
         }
     }
 
-    /// Takes in an answer to a state that has come.
+    /// Takes in an answer to a sample that has come.
     fn answer(&mut self, record: &Record) {
-        let t = record.stamp().tick as f64 * self.sample_s;
+        let t = record.tick() as f64 * self.sample_s;
         if let Record::Controls(controls) = record {
             self.solves.observe(controls);
         }
@@ -207,17 +223,17 @@ impl Summary {
         !phase.is_some_and(|phase| stands(phase) || phase == PlantStatus::Landing && has_landed())
     }
 
-    /// Notes the first touchdown after a flight, if `state` at `t` \[s\] is it.
-    fn touch(&mut self, t: f64, state: &State) {
+    /// Notes the first touchdown after a flight, if `sample` at `t` \[s\] is it.
+    fn touch(&mut self, t: f64, sample: &Sample) {
         let before = &self.last;
-        let flew = self.samples > 0 && before.status == PlantStatus::Flying as u64;
-        if self.touchdown.s.is_nan() && flew && touches(state) {
-            let [north_mps, east_mps, _] = before.actual.velocity_ned_mps();
+        let flew = self.samples > 0 && before.state.status == PlantStatus::Flying as u64;
+        if self.touchdown.s.is_nan() && flew && touches(&sample.state) {
+            let [north_mps, east_mps, _] = before.truth.actual.velocity_ned_mps();
             self.touchdown = Touchdown {
                 s: t,
-                sink_mps: before.actual.sink_mps(),
+                sink_mps: before.truth.actual.sink_mps(),
                 drift_mps: libm::hypot(north_mps, east_mps),
-                tilt_deg: state.actual.tilt_rad().to_degrees(),
+                tilt_deg: sample.truth.actual.tilt_rad().to_degrees(),
             };
         }
     }
@@ -254,23 +270,23 @@ impl Summary {
         &self.phases
     }
 
-    /// The newest state.
-    pub fn last(&self) -> &State {
+    /// The newest sample.
+    pub fn last(&self) -> &Sample {
         &self.last
     }
 
-    /// SHA-256 over every state's payload bits in order; `None` when a message was missed, none came, or it is not
+    /// SHA-256 over every sample's payload bits in order; `None` when a message was missed, none came, or it is not
     /// kept.
     pub fn state_hash(&self) -> Option<String> {
         self.hash.as_ref().filter(|_| self.missed == 0 && self.samples > 0).map(StateHash::text)
     }
 
     pub fn time_s(&self) -> f64 {
-        self.last.stamp.tick as f64 * self.sample_s
+        self.last.truth.tick as f64 * self.sample_s
     }
 
     pub fn status(&self) -> PlantStatus {
-        PlantStatus::from_wire(self.last.status).unwrap_or(PlantStatus::NonFinite)
+        PlantStatus::from_wire(self.last.state.status).unwrap_or(PlantStatus::NonFinite)
     }
 
     /// Messages the observer missed, by gaps in the sequence numbers.
@@ -294,23 +310,28 @@ fn touches(state: &State) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::message::{Controls, Kinematics, Message};
+    use contract::message::{Controls, Kinematics, Message, Stamp};
+
+    fn truth(tick: u64, actual: Kinematics) -> Record {
+        Truth { tick, sequence: tick + 1, actual, ..Truth::default() }.with_checksum().into()
+    }
 
     /// Gathers states of these phases, one a tick, each `error_m` north of the start, with a demand in each.
     fn gathered(course: &[(PlantStatus, f64)], answers_first: bool) -> Metrics {
         let mut summary = Summary::new(&Scenario::default());
         for (tick, (status, error_m)) in (0..).zip(course) {
             let actual = Kinematics { position_m: [*error_m, 0.0, 0.0], ..Kinematics::default() };
-            let mut state = State { actual, status: *status as u64, ..State::default() };
+            let mut state = State { status: *status as u64, ..State::default() };
             let mut controls = Controls { demand: [*error_m, 0.0, 0.0, 0.0], ..Controls::default() };
             for stamp in [&mut state.stamp, &mut controls.stamp] {
                 (stamp.tick, stamp.sequence) = (tick, tick + 1);
             }
-            let mut both = [Record::State(state.with_checksum()), Record::Controls(controls.with_checksum())];
+            let [state, controls] = [Record::State(state.with_checksum()), Record::Controls(controls.with_checksum())];
+            let mut all = [truth(tick, actual), state, controls];
             if answers_first {
-                both.reverse();
+                all.reverse();
             }
-            for record in &both {
+            for record in &all {
                 summary.observe(record);
             }
         }
@@ -340,6 +361,22 @@ mod tests {
     }
 
     #[test]
+    fn a_lost_truth_is_a_missed_message_and_the_flight_has_no_hash() {
+        let missed = |lost: Option<u64>| {
+            let mut summary = Summary::new(&Scenario::default());
+            for tick in 0..5 {
+                let stamp = Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() };
+                summary.observe(&State { stamp, ..State::default() }.with_checksum().into());
+                if lost != Some(tick) {
+                    summary.observe(&truth(tick, Kinematics::default()));
+                }
+            }
+            (summary.missed(), summary.state_hash().is_some(), summary.last().state.stamp.tick)
+        };
+        assert_eq!([missed(None), missed(Some(2))], [(0, true, 4), (1, false, 4)]);
+    }
+
+    #[test]
     fn only_the_first_touchdown_after_a_flight_counts() {
         use PlantStatus::{Flying, Landing, Standing, TakingOff};
         let mut summary = Summary::new(&Scenario::default());
@@ -350,9 +387,10 @@ mod tests {
                 attitude_rad: [0.1 * tick as f64, 0.0, 0.0],
                 ..Kinematics::default()
             };
-            let mut state = State { actual, status: status as u64, ..State::default() };
+            let mut state = State { status: status as u64, ..State::default() };
             (state.stamp.tick, state.stamp.sequence) = (tick, tick + 1);
             summary.observe(&Record::State(state.with_checksum()));
+            summary.observe(&truth(tick, actual));
         }
         let Metrics { touchdown_s, touchdown_sink_mps, touchdown_drift_mps, touchdown_tilt_deg, .. } =
             summary.metrics();

@@ -1,4 +1,4 @@
-//! Joins the four messages of a tick: what the nodes computed from one sample, and when the command took effect.
+//! Joins the messages of a tick: what the nodes computed from one sample, and when the command took effect.
 //!
 //! The caller chooses what is kept of a message. Report, compare and trace keep whole [`Messages`], joined tick by tick
 //! as the log is read ([`Joined`]); [`crate::timing`] keeps each node's cycle while the flight goes on, and
@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State, Truth};
 use contract::scenario::Mode;
 use contract::{Scenario, Topic};
 use flight::log::{Count, Log, Record, last_tick};
@@ -29,7 +29,7 @@ pub struct Tick<T> {
     pub sample_ns: u64,
     /// Position that the mission asks for, NED \[m\].
     pub wanted_m: [f64; 3],
-    /// Position error against the mission, as in run.json, NED \[m\]; `None` without a STATE.
+    /// Position error against the mission, as in run.json, NED \[m\]; `None` without a TRUTH.
     pub error_m: Option<[f64; 3]>,
     /// Time from the sample until the tick's command took effect \[ns\]; `None` if it never did.
     pub age_ns: Option<u64>,
@@ -90,23 +90,21 @@ impl<T: Default> Ticks<T> {
     /// messages with the same topic and tick the last counts. A message is ignored if its tick was already handed out,
     /// or if the flight cannot have that tick.
     pub fn observe(&mut self, record: &Record, keep: impl FnOnce(&mut T)) {
-        let stamp = record.stamp();
+        let number = record.tick();
         self.seen += 1;
         let last = self.last.min(last_tick(self.seen));
-        if stamp.tick > last || stamp.tick < self.told {
+        if number > last || number < self.told {
             return;
         }
         let Self { trajectory, sample_s, period_ns, .. } = self;
-        let tick = self.by_number.entry(stamp.tick);
-        let tick = tick.or_insert_with(|| Tick::without_messages(stamp.tick, trajectory, *sample_s, *period_ns));
-        tick.sample_ns = stamp.sample_ns;
+        let tick = self.by_number.entry(number);
+        let tick = tick.or_insert_with(|| Tick::without_messages(number, trajectory, *sample_s, *period_ns));
+        tick.sample_ns = record.stamped().map_or(tick.sample_ns, |(_, stamp)| stamp.sample_ns);
         keep(&mut tick.of);
         match record {
-            Record::State(state) => {
-                tick.error_m = Some(position_error_m(tick.wanted_m, state));
-                self.applied(state);
-            }
-            Record::Actuators(_) => tick.command = stamp.sequence,
+            Record::State(state) => self.applied(state),
+            Record::Truth(truth) => tick.error_m = Some(position_error_m(tick.wanted_m, truth)),
+            Record::Actuators(actuators) => tick.command = actuators.stamp.sequence,
             Record::Reference(_) | Record::Controls(_) => {}
         }
     }
@@ -142,6 +140,7 @@ pub struct Messages {
     pub reference: Option<Reference>,
     pub controls: Option<Controls>,
     pub actuators: Option<Actuators>,
+    pub truth: Option<Truth>,
 }
 
 impl Messages {
@@ -161,6 +160,7 @@ impl Messages {
             Record::Reference(message) => self.reference = Some(message),
             Record::Controls(message) => self.controls = Some(message),
             Record::Actuators(message) => self.actuators = Some(message),
+            Record::Truth(message) => self.truth = Some(message),
         }
     }
 }
@@ -192,7 +192,7 @@ impl Joined {
     /// Takes one message in, in the order of [`flight::log::stream`]; `each` gets the ticks to which nothing comes any
     /// more.
     pub fn observe(&mut self, record: &Record, each: impl FnMut(&LoggedTick)) {
-        if self.count.before(record).is_some() {
+        if self.count.gap(record).is_some() {
             self.ticks.observe(record, |of| of.put(record));
             self.ticks.tell(self.open, each);
         }
@@ -267,6 +267,12 @@ mod tests {
         State { stamp: stamp(tick, tick + 1, 1), applied_sequence, applied_age_ns, ..State::default() }.with_checksum()
     }
 
+    fn truth(tick: u64, position_m: [f64; 3]) -> Truth {
+        let mut truth = Truth { tick, sequence: tick + 1, ..Truth::default() };
+        truth.actual.position_m = position_m;
+        truth.with_checksum()
+    }
+
     fn hovering() -> Scenario {
         let mut scenario = Scenario::default();
         scenario.mission.trajectory = TrajectoryKind::Hover;
@@ -303,10 +309,7 @@ mod tests {
         let mut log = Log { states: (0..10).map(|tick| state(tick, 0, 0)).collect(), ..Log::default() };
         log.states.remove(4);
         log.actuators.push(command(u64::MAX, 1, 1));
-        for state in &mut log.states {
-            state.actual.position_m = [0.0, -3.0, -4.0];
-            *state = state.with_checksum();
-        }
+        log.truths = log.states.iter().map(|state| truth(state.stamp.tick, [0.0, -3.0, -4.0])).collect();
         let ticks = logged(&log, &hovering(), 0);
         let distances: Vec<_> = ticks.iter().map(Tick::distance_m).collect();
         let mut expected = vec![Some(5.0); 10];

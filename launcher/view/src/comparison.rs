@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use contract::Scenario;
-use contract::message::State;
+use contract::message::Truth;
 use contract::scenario::Mode;
 use contract::topic::NODES;
 use flight::event::name;
@@ -57,22 +57,22 @@ type Quantity = fn(&LoggedTick) -> Option<f64>;
 /// NED and body axes; angles in degrees, rotor speeds in the paper's unit.
 const PICTURES: [Picture; 11] = [
     ("position error", "m", 0.02, "error", |tick| tick.distance_m(), None),
-    ("north", "m", 0.5, "x", |tick| Some(state(tick)?.actual.position_m[0]), Some("x_wanted")),
-    ("east", "m", 0.5, "y", |tick| Some(state(tick)?.actual.position_m[1]), Some("y_wanted")),
-    ("down", "m", 0.5, "z", |tick| Some(state(tick)?.actual.position_m[2]), Some("z_wanted")),
-    ("roll φ", "deg", 1.0, "phi", |tick| Some(state(tick)?.actual.attitude_rad[0].to_degrees()), None),
-    ("pitch θ", "deg", 1.0, "theta", |tick| Some(state(tick)?.actual.attitude_rad[1].to_degrees()), None),
-    ("yaw ψ", "deg", 1.0, "psi", |tick| Some(state(tick)?.actual.attitude_rad[2].to_degrees()), None),
-    ("Ω₁", "speed unit", 50.0, "omega1", |tick| Some(state(tick)?.actuators.rotor_speed[0]), None),
-    ("Ω₂", "speed unit", 50.0, "omega2", |tick| Some(state(tick)?.actuators.rotor_speed[1]), None),
-    ("Ω₃", "speed unit", 50.0, "omega3", |tick| Some(state(tick)?.actuators.rotor_speed[2]), None),
-    ("tilt μ", "deg", 2.0, "tilt", |tick| Some(state(tick)?.actuators.tilt_rad.to_degrees()), None),
+    ("north", "m", 0.5, "x", |tick| Some(truth(tick)?.actual.position_m[0]), Some("x_wanted")),
+    ("east", "m", 0.5, "y", |tick| Some(truth(tick)?.actual.position_m[1]), Some("y_wanted")),
+    ("down", "m", 0.5, "z", |tick| Some(truth(tick)?.actual.position_m[2]), Some("z_wanted")),
+    ("roll φ", "deg", 1.0, "phi", |tick| Some(truth(tick)?.actual.attitude_rad[0].to_degrees()), None),
+    ("pitch θ", "deg", 1.0, "theta", |tick| Some(truth(tick)?.actual.attitude_rad[1].to_degrees()), None),
+    ("yaw ψ", "deg", 1.0, "psi", |tick| Some(truth(tick)?.actual.attitude_rad[2].to_degrees()), None),
+    ("Ω₁", "speed unit", 50.0, "omega1", |tick| Some(truth(tick)?.actuators.rotor_speed[0]), None),
+    ("Ω₂", "speed unit", 50.0, "omega2", |tick| Some(truth(tick)?.actuators.rotor_speed[1]), None),
+    ("Ω₃", "speed unit", 50.0, "omega3", |tick| Some(truth(tick)?.actuators.rotor_speed[2]), None),
+    ("tilt μ", "deg", 2.0, "tilt", |tick| Some(truth(tick)?.actuators.tilt_rad.to_degrees()), None),
 ];
 /// Columns of the position that the mission asks for.
 const WANTED: [&str; 3] = ["x_wanted", "y_wanted", "z_wanted"];
 
-fn state(tick: &LoggedTick) -> Option<&State> {
-    tick.of.state.as_ref()
+fn truth(tick: &LoggedTick) -> Option<&Truth> {
+    tick.of.truth.as_ref()
 }
 
 /// Course of a flight, gathered tick by tick: each picture's quantity, and the position that the mission asks for.

@@ -1,5 +1,5 @@
 use contract::Scenario;
-use contract::message::{Actuators, Stamp, State};
+use contract::message::{Actuators, Sample, Stamp};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Profile};
 use proptest::prelude::*;
 
@@ -38,14 +38,14 @@ fn scenario(faults: &[Fault], seed: u64) -> Scenario {
 }
 
 /// Flies `scenario` for 0.4 s, rocking about hover.
-fn fly(scenario: &Scenario) -> Vec<State> {
+fn fly(scenario: &Scenario) -> Vec<Sample> {
     fly_told(scenario, |_, _| ())
 }
 
 /// Flies `scenario` and calls `tell` before each sample.
-fn fly_told(scenario: &Scenario, tell: impl Fn(u64, &mut Plant)) -> Vec<State> {
+fn fly_told(scenario: &Scenario, tell: impl Fn(u64, &mut Plant)) -> Vec<Sample> {
     let mut plant = Plant::new(scenario);
-    let trim = plant.sample().actuators;
+    let trim = plant.truth().actuators;
     let rate_hz = u64::from(scenario.run.rate_hz);
     (1..=rate_hz * 2 / 5)
         .map(|k| {
@@ -56,14 +56,14 @@ fn fly_told(scenario: &Scenario, tell: impl Fn(u64, &mut Plant)) -> Vec<State> {
             plant.command(&Actuators { stamp: Stamp { sequence: k, ..Stamp::default() }, command, flags: 0 }, 0);
             plant.advance(1).unwrap();
             tell(k, &mut plant);
-            plant.sample()
+            Sample { state: plant.sample(), truth: plant.truth() }
         })
         .collect()
 }
 
-/// All bits of a state except those of NaN.
-fn written(state: &State) -> String {
-    format!("{state:?}")
+/// All bits of a sample except those of NaN.
+fn written(sample: &Sample) -> String {
+    format!("{sample:?}")
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn a_sensor_fault_changes_only_the_measurements() {
         let faulty = fly(&scenario(std::slice::from_ref(&fault), 7));
         for (k, (mut faulty, sound)) in faulty.into_iter().zip(&sound).enumerate() {
             if (19..29).contains(&k) {
-                faulty.measured = sound.measured;
+                faulty.state.measured = sound.state.measured;
             }
             assert_eq!(written(&faulty), written(sound), "{fault:?} in element {k}");
         }
@@ -105,7 +105,7 @@ fn a_faulty_flight_repeats_with_its_seed() {
 
 #[test]
 fn a_fault_given_or_ended_while_flying_is_the_same_as_one_of_the_scenario() {
-    let of = |states: Vec<State>| -> Vec<String> { states.iter().map(written).collect() };
+    let of = |samples: Vec<Sample>| -> Vec<String> { samples.iter().map(written).collect() };
     for fault in all(&[&SENSORS[..], &TRUE_ONES[..]].concat()) {
         let cut = Fault { for_s: Some(0.05), ..fault };
         let given = |tick, plant: &mut Plant| {
@@ -152,7 +152,7 @@ fn a_fault_acts_alike_at_every_rate_and_substep() {
             scenario.fault = vec![Fault::new(kind.0, kind.1, 0.1, Some(0.1))];
             let mut plant = Plant::new(&scenario);
             plant.advance(u64::from(rate_hz) * 3 / 10).unwrap();
-            plant.sample().actual.velocity_mps
+            plant.truth().actual.velocity_mps
         };
         let expected = height(100, 0.001);
         for (rate_hz, substep_s) in [(50, 0.001), (50, 0.02), (100, 0.003), (250, 0.001), (2000, 0.001)] {
@@ -180,8 +180,8 @@ proptest! {
         for fault in &mut scenario.fault {
             (fault.value, fault.vector, fault.ms) = (Some(value), Some(vector), Some(ms));
         }
-        for state in fly(&scenario) {
-            let motion = state.actual;
+        for Sample { state, truth } in fly(&scenario) {
+            let motion = truth.actual;
             let groups = [motion.position_m, motion.velocity_mps, motion.attitude_rad, motion.rates_radps];
             prop_assert!(groups.iter().flatten().all(|value| value.is_finite()) || state.status >= 2);
         }

@@ -26,7 +26,7 @@ fn fly(scenario: &Scenario, ticks: u64, mut look: impl FnMut(&Plant, &Kinematics
         plant.command(&Actuators { stamp, command, flags: 0 }, 0);
         plant.advance(1).expect("the tricopter never fails");
         let state = plant.sample();
-        look(&plant, &state.measured, &state.actual);
+        look(&plant, &state.measured, &plant.truth().actual);
     }
 }
 

@@ -23,10 +23,11 @@ class Log:
 
     A frame of a topic has one row for each message, processes on standby included (``stamp.delivery`` is 0 for the
     messages that were delivered), with ``time_s`` of its sample as index. Its columns are the fields of the schema
-    ``trefoil.proto``, nested ones with dots: ``actual.position_m.x``.
+    ``trefoil.proto``, nested ones with dots: ``measured.position_m.x``. Those of ``/truth`` at the same tick stand in
+    ``state``: ``actual.position_m.x``; they are NaN if that message was lost.
     """
 
-    #: STATE: true and measured motion, actuators, command in force.
+    #: STATE and TRUTH: measured and true motion, actuators, command in force.
     state: pd.DataFrame
     #: REFERENCE, the answers of guidance.
     reference: pd.DataFrame
@@ -58,7 +59,9 @@ def read(run: Any) -> Log:
 
     folder = Path(fspath(getattr(run, "folder", run)))
     record = json.loads((folder / "run.json").read_text())
-    topics = dict(zip(TOPICS, _topics(folder / "flight.mcap", record)))
+    *topics, truth = _topics(folder / "flight.mcap", record)
+    topics = dict(zip(TOPICS, topics))
+    topics["state"] = topics["state"].join(truth.set_index("tick").filter(regex="^actu"), on="stamp.tick")
     nodes = (record["timing"] or {}).get("nodes", {})
     return Log(
         **topics,
@@ -70,22 +73,23 @@ def read(run: Any) -> Log:
 
 
 def _topics(log: Path, record: dict[str, Any]) -> Iterator[pd.DataFrame]:
-    """Reads the messages of each topic."""
+    """Reads the messages of each topic, and TRUTH."""
     import pandas as pd
     from mcap.reader import make_reader
     from mcap_protobuf.decoder import DecoderFactory
 
-    rows: dict[str, list[tuple]] = {topic: [] for topic in TOPICS}
-    times_s: dict[str, list[float]] = {topic: [] for topic in TOPICS}
-    columns: dict[str, list[str]] = {topic: [] for topic in TOPICS}
+    topics = (*TOPICS, "truth")
+    rows: dict[str, list[tuple]] = {topic: [] for topic in topics}
+    times_s: dict[str, list[float]] = {topic: [] for topic in topics}
+    columns: dict[str, list[str]] = {topic: [] for topic in topics}
     with log.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, message, decoded in reader.iter_decoded_messages([f"/{topic}" for topic in TOPICS]):
+        for _, channel, message, decoded in reader.iter_decoded_messages([f"/{topic}" for topic in topics]):
             topic = channel.topic[1:]
             columns[topic] = columns[topic] or list(_columns(decoded.DESCRIPTOR))
             rows[topic].append(attrgetter(*columns[topic])(decoded))
             times_s[topic].append(message.log_time * 1e-9)
-    for topic in TOPICS:
+    for topic in topics:
         index = pd.Index(times_s[topic], name="time_s")
         yield pd.DataFrame.from_records(rows[topic], columns=columns[topic], index=index)
 

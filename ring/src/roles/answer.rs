@@ -85,14 +85,11 @@ impl Scale {
 
     /// Reads `record` as an answer; `None` for a STATE, and if it is on another topic.
     pub fn read(&self, record: &Record) -> Option<Answer> {
-        if record.topic() != self.topic {
-            return None;
-        }
-        let stamp = record.stamp();
+        let (_, stamp) = record.stamped().filter(|(topic, _)| *topic == self.topic)?;
         let publish_ns = stamp.publish_ns[self.topic as usize];
         let response_ns = if self.clocked { publish_ns.saturating_sub(stamp.sample_ns) } else { stamp.held_ns };
         let (numbers, plausible) = match record {
-            Record::State(_) => return None,
+            Record::State(_) | Record::Truth(_) => return None,
             Record::Reference(message) => {
                 let [phi, theta, psi] = message.attitude_rad;
                 ([message.w_mps, phi, theta, psi], message.plausible())

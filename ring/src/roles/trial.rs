@@ -15,13 +15,14 @@
 use std::collections::VecDeque;
 
 use contract::Scenario;
-use contract::message::State;
+use contract::message::Truth;
 use contract::scenario::{Swap, SwapBounds, SwapTicks};
 use contract::topic::Topic;
 use guidance::Trajectory;
 
 use super::answer::{Answer, Scale, Similarity};
 use crate::record::Record;
+use crate::states::{length_m, position_error_m};
 
 /// Time for which answers are kept until they are judged \[s\]: in real time the launcher may look late.
 const REMEMBERED_S: f64 = 2.0;
@@ -103,11 +104,8 @@ impl Trial {
         {
             remember(&mut self.sampled, state.stamp.tick, self.room);
         }
-        if record.stamp().is_faulted() || record.stamp().is_withheld() {
-            return; // the message as meant; what was delivered, if anything, is another message
-        }
         match record {
-            Record::State(state) if self.active => self.watch(state),
+            Record::Truth(truth) if self.active => self.watch(truth),
             _ => self.note(record),
         }
     }
@@ -155,6 +153,9 @@ impl Trial {
     }
 
     fn note(&mut self, record: &Record) {
+        if record.stamped().is_none_or(|(_, stamp)| stamp.is_faulted() || stamp.is_withheld()) {
+            return; // the message as meant; what was delivered, if anything, is another message
+        }
         let Some(answer) = self.scale.read(record) else { return };
         let mut known = std::iter::once(self.candidate).chain(self.old).map(u64::from);
         if known.any(|epoch| epoch == answer.epoch) && answer.tick >= self.next {
@@ -200,11 +201,10 @@ impl Trial {
     }
 
     /// Compares the vehicle under the candidate with the bounds of the swap.
-    fn watch(&mut self, state: &State) {
-        let tilt_deg = state.actual.tilt_rad().to_degrees();
-        let time_s = state.stamp.tick as f64 * self.sample_s;
-        let wanted = self.trajectory.at(time_s).position_m;
-        let error_m = wanted.iter().zip(state.actual.position_m).map(|(w, p)| (w - p) * (w - p)).sum::<f64>().sqrt();
+    fn watch(&mut self, truth: &Truth) {
+        let tilt_deg = truth.actual.tilt_rad().to_degrees();
+        let time_s = truth.tick as f64 * self.sample_s;
+        let error_m = length_m(position_error_m(self.trajectory.at(time_s).position_m, truth));
         let (tilt_limit, error_limit) = (self.bounds.tilt_deg, self.bounds.error_m);
         if tilt_deg > tilt_limit {
             self.out_of_bounds =

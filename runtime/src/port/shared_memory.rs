@@ -9,9 +9,6 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-/// Marks a type that may be sent: fixed layout, no pointers.
-pub use iceoryx2::prelude::ZeroCopySend;
-
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::{DegradationAction, DegradationInfo};
@@ -27,7 +24,7 @@ use crate::error::{PortError, PortFailure};
 use crate::limits::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS};
 use crate::realtime::shortage;
 use contract::integrity::checksum;
-use contract::message::{Actuators, Controls, Message, Reference, State};
+use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
 
 /// Attachment of a process to the iceoryx2 services of a domain.
 pub struct Bus {
@@ -36,12 +33,13 @@ pub struct Bus {
     domain: Domain,
 }
 
-/// Handles that keep the four services of a run alive.
+/// Handles that keep the services of a run alive: one for each topic, and that of TRUTH.
 pub struct Services {
     _state: PortFactory<FileService, State, ()>,
     _reference: PortFactory<FileService, Reference, ()>,
     _controls: PortFactory<FileService, Controls, ()>,
     _actuators: PortFactory<FileService, Actuators, ()>,
+    _truth: PortFactory<FileService, Truth, ()>,
 }
 
 impl Bus {
@@ -63,75 +61,46 @@ impl Bus {
         let _ = self.node.try_cleanup_dead_nodes();
     }
 
-    /// Creates the four services, with queues of up to `depth`; called by the launcher.
+    /// Creates the services, with queues of up to `depth`; called by the launcher.
     pub fn create_services(&self, depth: usize) -> Result<Services, PortError> {
         Ok(Services {
             _state: create(&self.node, depth)?,
             _reference: create(&self.node, depth)?,
             _controls: create(&self.node, depth)?,
             _actuators: create(&self.node, depth)?,
+            _truth: create(&self.node, depth)?,
         })
     }
 
-    /// Opens the sending side of `M`'s topic.
-    pub fn sender<M: Wire>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
-        let port = M::sender(self)?;
+    /// Opens the sending side of `M`.
+    pub fn sender<M: Payload>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
+        let service = open::<M>(&self.node, &layout::<M>())?;
+        let port = service.publisher_builder().create().map_err(refused::<M>)?;
         allocate_own(&self.domain)?;
-        Ok(port)
+        Ok(Rc::new(Publication { _descriptors: self.descriptors.clone(), port }))
     }
 
-    /// Tries to open `M`'s topic as a process with another layout of the messages, which must be refused.
-    pub fn open_as_another_version<M: Wire>(&self) -> Result<(), PortError> {
-        M::open_as_another_version(&self.node)
-    }
-
-    /// Opens the receiving side of `M`'s topic with a queue of `depth`.
-    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
-        let port = M::receiver(self, depth)?;
+    /// Opens the receiving side of `M` with a queue of `depth`.
+    pub fn receiver<M: Payload>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
+        let service = open::<M>(&self.node, &layout::<M>())?;
+        let unreachable = Arc::new(Unreachable::default());
+        let port = RefCell::new(subscriber(&service, depth, &unreachable)?);
         allocate_own(&self.domain)?;
-        Ok(port)
+        Ok(Rc::new(Subscription { _descriptors: self.descriptors.clone(), port, service, depth, unreachable }))
+    }
+
+    /// Tries to open the service of `M` as a process with another layout of the messages, which must be refused.
+    pub fn open_as_another_version<M: Payload>(&self) -> Result<(), PortError> {
+        open::<M>(&self.node, &"0".repeat(16)).map(drop)
     }
 }
 
-/// Message that can be sent: one of the four of [`contract::message`].
-pub trait Wire: Message {
-    #[doc(hidden)]
-    fn sender(bus: &Bus) -> Result<Rc<dyn SendPort<Self>>, PortError>;
-    #[doc(hidden)]
-    fn receiver(bus: &Bus, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError>;
-    #[doc(hidden)]
-    fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError>;
-}
-
-macro_rules! wire {
-    ($($name:ident),*) => {$(
-        impl Wire for $name {
-            fn sender(bus: &Bus) -> Result<Rc<dyn SendPort<Self>>, PortError> {
-                let topic = open::<Self>(&bus.node, &layout::<Self>())?;
-                let port = topic.publisher_builder().create().map_err(refused::<Self>)?;
-                Ok(Rc::new(Publication { _descriptors: bus.descriptors.clone(), port }))
-            }
-            fn receiver(bus: &Bus, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError> {
-                let topic = open::<Self>(&bus.node, &layout::<Self>())?;
-                let unreachable = Arc::new(Unreachable::default());
-                let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
-                let _descriptors = bus.descriptors.clone();
-                Ok(Rc::new(Subscription { _descriptors, port, topic, depth, unreachable }))
-            }
-            fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError> {
-                open::<Self>(node, &"0".repeat(16)).map(drop)
-            }
-        }
-    )*};
-}
-wire!(State, Reference, Controls, Actuators);
-
-struct Publication<M: Message + ZeroCopySend> {
+struct Publication<M: Payload> {
     _descriptors: Rc<Descriptors>,
     port: Publisher<FileService, M, ()>,
 }
 
-impl<M: Message + ZeroCopySend> SendPort<M> for Publication<M> {
+impl<M: Payload> SendPort<M> for Publication<M> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
         match self.port.send_copy(*message) {
             Ok(1..) => Ok(()),
@@ -144,17 +113,17 @@ impl<M: Message + ZeroCopySend> SendPort<M> for Publication<M> {
     }
 }
 
-impl<M: Message + ZeroCopySend> WarmUp for Publication<M> {
+impl<M: Payload> WarmUp for Publication<M> {
     fn warm_up(&self) {
         drop(self.port.loan_uninit()); // a loan touches most of the memory that a send touches
     }
 }
 
 /// Subscriber, and the publishers that it could not connect to.
-struct Subscription<M: Message + ZeroCopySend> {
+struct Subscription<M: Payload> {
     _descriptors: Rc<Descriptors>,
     port: RefCell<Subscriber<FileService, M, ()>>,
-    topic: PortFactory<FileService, M, ()>,
+    service: PortFactory<FileService, M, ()>,
     depth: usize,
     unreachable: Arc<Unreachable>,
 }
@@ -173,7 +142,7 @@ impl Unreachable {
     }
 }
 
-impl<M: Message + ZeroCopySend> ReceivePort<M> for Subscription<M> {
+impl<M: Payload> ReceivePort<M> for Subscription<M> {
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
         let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
         let Some(sample) = sample else { return Ok(false) };
@@ -188,14 +157,14 @@ impl<M: Message + ZeroCopySend> ReceivePort<M> for Subscription<M> {
 
     fn reconnect(&self) -> Result<(), PortError> {
         self.unreachable.ports.iter().for_each(|noted| noted.store(0, Ordering::Relaxed));
-        let port = subscriber(&self.topic, self.depth, &self.unreachable)?;
+        let port = subscriber(&self.service, self.depth, &self.unreachable)?;
         drop(self.port.replace(port));
         Ok(())
     }
 }
 
-fn subscriber<M: Message + ZeroCopySend>(
-    topic: &PortFactory<FileService, M, ()>,
+fn subscriber<M: Payload>(
+    service: &PortFactory<FileService, M, ()>,
     depth: usize,
     unreachable: &Arc<Unreachable>,
 ) -> Result<Subscriber<FileService, M, ()>, PortError> {
@@ -204,7 +173,7 @@ fn subscriber<M: Message + ZeroCopySend>(
         unreachable.note(numbered(info.sender_port_id));
         DegradationAction::Ignore
     };
-    topic.subscriber_builder().buffer_size(depth).set_degradation_handler(failed).create().map_err(refused::<M>)
+    service.subscriber_builder().buffer_size(depth).set_degradation_handler(failed).create().map_err(refused::<M>)
 }
 
 /// Hashes a publisher's identity (process, time, count) to one word.
@@ -212,10 +181,7 @@ fn numbered(id: u128) -> u64 {
     checksum(&[id as u64, (id >> 64) as u64])
 }
 
-fn create<M: Message + ZeroCopySend>(
-    node: &Node<FileService>,
-    depth: usize,
-) -> Result<PortFactory<FileService, M, ()>, PortError> {
+fn create<M: Payload>(node: &Node<FileService>, depth: usize) -> Result<PortFactory<FileService, M, ()>, PortError> {
     let mut attributes = AttributeSpecifier::new();
     attributes = attributes.define(&layout_key()?, &attribute(&layout::<M>())?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
@@ -230,10 +196,7 @@ fn create<M: Message + ZeroCopySend>(
         .map_err(refused::<M>)
 }
 
-fn open<M: Message + ZeroCopySend>(
-    node: &Node<FileService>,
-    layout: &str,
-) -> Result<PortFactory<FileService, M, ()>, PortError> {
+fn open<M: Payload>(node: &Node<FileService>, layout: &str) -> Result<PortFactory<FileService, M, ()>, PortError> {
     let mut attributes = AttributeVerifier::new();
     attributes = attributes.require(&layout_key()?, &attribute(layout)?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
@@ -242,8 +205,8 @@ fn open<M: Message + ZeroCopySend>(
         .map_err(refused::<M>)
 }
 
-fn service_name<M: Message>() -> Result<ServiceName, PortError> {
-    ServiceName::new(&format!("trefoil/{}", M::TOPIC.name())).map_err(refused::<M>)
+fn service_name<M: Payload>() -> Result<ServiceName, PortError> {
+    ServiceName::new(&format!("trefoil/{}", M::NAME)).map_err(refused::<M>)
 }
 
 fn layout_key() -> Result<AttributeKey, PortError> {
@@ -252,7 +215,7 @@ fn layout_key() -> Result<AttributeKey, PortError> {
 
 /// Computes the layout attribute of `M`: a hash of the default message as printed, which shows names, order, nesting,
 /// lengths and kinds of numbers. iceoryx2 compares only name, size and alignment of a type.
-fn layout<M: Message>() -> String {
+fn layout<M: Payload>() -> String {
     let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
     let hash = format!("{:?}", M::default()).bytes().fold(0xcbf2_9ce4_8422_2325, fnv);
     format!("{hash:016x}")
@@ -262,8 +225,8 @@ fn attribute(value: &str) -> Result<AttributeValue, PortError> {
     AttributeValue::new(value.as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
 }
 
-fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {
+fn refused<M: Payload>(error: impl std::fmt::Debug) -> PortError {
     let reason = reason(error);
     let otherwise = || format!("{reason}; if the stack is of another version, stop it and start all of it again");
-    PortError::Service { topic: M::TOPIC.name(), reason: shortage().unwrap_or_else(otherwise) }
+    PortError::Service { name: M::NAME, reason: shortage().unwrap_or_else(otherwise) }
 }

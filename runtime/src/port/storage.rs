@@ -29,8 +29,7 @@ use super::observer_depth;
 use crate::domain::{Domain, allocate};
 use crate::error::PortError;
 use crate::limits::MAX_SUBSCRIBERS;
-use contract::Topic;
-use contract::message::{Actuators, Controls, Message, Reference, State};
+use contract::message::{Actuators, Controls, Reference, State, Truth};
 
 /// Samples that iceoryx2 reserves for each subscriber besides its queue, and for each publisher.
 const BORROWED: usize = 2;
@@ -44,16 +43,17 @@ const REST: usize = 1 << 20;
 /// Shared memory that a flight at `rate_hz` needs \[bytes\], with a second process for every node.
 pub fn bytes_needed(rate_hz: u32) -> u64 {
     let depth = observer_depth(rate_hz);
-    let topic = |message_bytes: usize, topic: Topic| {
+    let service = |message_bytes: usize, listeners: usize| {
         let samples = MAX_SUBSCRIBERS * (depth + BORROWED) + BORROWED;
-        let listeners = if topic == Topic::State { 5 } else { 3 }; // nodes, recorder, launcher
         let connections = listeners * depth * PER_PLACE;
         samples * (size_of::<Header>() + message_bytes + PER_SAMPLE) + connections
     };
-    let all = topic(size_of::<State>(), State::TOPIC)
-        + topic(size_of::<Reference>(), Reference::TOPIC)
-        + topic(size_of::<Controls>(), Controls::TOPIC)
-        + topic(size_of::<Actuators>(), Actuators::TOPIC);
+    // Listeners are nodes, recorder and launcher.
+    let all = service(size_of::<State>(), 5)
+        + service(size_of::<Reference>(), 3)
+        + service(size_of::<Controls>(), 3)
+        + service(size_of::<Actuators>(), 3)
+        + service(size_of::<Truth>(), 2);
     (2 * all + REST) as u64
 }
 

@@ -41,6 +41,9 @@ pub struct Page {
     pub recorder: SharedRole,
     /// Faults that were given in flight.
     pub fault_table: FaultTable,
+    /// Number of TRUTHs that the plant has sent.
+    pub truths_sent: Word,
+    truth_port: AtomicU64,
     origin_ns: AtomicU64,
     samples: AtomicU64,
 }
@@ -131,6 +134,16 @@ impl Page {
     /// Sets the number of samples of the run; called by the plant before it sends the last one.
     pub fn set_total_samples(&self, samples: u64) {
         self.samples.store(samples, Ordering::Release);
+    }
+
+    /// Port through which the plant sends TRUTH; 0 before it is open.
+    pub fn truth_port(&self) -> u64 {
+        self.truth_port.load(Ordering::Acquire)
+    }
+
+    /// Sets the port of TRUTH; called by the plant.
+    pub fn set_truth_port(&self, port: u64) {
+        self.truth_port.store(port, Ordering::Release);
     }
 
     /// Moves the run on to `phase` and wakes every process that waits on a doorbell of a topic or of the phase.

@@ -88,12 +88,12 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     let every = (scenario.ticks() / POINTS).max(1);
     let mut values = ["error", "roll", "pitch", "tilt"].map(|name| (name, vec![]));
     let happened = row::fly_again(&flight, flights, row, |record| {
-        let Record::State(state) = record else { return };
-        if state.stamp.tick.is_multiple_of(every) {
-            let t = state.stamp.tick as f64 * scenario.sample_s();
-            let error_m = length_m(position_error_m(trajectory.at(t).position_m, state));
-            let [roll_rad, pitch_rad, _] = state.actual.attitude_rad;
-            let angles_deg = [roll_rad, pitch_rad, state.actuators.tilt_rad].map(f64::to_degrees);
+        let Record::Truth(truth) = record else { return };
+        if truth.tick.is_multiple_of(every) {
+            let t = truth.tick as f64 * scenario.sample_s();
+            let error_m = length_m(position_error_m(trajectory.at(t).position_m, truth));
+            let [roll_rad, pitch_rad, _] = truth.actual.attitude_rad;
+            let angles_deg = [roll_rad, pitch_rad, truth.actuators.tilt_rad].map(f64::to_degrees);
             let all = std::iter::once(error_m).chain(angles_deg);
             values.iter_mut().zip(all).for_each(|((_, values), value)| values.push(value as f32));
         }

@@ -21,7 +21,7 @@ mod shapes;
 use std::collections::VecDeque;
 
 use contract::Scenario;
-use contract::message::{Message as _, State, quaternion};
+use contract::message::{Message as _, Truth, quaternion};
 use guidance::trajectory::Trajectory;
 use plant::air::Air;
 use prost::Message as _;
@@ -156,7 +156,7 @@ impl Scene {
     /// Takes in a message of the ring, and returns what is to be shown with it: mostly nothing.
     pub fn on_record(&mut self, record: &Record) -> Vec<Derived> {
         match record {
-            Record::State(state) if state.stamp.is_delivered() => self.on_state(state),
+            Record::Truth(truth) => self.on_truth(truth),
             Record::Reference(reference) if reference.stamp.is_delivered() && reference.is_intact() => {
                 self.reference = (reference.position_m, reference.attitude_rad);
                 vec![]
@@ -187,15 +187,15 @@ impl Scene {
         Derived { channel: Channel::Log, time_ns, bytes: log.encode_to_vec() }
     }
 
-    fn on_state(&mut self, state: &State) -> Vec<Derived> {
-        let tick = state.stamp.tick;
+    fn on_truth(&mut self, truth: &Truth) -> Vec<Derived> {
+        let tick = truth.tick;
         let is_new = self.shown.is_none_or(|shown| shown < tick);
         let every = |seconds: f64| {
             let ticks = (seconds * f64::from(self.scenario.run.rate_hz)).round().max(1.0) as u64;
             is_new && tick.is_multiple_of(ticks)
         };
         let due = [FRAMES_EVERY_S, ARROWS_EVERY_S, PATH_POINT_S, PATH_EVERY_S].map(every);
-        if !due.contains(&true) || !state.is_intact() || !all_finite(state) {
+        if !due.contains(&true) || !truth.is_intact() || !all_finite(truth) {
             return vec![];
         }
         let [frames, arrows, point, path] = due;
@@ -204,16 +204,16 @@ impl Scene {
         let mut derived = vec![];
         let mut add = |channel, bytes| derived.push(Derived { channel, time_ns, bytes });
         if frames {
-            add(Channel::Frames, self.frames(state, timestamp(time_ns)).encode_to_vec());
+            add(Channel::Frames, self.frames(truth, timestamp(time_ns)).encode_to_vec());
         }
         if arrows {
-            add(Channel::Arrows, self.arrows(state, time_ns).encode_to_vec());
+            add(Channel::Arrows, self.arrows(truth, time_ns).encode_to_vec());
         }
         if point {
             if self.path.len() == PATH_POINTS {
                 self.path.pop_front();
             }
-            self.path.push_back(state.actual.position_m);
+            self.path.push_back(truth.actual.position_m);
         }
         if path {
             let poses = self.path.iter().map(|position_m| pose(*position_m, LEVEL)).collect();
@@ -223,8 +223,8 @@ impl Scene {
         derived
     }
 
-    fn frames(&self, state: &State, time: Timestamp) -> FrameTransforms {
-        let State { actual, actuators, .. } = state;
+    fn frames(&self, truth: &Truth, time: Timestamp) -> FrameTransforms {
+        let Truth { actual, actuators, .. } = truth;
         let tilt = quaternion([actuators.tilt_rad, 0.0, 0.0]);
         let hub = shapes::hub(&self.scenario.flown_airframe(), 0);
         let (reference_m, reference_rad) = self.reference;
@@ -237,8 +237,8 @@ impl Scene {
         }
     }
 
-    fn arrows(&self, state: &State, time_ns: u64) -> SceneUpdate {
-        let State { actual, actuators, .. } = state;
+    fn arrows(&self, truth: &Truth, time_ns: u64) -> SceneUpdate {
+        let Truth { actual, actuators, .. } = truth;
         let kf = self.scenario.flown_airframe().kf;
         let speeds = actuators.rotor_speed.iter().zip(self.scenario.plant.rotor_effectiveness);
         let thrusts = speeds.zip(1..).map(|((speed, share), rotor)| {
@@ -277,8 +277,8 @@ impl Scene {
 }
 
 /// Returns whether all that is drawn of a state is finite.
-fn all_finite(state: &State) -> bool {
-    let State { actual, actuators, .. } = state;
+fn all_finite(truth: &Truth) -> bool {
+    let Truth { actual, actuators, .. } = truth;
     let numbers = [actual.position_m, actual.attitude_rad, actuators.rotor_speed];
     numbers.iter().flatten().chain([&actuators.tilt_rad]).all(|number| number.is_finite())
 }

@@ -1,17 +1,13 @@
-use contract::message::{Message, Stamp};
-use contract::stamp::delivery;
-
 use super::*;
 
-fn state(tick: u64) -> State {
-    let stamp = Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() };
-    let mut state = State { stamp, ..State::default() };
-    state.actual.position_m = [tick as f64, 0.0, -1.0];
-    state
+fn truth(tick: u64) -> Truth {
+    let mut truth = Truth { tick, sequence: tick + 1, ..Truth::default() };
+    truth.actual.position_m = [tick as f64, 0.0, -1.0];
+    truth
 }
 
-fn shown(scene: &mut Scene, state: &State) -> Vec<Channel> {
-    scene.on_record(&state.with_checksum().into()).into_iter().map(|derived| derived.channel).collect()
+fn shown(scene: &mut Scene, truth: &Truth) -> Vec<Channel> {
+    scene.on_record(&truth.with_checksum().into()).into_iter().map(|derived| derived.channel).collect()
 }
 
 #[test]
@@ -23,7 +19,7 @@ fn the_rates_do_not_grow_with_that_of_the_ring() {
         let mut last = None;
         let mut counts = [0; Channel::ALL.len()];
         for tick in 0..=u64::from(4 * rate_hz) {
-            for derived in scene.on_record(&state(tick).with_checksum().into()) {
+            for derived in scene.on_record(&truth(tick).with_checksum().into()) {
                 counts[derived.channel as usize] += 1;
                 assert_eq!(derived.time_ns, tick * scenario.sample_ns());
                 last = Some(derived).filter(|derived| derived.channel == Channel::Frames).or(last);
@@ -40,18 +36,15 @@ fn the_rates_do_not_grow_with_that_of_the_ring() {
 }
 
 #[test]
-fn a_message_that_is_damaged_withheld_old_or_not_finite_is_not_shown() {
+fn a_truth_that_is_damaged_old_or_not_finite_is_not_shown() {
     let mut scene = Scene::new(&Scenario::default());
-    assert_eq!(shown(&mut scene, &state(0)), [Channel::Frames, Channel::Arrows, Channel::Path]);
-    assert!(scene.on_record(&state(100).into()).is_empty(), "its checksum does not fit");
-    let mut late = state(100);
-    late.stamp.delivery = delivery::LATE;
-    assert_eq!(shown(&mut scene, &late), []);
-    let mut off = state(100);
+    assert_eq!(shown(&mut scene, &truth(0)), [Channel::Frames, Channel::Arrows, Channel::Path]);
+    assert!(scene.on_record(&truth(100).into()).is_empty(), "its checksum does not fit");
+    let mut off = truth(100);
     off.actual.position_m[0] = f64::NAN;
     assert_eq!(shown(&mut scene, &off), []);
-    assert_eq!(shown(&mut scene, &state(100)), [Channel::Frames, Channel::Arrows]);
-    assert_eq!(shown(&mut scene, &state(100)), [], "a duplicate");
+    assert_eq!(shown(&mut scene, &truth(100)), [Channel::Frames, Channel::Arrows]);
+    assert_eq!(shown(&mut scene, &truth(100)), [], "a duplicate");
 }
 
 #[test]
@@ -64,7 +57,7 @@ fn an_event_is_told_with_its_reason_and_a_fault_changes_the_wind() {
     assert_eq!((log.level(), log.name.as_str()), (Level::Error, "mixer"));
 
     let arrows = |scene: &mut Scene, tick| {
-        let derived = scene.on_record(&state(tick).with_checksum().into());
+        let derived = scene.on_record(&truth(tick).with_checksum().into());
         let arrows = derived.iter().find(|derived| derived.channel == Channel::Arrows).unwrap();
         SceneUpdate::decode(&arrows.bytes[..]).unwrap().entities.pop().unwrap()
     };

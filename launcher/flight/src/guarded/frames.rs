@@ -3,7 +3,7 @@
 
 use bytemuck::{cast_slice, pod_read_unaligned};
 use contract::guard::Refusal;
-use contract::message::{Actuators, Controls, Message, Reference, State};
+use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
 use contract::scenario::{self, Scenario, to_toml};
 use contract::topic::Topic;
 use runtime::shared_role::Origin;
@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::Event;
 use crate::inprocess::Flown;
-use crate::log::{Memory, Record, with_message};
+use crate::log::{Memory, Record};
 use crate::stack::Ended;
 
-/// Kinds of frames: those of messages are the numbers of their topics.
-const MEMORY: u64 = 4;
-const TEXT: u64 = 5;
+/// Kinds of frames after those of messages, which are their [`Record::kind`].
+const MEMORY: u64 = Record::KINDS as u64;
+const TEXT: u64 = MEMORY + 1;
 /// Bits of the first word below the kind, and below the number of the flight.
 const KIND_SHIFT: u32 = 32;
 const FLIGHT_SHIFT: u32 = 40;
@@ -94,8 +94,7 @@ impl Request {
 impl Answer {
     /// Appends the frame of a message of `flight` to `words`.
     pub fn record(flight: u16, record: &Record, words: &mut Vec<u64>) {
-        let topic = record.topic() as u64;
-        with_message!(record, message => push_frame(flight, topic, cast_slice(std::slice::from_ref(message)), words));
+        push_frame(flight, record.kind() as u64, record.words(), words);
     }
 
     /// Appends the frame of a snapshot of `flight` to `words`.
@@ -125,7 +124,7 @@ impl Answer {
             TEXT => {
                 text_of(body).and_then(|text| serde_json::from_str(&text).ok()).map(|(end, same)| Self::End(end, same))
             }
-            topic => record_of(topic, body).map(Self::Record),
+            kind => record_of(kind as usize, body).map(Self::Record),
         };
         answer.map(Some).ok_or_else(|| "has damaged the memory of its process".to_owned())
     }
@@ -180,16 +179,17 @@ fn memory_of(body: &[u64]) -> Option<Memory> {
     })
 }
 
-fn record_of(topic: u64, body: &[u64]) -> Option<Record> {
-    fn message<M: Message + Into<Record>>(body: &[u64]) -> Option<Record> {
+fn record_of(kind: usize, body: &[u64]) -> Option<Record> {
+    fn message<M: Payload + Into<Record>>(body: &[u64]) -> Option<Record> {
         let bytes: &[u8] = cast_slice(body);
         (bytes.len() == size_of::<M>()).then(|| pod_read_unaligned::<M>(bytes).into())
     }
-    match Topic::ALL.get(topic as usize)? {
-        Topic::State => message::<State>(body),
-        Topic::Reference => message::<Reference>(body),
-        Topic::Controls => message::<Controls>(body),
-        Topic::Actuators => message::<Actuators>(body),
+    match Topic::ALL.get(kind) {
+        Some(Topic::State) => message::<State>(body),
+        Some(Topic::Reference) => message::<Reference>(body),
+        Some(Topic::Controls) => message::<Controls>(body),
+        Some(Topic::Actuators) => message::<Actuators>(body),
+        None => message::<Truth>(body),
     }
 }
 

@@ -100,7 +100,7 @@ impl Host {
             Ok(()) => loop {
                 match self.next(limit) {
                     Ok(Answer::Record(record)) => {
-                        tick = record.stamp().tick;
+                        tick = record.tick();
                         if !watch(&record) {
                             return Ok(flown(Ended::Flown, vec![], vec![]));
                         }

@@ -5,7 +5,7 @@
 //! angle ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies
 //! are about equal then.
 
-use contract::message::{Kinematics, State};
+use contract::message::{Kinematics, Truth};
 use contract::scenario::{Initial, Scenario};
 use runtime::node::Open;
 use schemars::JsonSchema;
@@ -106,12 +106,12 @@ fn decays_from(
     let short = (SHORT_S / scenario.sample_s()) as usize;
     let is_clear = |[_, middle, last]: [f64; 3]| last > CLEAR * middle || middle > CLEAR * last;
     let mut is_inside = true;
-    let watch = |state: &State| {
-        let numbers = of(&state.actual);
+    let watch = |truth: &Truth| {
+        let numbers = of(&truth.actual);
         let changes = before.iter().flatten().zip(&numbers).map(|(before, now)| now - before);
         energies.push(changes.map(|change: f64| change * change).sum());
         before = Some(numbers);
-        let attitude = state.actual.attitude_rad;
+        let attitude = truth.actual.attitude_rad;
         let angles = attitude.iter().zip(hover_rad.get_or_insert(attitude));
         is_inside = angles.into_iter().all(|(now, hover)| (now - *hover).abs() < MAX_ANGLE_RAD);
         is_inside && !(energies.len() == short && is_clear(thirds(&energies)))

@@ -7,7 +7,7 @@
 //!
 //! `y` is a true motion less that of a flight without the step, so that a hover away from the reference does not count.
 
-use contract::message::State;
+use contract::message::Truth;
 use contract::scenario::{Mission, Part, PartKind, Scenario, TrajectoryKind};
 use runtime::node::Open;
 
@@ -27,8 +27,8 @@ const HALVINGS: u32 = 20;
 /// Bandwidths of w, phi, theta and psi over their own references \[rad/s\].
 pub fn attitude_bandwidths(scenario: &Scenario) -> [Option<f64>; 4] {
     let course = |guidance| {
-        course(scenario, guidance, ATTITUDE_S, |state| {
-            let ([_, _, w], [phi, theta, psi]) = (state.actual.velocity_mps, state.actual.attitude_rad);
+        course(scenario, guidance, ATTITUDE_S, |truth| {
+            let ([_, _, w], [phi, theta, psi]) = (truth.actual.velocity_mps, truth.actual.attitude_rad);
             [w, phi, theta, psi]
         })
     };
@@ -48,7 +48,7 @@ pub fn position_bandwidths(scenario: &Scenario) -> [Option<f64>; 3] {
         let mission = Mission { trajectory: TrajectoryKind::Parts, part, ..scenario.mission.clone() };
         Scenario { mission, ..scenario.clone() }
     };
-    let course = |scenario: &Scenario| course(scenario, ring::nodes::open, POSITION_S, |state| state.actual.position_m);
+    let course = |scenario: &Scenario| course(scenario, ring::nodes::open, POSITION_S, |truth| truth.actual.position_m);
     let held = course(scenario);
     std::array::from_fn(|i| bandwidth(i, &course(&stepped(i)), &held, scenario.sample_s()))
 }
@@ -58,12 +58,12 @@ fn course<const N: usize>(
     scenario: &Scenario,
     guidance: Open,
     flight_s: f64,
-    of: impl Fn(&State) -> [f64; N],
+    of: impl Fn(&Truth) -> [f64; N],
 ) -> Vec<[f64; N]> {
     let mut course = vec![];
-    fly(scenario, scenario, guidance, flight_s, |state| {
-        if state.stamp.tick >= STEP_TICK {
-            course.push(of(state));
+    fly(scenario, scenario, guidance, flight_s, |truth| {
+        if truth.tick >= STEP_TICK {
+            course.push(of(truth));
         }
         true
     });

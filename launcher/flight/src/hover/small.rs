@@ -1,7 +1,7 @@
 //! Flights in process in small motions about the hover.
 
 use airframe::Trim;
-use contract::message::{Kinematics, State};
+use contract::message::{Kinematics, Truth};
 use contract::scenario::{
     Battery, Ground, Guidance, Initial, Mission, Noise, Plant, RollReference, Run, Scenario, Sensors, TrajectoryKind,
     Turbulence,
@@ -64,13 +64,13 @@ fn balance(scenario: &Scenario, trim: &Trim) -> (f64, [f64; 3], [f64; 3]) {
 }
 
 /// Flies `scenario` for `flight_s` seconds with the vehicle of the scenario `vehicle` and the node that `guidance`
-/// opens, or until `watch`, which gets every sample, returns false; returns whether it flew to its end.
+/// opens, or until `watch`, which gets every TRUTH, returns false; returns whether it flew to its end.
 pub fn fly(
     scenario: &Scenario,
     vehicle: &Scenario,
     guidance: Open,
     flight_s: f64,
-    mut watch: impl FnMut(&State) -> bool,
+    mut watch: impl FnMut(&Truth) -> bool,
 ) -> bool {
     let open = [guidance, ring::nodes::open, ring::nodes::open];
     let scenario = Scenario { run: Run { duration_s: flight_s, ..scenario.run.clone() }, ..scenario.clone() };
@@ -106,8 +106,8 @@ mod tests {
         ];
         let small = scenario(&load(None, &unknown.map(str::to_owned)).unwrap());
         let mut farthest = 0.0_f64;
-        let flew = fly(&small, &small, ring::nodes::open, 5.0, |state| {
-            let numbers = state.actual.position_m.into_iter().chain(state.actual.rates_radps);
+        let flew = fly(&small, &small, ring::nodes::open, 5.0, |truth| {
+            let numbers = truth.actual.position_m.into_iter().chain(truth.actual.rates_radps);
             farthest = numbers.map(f64::abs).fold(farthest, f64::max);
             true
         });

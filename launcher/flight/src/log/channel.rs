@@ -1,6 +1,7 @@
 //! Channels of the log, and the bytes of their messages: the same in the file and on a live connection.
 
 use contract::Topic;
+use contract::message::{Payload, Truth};
 
 use super::{EVENTS, MEMORY, Record, schema};
 use crate::event::Event;
@@ -17,16 +18,17 @@ pub struct Channel {
     pub publisher: &'static str,
 }
 
-/// Lists the channels: those of the ring's topics in their order, then events, then snapshots.
+/// Lists the channels: those of messages by [`Record::kind`], then events, then snapshots.
 pub fn channels() -> Vec<Channel> {
     let channel = |topic: &str, schema, publisher| {
         let topic = topic.to_owned();
         Channel { topic, schema, descriptors: schema::DESCRIPTORS, publisher }
     };
-    let of_ring = |topic: Topic| channel(&format!("/{}", topic.name()), schema::message_name(topic), topic.publisher());
+    let topics = Topic::ALL.map(|topic| (topic.name(), topic.publisher()));
+    let messages = topics.into_iter().chain([(Truth::NAME, Topic::State.publisher())]).zip(schema::MESSAGES);
+    let messages = messages.map(|((name, publisher), schema)| channel(&format!("/{name}"), schema, publisher));
     let others = [(EVENTS, schema::EVENT), (MEMORY, schema::MEMORY)];
-    let others = others.map(|(topic, schema)| channel(topic, schema, "launcher"));
-    Topic::ALL.map(of_ring).into_iter().chain(others).collect()
+    messages.chain(others.map(|(topic, schema)| channel(topic, schema, "launcher"))).collect()
 }
 
 /// Lists the channels for viewers, `/view/...`, in the order of [`foxglove::Channel::ALL`].
@@ -44,12 +46,12 @@ pub fn view_channels() -> Vec<Channel> {
 pub fn encode(record: &Record, sample_ns: u64, mut each: impl FnMut(usize, u64, Vec<u8>)) {
     let mut bytes = vec![];
     schema::encode(record, &mut bytes);
-    each(record.topic() as usize, record.stamp().tick.saturating_mul(sample_ns), bytes);
+    each(record.kind(), record.tick().saturating_mul(sample_ns), bytes);
 }
 
 /// Passes the messages that the log has for `event` to `each`, as [`encode`] does.
 pub fn encode_event(event: &Event, sample_ns: u64, mut each: impl FnMut(usize, u64, Vec<u8>)) {
     let mut bytes = vec![];
     schema::encode_event(event, &mut bytes);
-    each(Topic::COUNT, event.tick.saturating_mul(sample_ns), bytes);
+    each(Record::KINDS, event.tick.saturating_mul(sample_ns), bytes);
 }

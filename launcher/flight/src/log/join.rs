@@ -8,8 +8,9 @@ use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use contract::Scenario;
+use contract::message::{Stamp, Truth};
 use contract::scenario;
+use contract::{Scenario, Topic};
 
 use super::index::{ALL, Span};
 use super::order::TickByTick;
@@ -290,6 +291,13 @@ impl Recent {
 type Identity = [u64; 6];
 
 fn identity(record: &Record) -> Identity {
-    let stamp = record.stamp();
-    [record.topic() as u64, stamp.epoch, stamp.sequence, stamp.tick, stamp.delivery, stamp.checksum]
+    let of_topic = |(topic, stamp): (_, &Stamp)| {
+        [topic as u64, stamp.epoch, stamp.sequence, stamp.tick, stamp.delivery, stamp.checksum]
+    };
+    match record {
+        Record::Truth(Truth { tick, sequence, checksum, .. }) => {
+            [Topic::COUNT as u64, 0, *sequence, *tick, 0, *checksum]
+        }
+        _ => record.stamped().map_or([0; 6], of_topic),
+    }
 }

@@ -1,13 +1,14 @@
-//! The flight log: every message of every topic, and every event, in one MCAP file that Foxglove, `PlotJuggler` and
-//! Python can read.
+//! The flight log: every message of every topic, TRUTH, and every event, in one MCAP file that Foxglove, `PlotJuggler`
+//! and Python can read.
 //!
 //! | in the file | is |
 //! |---|---|
 //! | topics `/state` `/reference` `/controls` `/actuators` | the messages, as the protobuf of `proto/trefoil.proto` |
+//! | topic `/truth` | the true motion and actuator positions, likewise |
 //! | topic `/memory` | the snapshot of every node, every ten seconds, as protobuf ([`Memory`]) |
 //! | topic `/events` | events of the processes, as protobuf ([`crate::event`]) |
 //! | `log_time` | simulated time, the stamp's tick times the sample time: one time axis for runs of every mode |
-//! | `publish_time` | instant of publication, `CLOCK_MONOTONIC`; 0 for events, and in process, which has no clock |
+//! | `publish_time` | instant of publication, `CLOCK_MONOTONIC`; 0 for TRUTH and events, and in process, which has no clock |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
 //! | metadata `trefoil` | version and commit of the writer, layout of the messages, run, and the two time rules above |
 //!
@@ -35,8 +36,9 @@ pub use read::{Log, WrittenBy, read};
 pub use ring::count::{Count, counted};
 pub use ring::memory::Memory;
 pub use ring::record::Record;
+pub use ring::samples::Samples;
 pub(crate) use ring::with_message;
-pub use schema::{Column, columns, status_name};
+pub use schema::{Column, columns, fields, status_name, words};
 pub use write::LogWriter;
 
 /// Name of the metadata record that holds the scenario, and its key there.

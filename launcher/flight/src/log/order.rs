@@ -1,4 +1,4 @@
-//! Sorts the messages of a log tick by tick, and within a tick by their order in the ring.
+//! Sorts the messages of a log tick by tick, and within a tick by their order in the ring, TRUTH first.
 //!
 //! A recorder empties its queues topic by topic, so a log is in this order only from one emptying to the next.
 
@@ -11,9 +11,10 @@ use super::Record;
 /// Messages that are held back until the order between their topics is known: more than the queues of a recorder hold.
 const HELD_BACK: usize = 16_384;
 
-/// Passes messages on tick by tick while they are read. Each topic keeps its order of writing.
+/// Passes messages on tick by tick while they are read. Those of each type keep their order of writing.
 pub struct TickByTick<F> {
-    waiting: [VecDeque<(u64, Record)>; Topic::COUNT],
+    /// Messages by [`Record::kind`], each with its tick.
+    waiting: [VecDeque<(u64, Record)>; Record::KINDS],
     held: usize,
     each: F,
 }
@@ -24,7 +25,7 @@ impl<F: FnMut(&Record)> TickByTick<F> {
     }
 
     pub fn push(&mut self, record: &Record) {
-        self.waiting[record.topic() as usize].push_back((tick(record), *record));
+        self.waiting[record.kind()].push_back((tick(record), *record));
         self.held += 1;
         if self.held > HELD_BACK {
             self.tell();
@@ -39,8 +40,8 @@ impl<F: FnMut(&Record)> TickByTick<F> {
     }
 
     fn tell(&mut self) {
-        let ticks = self.waiting.each_ref().map(|of_topic| of_topic.front().map(|(tick, _)| *tick));
-        if let Some((_, record)) = next(ticks).and_then(|topic| self.waiting[topic as usize].pop_front()) {
+        let ticks = self.waiting.each_ref().map(|of_kind| of_kind.front().map(|(tick, _)| *tick));
+        if let Some((_, record)) = next(ticks).and_then(|kind| self.waiting[kind].pop_front()) {
             self.held -= 1;
             (self.each)(&record);
         }
@@ -49,7 +50,7 @@ impl<F: FnMut(&Record)> TickByTick<F> {
 
 /// Returns the tick by which a message is sorted: 0 for a damaged one, which does not wait for others.
 pub fn tick(record: &Record) -> u64 {
-    if record.is_intact() { record.stamp().tick } else { 0 }
+    if record.is_intact() { record.tick() } else { 0 }
 }
 
 /// Returns the largest tick that a log of this many `messages` can have, though most of its flight may be missing.
@@ -58,8 +59,9 @@ pub fn last_tick(messages: u64) -> u64 {
     1_000_000 + 10 * messages
 }
 
-/// Returns the topic whose message comes first, given the tick of each topic's next one; `None` if no topic has one.
-pub fn next(ticks: [Option<u64>; Topic::COUNT]) -> Option<Topic> {
-    let known = Topic::ALL.into_iter().filter(|topic| ticks[*topic as usize].is_some());
-    known.min_by_key(|topic| ticks[*topic as usize])
+/// Returns the [kind](Record::kind) of the message that comes first, given the tick of the next one of each kind;
+/// `None` if there is none.
+pub fn next(ticks: [Option<u64>; Record::KINDS]) -> Option<usize> {
+    let in_order = std::iter::once(Topic::COUNT).chain(0..Topic::COUNT);
+    in_order.filter(|kind| ticks[*kind].is_some()).min_by_key(|kind| ticks[*kind])
 }

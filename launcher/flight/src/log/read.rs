@@ -9,7 +9,7 @@ use std::{
 use anyhow::{Context, bail, ensure};
 use contract::{
     Topic,
-    message::{Actuators, Controls, LAYOUT, Reference, State},
+    message::{Actuators, Controls, LAYOUT, Reference, State, Truth},
     scenario::file::MAX_LOG_BYTES,
 };
 use mcap::{
@@ -70,7 +70,7 @@ impl WrittenBy {
     }
 }
 
-/// A flight log. Its messages are empty if they were not kept; each topic is in the order of writing.
+/// A flight log. Its messages are empty if they were not kept; those of each type are in the order of writing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Log {
     /// The run's merged settings.
@@ -80,6 +80,7 @@ pub struct Log {
     pub references: Vec<Reference>,
     pub controls: Vec<Controls>,
     pub actuators: Vec<Actuators>,
+    pub truths: Vec<Truth>,
     /// Events of the processes; none are read from logs of earlier versions.
     pub events: Vec<Event>,
     /// Reason why reading stopped before the footer: the log's writer was killed, or the file is damaged. The rest of
@@ -88,19 +89,22 @@ pub struct Log {
 }
 
 impl Log {
-    /// Returns all messages tick by tick, within a tick in the ring's order. Each topic keeps its order of writing.
+    /// Returns all messages tick by tick, within a tick TRUTH first and then in the ring's order. Those of each type
+    /// keep their order of writing.
     pub fn tick_by_tick(&self) -> impl Iterator<Item = Record> {
         let mut states = self.states.iter().map(|m| Record::from(*m)).peekable();
         let mut references = self.references.iter().map(|m| Record::from(*m)).peekable();
         let mut controls = self.controls.iter().map(|m| Record::from(*m)).peekable();
         let mut actuators = self.actuators.iter().map(|m| Record::from(*m)).peekable();
+        let mut truths = self.truths.iter().map(|m| Record::from(*m)).peekable();
         std::iter::from_fn(move || {
-            let next = [states.peek(), references.peek(), controls.peek(), actuators.peek()];
-            match order::next(next.map(|record| record.map(order::tick)))? {
-                Topic::State => states.next(),
-                Topic::Reference => references.next(),
-                Topic::Controls => controls.next(),
-                Topic::Actuators => actuators.next(),
+            let next = [states.peek(), references.peek(), controls.peek(), actuators.peek(), truths.peek()];
+            match Topic::ALL.get(order::next(next.map(|record| record.map(order::tick)))?) {
+                Some(Topic::State) => states.next(),
+                Some(Topic::Reference) => references.next(),
+                Some(Topic::Controls) => controls.next(),
+                Some(Topic::Actuators) => actuators.next(),
+                None => truths.next(),
             }
         })
     }
@@ -117,6 +121,7 @@ impl Log {
             Record::Reference(message) => self.references.push(message),
             Record::Controls(message) => self.controls.push(message),
             Record::Actuators(message) => self.actuators.push(message),
+            Record::Truth(message) => self.truths.push(message),
         }
     }
 }
@@ -133,8 +138,8 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 /// with what was read before them, which includes the scenario and the origin of the log.
 pub fn read_in_order(path: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     walk(path, &Wanted::Messages(span), |log, found, data| {
-        if let Found::Message(topic) = found {
-            each(log, &schema::decode(topic, data)?);
+        if let Found::Message(kind) = found {
+            each(log, &schema::decode(kind, data)?);
         }
         Ok(())
     })
@@ -153,7 +158,8 @@ pub fn read_memories(path: &Path, span: Span, mut each: impl FnMut(&Log, Memory)
 
 /// Kinds of records that are passed on to the caller.
 enum Found {
-    Message(Topic),
+    /// Message of a [kind](Record::kind).
+    Message(usize),
     Memory,
 }
 
@@ -219,8 +225,9 @@ struct Contents<'a, F> {
     /// Everything else that was read.
     log: Log,
     has_scenario: bool,
-    schemas: HashMap<u16, Topic>,
-    channels: HashMap<u16, Topic>,
+    /// Kinds of messages by schema, and by channel.
+    schemas: HashMap<u16, usize>,
+    channels: HashMap<u16, usize>,
     events: Option<u16>,
     memory: Option<u16>,
 }
@@ -240,12 +247,12 @@ impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<'_, F> {
                 self.log.written_by = WrittenBy::of(record.metadata);
             }
             McapRecord::Schema { header, .. } => {
-                let topic = Topic::ALL.into_iter().find(|&topic| header.name == schema::message_name(topic));
-                self.schemas.extend(topic.map(|topic| (header.id, topic)));
+                let kind = schema::MESSAGES.iter().position(|name| header.name == *name);
+                self.schemas.extend(kind.map(|kind| (header.id, kind)));
             }
             McapRecord::Channel(channel) => {
-                let topic = self.schemas.get(&channel.schema_id);
-                self.channels.extend(topic.map(|&topic| (channel.id, topic)));
+                let kind = self.schemas.get(&channel.schema_id);
+                self.channels.extend(kind.map(|&kind| (channel.id, kind)));
                 // Logs of earlier versions have their events in JSON, which are not read.
                 if channel.topic == EVENTS && channel.message_encoding == "protobuf" {
                     self.events = Some(channel.id);
@@ -255,10 +262,10 @@ impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<'_, F> {
                 }
             }
             McapRecord::Message { header, data } => {
-                if let Some(&topic) = self.channels.get(&header.channel_id) {
+                if let Some(&kind) = self.channels.get(&header.channel_id) {
                     ensure!(self.has_scenario, "a message stands before the scenario");
                     if matches!(self.wanted, Wanted::Messages(span) if span.contains(&header.log_time)) {
-                        (self.each)(&self.log, Found::Message(topic), &data)?;
+                        (self.each)(&self.log, Found::Message(kind), &data)?;
                     }
                 } else if self.memory == Some(header.channel_id) {
                     if matches!(self.wanted, Wanted::Memories(span) if span.contains(&header.log_time)) {

@@ -1,11 +1,15 @@
 //! The protobuf form of messages and events: field for field, bit for bit, both ways.
 
+use std::mem::offset_of;
+use std::ops::RangeFrom;
+
 use anyhow::Context;
+use bytemuck::{bytes_of, cast_slice};
 use contract::{
     Topic,
     message::{
         ActuationMsg, Actuators, Ahead, Arrival, Controls, Kinematics, MAX_ARRIVALS, Navigation, PREVIEW, Reference,
-        Stamp, State,
+        Stamp, State, Truth,
     },
 };
 use prost::{DecodeError, Message as _};
@@ -32,15 +36,9 @@ pub const EVENT: &str = "trefoil.v1.Event";
 /// Full name of the protobuf message of a node's snapshot.
 pub const MEMORY: &str = "trefoil.v1.Memory";
 
-/// Returns the full name of the protobuf message of a topic.
-pub const fn message_name(topic: Topic) -> &'static str {
-    match topic {
-        Topic::State => "trefoil.v1.State",
-        Topic::Reference => "trefoil.v1.Reference",
-        Topic::Controls => "trefoil.v1.Controls",
-        Topic::Actuators => "trefoil.v1.Actuators",
-    }
-}
+/// Full names of the protobuf messages of the ring, by [`Record::kind`].
+pub const MESSAGES: [&str; Record::KINDS] =
+    ["trefoil.v1.State", "trefoil.v1.Reference", "trefoil.v1.Controls", "trefoil.v1.Actuators", "trefoil.v1.Truth"];
 
 /// Replaces the content of `buffer` by the record's bytes; allocates only if the buffer must grow.
 pub fn encode(record: &Record, buffer: &mut Vec<u8>) {
@@ -50,16 +48,19 @@ pub fn encode(record: &Record, buffer: &mut Vec<u8>) {
         Record::Reference(message) => wire::Reference::from(message).encode(buffer),
         Record::Controls(message) => wire::Controls::from(message).encode(buffer),
         Record::Actuators(message) => wire::Actuators::from(message).encode(buffer),
+        Record::Truth(message) => wire::Truth::from(message).encode(buffer),
     }
     .expect("a vector grows as needed");
 }
 
-pub fn decode(topic: Topic, bytes: &[u8]) -> Result<Record, DecodeError> {
-    Ok(match topic {
-        Topic::State => State::from(wire::State::decode(bytes)?).into(),
-        Topic::Reference => Reference::from(wire::Reference::decode(bytes)?).into(),
-        Topic::Controls => Controls::from(wire::Controls::decode(bytes)?).into(),
-        Topic::Actuators => Actuators::from(wire::Actuators::decode(bytes)?).into(),
+/// Reads a message of a [kind](Record::kind).
+pub fn decode(kind: usize, bytes: &[u8]) -> Result<Record, DecodeError> {
+    Ok(match Topic::ALL.get(kind) {
+        Some(Topic::State) => State::from(wire::State::decode(bytes)?).into(),
+        Some(Topic::Reference) => Reference::from(wire::Reference::decode(bytes)?).into(),
+        Some(Topic::Controls) => Controls::from(wire::Controls::decode(bytes)?).into(),
+        Some(Topic::Actuators) => Actuators::from(wire::Actuators::decode(bytes)?).into(),
+        None => Truth::from(wire::Truth::decode(bytes)?).into(),
     })
 }
 
@@ -126,16 +127,41 @@ pub struct Column {
     pub is_count: bool,
 }
 
-/// Returns the columns of a topic, in the order of [`Record::words`].
-pub fn columns(topic: Topic) -> Vec<Column> {
+/// Returns the fields of a [kind](Record::kind) of messages, in the order of [`Record::words`].
+pub fn fields(kind: usize) -> Vec<Column> {
     let mut columns = vec![];
-    match topic {
-        Topic::State => wire::State::columns("", &mut columns),
-        Topic::Reference => wire::Reference::columns("", &mut columns),
-        Topic::Controls => wire::Controls::columns("", &mut columns),
-        Topic::Actuators => wire::Actuators::columns("", &mut columns),
+    match Topic::ALL.get(kind) {
+        Some(Topic::State) => wire::State::columns("", &mut columns),
+        Some(Topic::Reference) => wire::Reference::columns("", &mut columns),
+        Some(Topic::Controls) => wire::Controls::columns("", &mut columns),
+        Some(Topic::Actuators) => wire::Actuators::columns("", &mut columns),
+        None => wire::Truth::columns("", &mut columns),
     }
     columns
+}
+
+/// Returns the columns of a topic's table, in the order of [`words`]: the fields of its messages, and with those of
+/// STATE the true motion and actuator positions.
+pub fn columns(topic: Topic) -> Vec<Column> {
+    let mut columns = fields(topic as usize);
+    if topic == Topic::State {
+        columns.extend(fields(Topic::COUNT).drain(TRUE_WORDS));
+    }
+    columns
+}
+
+/// Words of TRUTH that the table of STATE has too.
+const TRUE_WORDS: RangeFrom<usize> = offset_of!(Truth, actual) / 8..;
+
+/// Returns the values of a message of the ring in the order of [`columns`]; `truth` is the TRUTH of its tick, whose
+/// values are NaN if it was lost.
+pub fn words(record: &Record, truth: Option<&Truth>) -> Vec<u64> {
+    let mut words = record.words().to_vec();
+    if let Record::State(_) = record {
+        let lost = [f64::NAN.to_bits(); size_of::<Truth>() / 8];
+        words.extend_from_slice(&truth.map_or(&lost[..], |truth| cast_slice(bytes_of(truth)))[TRUE_WORDS]);
+    }
+    words
 }
 
 /// Returns the name of the status of a message; `None` for a topic or a number without one.
@@ -148,7 +174,7 @@ pub fn status_name(record: &Record) -> Option<&'static str> {
         Record::Controls(controls) => {
             wire::SolveStatus::try_from(number(controls.status)?).ok().map(|status| status.as_str_name())
         }
-        Record::Reference(_) | Record::Actuators(_) => None,
+        Record::Reference(_) | Record::Actuators(_) | Record::Truth(_) => None,
     }
 }
 
@@ -223,9 +249,11 @@ named_array! {
 /// only one of them has does not compile. The name of a status is for human readers, and not read back.
 macro_rules! convert {
     (parts { $($(#[$about:meta])* $part:ident { $($fields:tt)* })* }
-     messages { $($(#[$of:meta])* $message:ident $layout:literal $bytes:literal bytes { $($its:tt)* })* }) => {
+     messages { $($(#[$of:meta])* $message:ident $layout:literal $bytes:literal bytes { $($its:tt)* })* }
+     truth { $(#[$of_truth:meta])* $truth:ident $its_layout:literal $its_bytes:literal bytes { $($true:tt)* } }) => {
         $(convert! { $part { $($fields)* } })*
         $(convert! { $message { $($its)* } })*
+        convert! { $truth { $($true)* } }
     };
     ($name:ident {
         $($(#[$doc:meta])* $field:ident: $type:ty $(= $names:ident)? $(as $mark:ident)?,)*
@@ -252,9 +280,9 @@ fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {
 
 #[cfg(test)]
 mod tests {
-    use contract::message::{Controls, PlantStatus, SolveStatus, State};
+    use contract::message::{Controls, PlantStatus, SolveStatus, State, Truth};
 
-    use super::{Topic, columns, status_name, wire};
+    use super::{Topic, columns, status_name, wire, words};
 
     #[test]
     fn statuses_have_the_same_names_as_in_the_contract() {
@@ -282,17 +310,19 @@ mod tests {
     fn columns_are_the_words_of_a_message_by_their_names_in_the_schema() {
         let mut state = State::default();
         state.stamp.input_epochs[1] = 7;
-        state.actual.position_m[2] = -0.0;
         state.arrivals[3].after_ns = u64::MAX;
+        let mut truth = Truth::default();
+        truth.actual.position_m[2] = -0.0;
+        truth.actuators.tilt_rad = 0.5;
         let record = crate::log::Record::from(state);
-        let columns = columns(Topic::State);
-        assert_eq!(columns.len(), record.words().len());
-        let value = |name: &str| {
-            let found = columns.iter().position(|column| column.name == name).unwrap();
-            (columns[found].is_count, record.words()[found])
-        };
+        let (columns, words) = (columns(Topic::State), [words(&record, Some(&truth)), words(&record, None)]);
+        assert_eq!([columns.len(); 2], words.each_ref().map(Vec::len));
+        let at = |name: &str| columns.iter().position(|column| column.name == name).unwrap();
+        let value = |name: &str| (columns[at(name)].is_count, words[0][at(name)]);
         assert_eq!(value("stamp.input_epochs.reference"), (true, 7));
         assert_eq!(value("actual.position_m.z"), (false, (-0.0_f64).to_bits()));
+        assert_eq!(value("actuators.tilt_rad"), (false, 0.5_f64.to_bits()));
+        assert!(f64::from_bits(words[1][at("actual.position_m.z")]).is_nan(), "without a TRUTH");
         assert_eq!(value("arrivals.fourth.after_ns"), (true, u64::MAX));
         assert_eq!(status_name(&record), Some("FLYING"));
     }

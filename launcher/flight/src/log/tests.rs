@@ -9,7 +9,7 @@ use std::{
 
 use contract::{
     Topic,
-    message::{Actuators, Controls, Message, Reference, Stamp, State},
+    message::{Actuators, Controls, Message, Payload, Reference, Stamp, State, Truth},
 };
 use mcap::{WriteOptions, io::MessageReader};
 use proptest::prelude::*;
@@ -37,19 +37,21 @@ fn bits(record: &Record) -> Vec<u64> {
     record.words().to_vec()
 }
 
-/// Generates a message of any topic and any bits, with many values that a lossy format would change.
+/// Generates a message of any kind and any bits, with many values that a lossy format would change.
 fn any_record() -> impl Strategy<Value = Record> {
-    fn of<M: Message>(words: &[u64]) -> M {
+    fn of<M: Payload>(words: &[u64]) -> M {
         *bytemuck::from_bytes(&bytemuck::cast_slice(words)[..size_of::<M>()])
     }
     let odd = [0, 1, 1 << 63, u64::MAX, f64::INFINITY.to_bits(), 0x7ff0_0000_0000_0001, 0xfff8_0000_dead_beef];
     let word = prop_oneof![any::<u64>(), proptest::sample::select(odd.to_vec()), 0..10_u64];
-    let topic = proptest::sample::select(Topic::ALL.to_vec());
-    (topic, proptest::collection::vec(word, size_of::<State>() / 8)).prop_map(|(topic, words)| match topic {
-        Topic::State => of::<State>(&words).into(),
-        Topic::Reference => of::<Reference>(&words).into(),
-        Topic::Controls => of::<Controls>(&words).into(),
-        Topic::Actuators => of::<Actuators>(&words).into(),
+    (0..Record::KINDS, proptest::collection::vec(word, size_of::<State>() / 8)).prop_map(|(kind, words)| {
+        match Topic::ALL.get(kind) {
+            Some(Topic::State) => of::<State>(&words).into(),
+            Some(Topic::Reference) => of::<Reference>(&words).into(),
+            Some(Topic::Controls) => of::<Controls>(&words).into(),
+            Some(Topic::Actuators) => of::<Actuators>(&words).into(),
+            None => of::<Truth>(&words).into(),
+        }
     })
 }
 
@@ -60,10 +62,10 @@ fn messages(log: &[u8]) -> Vec<mcap::Message<'static>> {
     reader.map(Result::unwrap).collect()
 }
 
-/// Returns a STATE whose position is its tick.
+/// Returns a STATE whose measured position is its tick.
 fn state(tick: u64) -> State {
     let mut state = State { stamp: Stamp { tick, sequence: tick + 1, ..Default::default() }, ..Default::default() };
-    state.actual.position_m[0] = tick as f64;
+    state.measured.position_m[0] = tick as f64;
     state
 }
 
@@ -84,15 +86,17 @@ proptest! {
         let log = read(&path).unwrap();
         prop_assert!(log.complete(), "{:?}", log.defect);
         prop_assert_eq!(&log.scenario_toml, SCENARIO, 10_000_000);
-        let written = |topic| records.iter().filter(move |r| r.topic() == topic).map(bits).collect::<Vec<_>>();
+        let written = |kind| records.iter().filter(move |r| r.kind() == kind).map(bits).collect::<Vec<_>>();
         let states: Vec<_> = log.states.iter().map(|m| bits(&(*m).into())).collect();
-        prop_assert_eq!(states, written(Topic::State));
+        prop_assert_eq!(states, written(0));
         let references: Vec<_> = log.references.iter().map(|m| bits(&(*m).into())).collect();
-        prop_assert_eq!(references, written(Topic::Reference));
+        prop_assert_eq!(references, written(1));
         let controls: Vec<_> = log.controls.iter().map(|m| bits(&(*m).into())).collect();
-        prop_assert_eq!(controls, written(Topic::Controls));
+        prop_assert_eq!(controls, written(2));
         let actuators: Vec<_> = log.actuators.iter().map(|m| bits(&(*m).into())).collect();
-        prop_assert_eq!(actuators, written(Topic::Actuators));
+        prop_assert_eq!(actuators, written(3));
+        let truths: Vec<_> = log.truths.iter().map(|m| bits(&(*m).into())).collect();
+        prop_assert_eq!(truths, written(Topic::COUNT));
     }
 }
 

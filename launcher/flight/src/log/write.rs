@@ -9,7 +9,6 @@ use std::{
 };
 
 use anyhow::Context;
-use contract::Topic;
 use contract::message::LAYOUT;
 use mcap::{
     McapError, McapResult, WriteOptions, Writer,
@@ -35,8 +34,8 @@ pub struct LogWriter {
     mcap: Option<Mcap>,
     /// The open file that `mcap` writes to, for its length and for cutting it.
     file: File,
-    /// Channel number of each topic.
-    channels: [u16; Topic::COUNT],
+    /// Channel number of each [kind](Record::kind) of message.
+    channels: [u16; Record::KINDS],
     events: u16,
     memory: u16,
     /// Sample time \[ns\].
@@ -103,13 +102,16 @@ impl LogWriter {
     }
 
     pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
-        let (topic, stamp) = (record.topic() as usize, record.stamp());
+        let (sequence, publish_time) = match record {
+            Record::Truth(truth) => (truth.sequence, 0),
+            _ => record.stamped().map_or((0, 0), |(topic, stamp)| (stamp.sequence, stamp.publish_ns[topic as usize])),
+        };
         schema::encode(record, &mut self.buffer);
         self.append(&MessageHeader {
-            channel_id: self.channels[topic],
-            sequence: stamp.sequence as u32,
-            log_time: stamp.tick.saturating_mul(self.sample_ns),
-            publish_time: stamp.publish_ns[topic],
+            channel_id: self.channels[record.kind()],
+            sequence: sequence as u32,
+            log_time: record.tick().saturating_mul(self.sample_ns),
+            publish_time,
         })
     }
 
@@ -196,7 +198,7 @@ fn open(
     scenario_toml: &str,
     sample_ns: u64,
     run: &str,
-) -> McapResult<(Mcap, [u16; Topic::COUNT], [u16; 2])> {
+) -> McapResult<(Mcap, [u16; Record::KINDS], [u16; 2])> {
     let program = Program::this();
     let mut mcap = WriteOptions::new()
         .compression(None) // `Compressor` compresses the chunks
@@ -216,11 +218,11 @@ fn open(
             ("layout", &LAYOUT.join(" ")),
             ("run", run),
             ("log_time", &format!("simulated time: stamp.tick times {sample_ns} ns")),
-            ("publish_time", "CLOCK_MONOTONIC of the publication; 0 in process"),
+            ("publish_time", "CLOCK_MONOTONIC of the publication; 0 for TRUTH, and in process"),
         ],
     ))?;
     mcap.flush()?;
-    let (mut channels, mut others) = ([0; Topic::COUNT], [0; 2]);
+    let (mut channels, mut others) = ([0; Record::KINDS], [0; 2]);
     for (number, channel) in channels.iter_mut().chain(&mut others).zip(super::channels()) {
         *number = add_channel(&mut mcap, &channel)?;
     }

@@ -43,12 +43,12 @@ impl Course {
 
     /// Takes in a message that the process sent in the cycle of `tick`.
     pub fn take(&mut self, tick: u64, record: &Record) {
-        let stamp = record.stamp();
+        let Some((_, stamp)) = record.stamped() else { return };
         if !record.is_intact() || stamp.is_withheld() && self.sent(tick).is_some() {
             return;
         }
-        let of = |sent: &(u64, Record, Option<Record>)| {
-            sent.1.stamp().sequence == stamp.sequence && !sent.1.stamp().is_withheld()
+        let of = |(_, sent, _): &(u64, Record, Option<Record>)| {
+            sent.stamped().is_some_and(|(_, sent)| sent.sequence == stamp.sequence && !sent.is_withheld())
         };
         match self.sent.iter_mut().rev().take(LATEST).find(|sent| of(sent)) {
             Some((.., delivered)) if !stamp.is_faulted() => *delivered = Some(*record),

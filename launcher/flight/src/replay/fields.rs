@@ -1,6 +1,6 @@
 //! Names of the words of a message, to say where two messages differ.
 
-use contract::message::Message;
+use contract::message::Payload;
 use contract::message::field::{Mark, Shape};
 
 use crate::log::{Record, with_message};
@@ -12,10 +12,10 @@ pub struct Differs {
     pub values: [String; 2],
 }
 
-/// Returns the first field in which two messages of one topic differ, in the order of the table of messages: provenance
+/// Returns the first field in which two messages of one type differ, in the order of the table of messages: provenance
 /// first, then the payload bit by bit. Values that depend on the machine are not compared.
 pub fn difference(one: &Record, other: &Record) -> Option<Differs> {
-    fn words<M: Message>(message: &M) -> (Shape, &[u64]) {
+    fn words<M: Payload>(message: &M) -> (Shape, &[u64]) {
         (Shape::Part(M::FIELDS), bytemuck::cast_slice(bytemuck::bytes_of(message)))
     }
     let (shape, one) = with_message!(one, message => words(message));

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use contract::Topic;
+use contract::message::Truth;
 use contract::snapshot::Snapshot;
 use runtime::shared_role::Origin;
 
 use super::course::{Course, LATEST, Runs};
-use super::fields::difference;
+use super::fields::{Differs, difference};
 use super::plan::{Difference, Messages, Plan, Replayed};
 use super::program::Program;
 use super::recording::Recording;
@@ -311,17 +312,17 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn cycle(&mut self, i: usize) -> anyhow::Result<()> {
         let Some(next) = self.next(i).cloned() else { return Ok(()) };
         let Process { topic, epoch, .. } = self.script.processes[i];
-        let mut sent = vec![];
+        let (mut sent, mut truth) = (vec![], None);
         let computes = self.plan.computes(self.recording, topic, epoch);
         if computes {
             if self.courses[i].worker.is_none() {
                 self.begin(i)?;
             }
-            self.compute(i, &next, &mut sent)?;
+            truth = self.compute(i, &next, &mut sent)?;
         }
         if !computes || self.is_known(i, next.tick) {
             let of_log = &self.script.processes[i].recorded[self.courses[i].recorded..];
-            let answers = |record: &Record| record.stamp().tick == next.tick;
+            let answers = |record: &Record| record.tick() == next.tick;
             let count = if computes {
                 // Messages that a link held back before are in the log only; those after the answer are sent here too.
                 sent.retain(Record::is_intact);
@@ -329,10 +330,14 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                 of_log.iter().position(answers).map_or(0, |answer| answer + 1 + after).min(of_log.len())
             } else {
                 let ends = self.script.processes[i].cycles.get(self.courses[i].cycle + 1).map(|next| next.tick);
-                of_log.iter().take_while(|record| ends.is_none_or(|ends| record.stamp().tick < ends)).count()
+                of_log.iter().take_while(|record| ends.is_none_or(|ends| record.tick() < ends)).count()
             };
             sent = of_log[..count].to_vec();
+            truth = self.script.truth(next.tick).filter(|_| topic == Topic::State).copied();
             self.courses[i].recorded += count;
+        }
+        if let Some(truth) = truth {
+            (self.each)(&truth.into());
         }
         for record in &sent {
             self.courses[i].take(next.tick, record);
@@ -348,8 +353,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         Ok(())
     }
 
-    /// Computes the next cycle of a process, and compares what it sends with what it sent in the flight.
-    fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<()> {
+    /// Computes the next cycle of a process, and compares what it sends with what it sent in the flight. Returns the
+    /// TRUTH of the plant.
+    fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<Option<Truth>> {
         let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
         let is_known = self.is_known(i, next.tick);
@@ -392,19 +398,25 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             self.replayed.came_to_break = true;
             call();
         }
-        let known = || process.recorded[self.courses[i].recorded..].iter().find(|sent| sent.stamp().tick == next.tick);
+        let known = || process.recorded[self.courses[i].recorded..].iter().find(|sent| sent.tick() == next.tick);
+        let mut truth = None;
         match &mut worker {
             Runs::Here(worker) => {
                 let known = is_known.then(known).flatten();
-                worker.run(next, &self.recording.given, known, |record| sent.push(*record))?;
+                worker.run(next, &self.recording.given, known, |record| match record {
+                    Record::Truth(of_plant) => truth = Some(*of_plant),
+                    _ => sent.push(*record),
+                })?;
             }
             Runs::Elsewhere(program) => program.run(next, |record| sent.push(*record))?,
         }
         self.courses[i].worker = Some(worker);
         if is_known {
-            return Ok(()); // what was sent is that of the log
+            return Ok(None); // what was sent is that of the log
         }
+        let is_compared = next.tick >= self.plan.from;
         let messages = &mut self.replayed.messages[process.topic as usize];
+        let mut different = vec![];
         for record in sent.iter() {
             messages.computed += 1;
             if !record.is_intact() {
@@ -413,11 +425,20 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             }
             let Some(flown) = process.recorded.get(self.courses[i].recorded) else { continue };
             self.courses[i].recorded += 1;
-            if next.tick < self.plan.from {
-                continue;
+            if is_compared {
+                messages.compared += 1;
+                different.extend(difference(flown, record));
             }
-            messages.compared += 1;
-            let Some(differs) = difference(flown, record) else { continue };
+        }
+        if let Some(truth) = &truth {
+            messages.computed += 1;
+            if let Some(flown) = self.script.truth(next.tick).filter(|_| is_compared) {
+                messages.compared += 1;
+                let differs = difference(&(*flown).into(), &(*truth).into());
+                different.extend(differs.map(|of| Differs { field: format!("truth.{}", of.field), ..of }));
+            }
+        }
+        for differs in different {
             self.replayed.different += 1;
             let Process { topic, epoch, .. } = *process;
             let place = (next.tick, topic as usize);
@@ -425,6 +446,6 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                 self.replayed.first = Some(Difference { tick: next.tick, topic, epoch, differs });
             }
         }
-        Ok(())
+        Ok(truth)
     }
 }

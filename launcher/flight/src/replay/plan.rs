@@ -60,7 +60,7 @@ pub struct Difference {
 /// Result of a replay.
 #[derive(Debug, Clone, Default)]
 pub struct Replayed {
-    /// Messages by topic.
+    /// Messages by the topic of their node: TRUTH counts with STATE.
     pub messages: [Messages; Topic::COUNT],
     /// First difference of all, if there is one.
     pub first: Option<Difference>,
@@ -76,7 +76,7 @@ pub struct Replayed {
     pub came_to_break: bool,
 }
 
-/// Messages of one topic, and what a replay did with them.
+/// Messages of one node, and what a replay did with them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Messages {
     /// Messages in the log.

@@ -12,7 +12,7 @@ use anyhow::bail;
 use contract::Topic;
 use contract::message::{Controls, Message, Reference, State};
 use contract::scenario::{Mode, Scenario};
-use runtime::port::{SendPort, Wire};
+use runtime::port::SendPort;
 use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, phase};
 
@@ -85,13 +85,14 @@ impl Program {
 
     /// Sends `message` to the program, as the newest of its topic.
     pub fn read(&mut self, message: &Record) {
-        let number = &mut self.sent[message.topic() as usize];
+        let Some((of, _)) = message.stamped() else { return };
+        let number = &mut self.sent[of as usize];
         *number += 1;
         match message {
             Record::State(state) => put(&self.page, self.states.as_ref(), *state, *number),
             Record::Reference(reference) => put(&self.page, self.references.as_ref(), *reference, *number),
             Record::Controls(controls) => put(&self.page, self.controls.as_ref(), *controls, *number),
-            Record::Actuators(_) => {} // no node reads them but the plant
+            Record::Actuators(_) | Record::Truth(_) => {} // no node reads them but the plant
         }
     }
 
@@ -109,7 +110,7 @@ impl Program {
         let limit = self.wall_limit;
         self.wait(limit, topic.publisher(), || page.role(topic).done(1).get() >= done, || Ok(()))?;
         self.observers.drain(|record| {
-            if record.topic() == topic && record.stamp().tick == cycle.tick {
+            if record.stamped().is_some_and(|(of, stamp)| of == topic && stamp.tick == cycle.tick) {
                 each(record);
             }
         });
@@ -145,7 +146,7 @@ impl Program {
 }
 
 /// Opens the sender of messages of `M`; `None` for those of the node itself.
-fn sender<M: Wire>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn SendPort<M>>>> {
+fn sender<M: Message>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn SendPort<M>>>> {
     Ok((M::TOPIC != topic).then(|| ports.sender(1)).transpose()?)
 }
 

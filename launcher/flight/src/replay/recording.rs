@@ -28,7 +28,7 @@ pub struct Recording {
     pub(super) log: PathBuf,
     /// Faults given and changed in flight, in order, each with its number.
     pub(super) given: Vec<(usize, Fault)>,
-    /// Messages in the log, by topic, including those that are not intact.
+    /// Messages in the log, by the topic of their node, including those that are not intact.
     pub(super) logged: [u64; Topic::COUNT],
     /// Last sample in the log.
     last_tick: u64,
@@ -168,7 +168,7 @@ impl Recording {
         );
         let mut taken = 0_u64;
         log::stream(&self.log, self.span(&script, until), |_, record| {
-            if record.stamp().tick > until {
+            if record.tick() > until {
                 return;
             }
             script.push(record);

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use contract::Topic;
-use contract::message::{Arrival, Stamp};
+use contract::message::{Arrival, Stamp, Truth};
 use runtime::limits::HELD_MESSAGES;
 use runtime::shared_role::Origin;
 
@@ -86,6 +86,8 @@ pub struct Script {
     /// Gaps of the log, by process, each with the tick after which nothing of that process is known.
     pub holes: Vec<(u64, String)>,
     ahead: VecDeque<Record>,
+    /// Intact TRUTHs, in order, as far as they are kept.
+    truths: VecDeque<Truth>,
     look_ahead: usize,
     /// Memories of the nodes, if the script begins in the middle of the flight.
     pub(super) begins_with: Vec<Memory>,
@@ -118,6 +120,7 @@ impl Script {
             processes: vec![],
             holes: vec![],
             ahead: VecDeque::new(),
+            truths: VecDeque::new(),
             look_ahead,
             begins_with: vec![],
             begins: 0,
@@ -144,14 +147,20 @@ impl Script {
 
     /// Takes in the next message of the log, in the order of ticks.
     pub fn push(&mut self, record: &Record) {
-        if !record.is_intact() || record.stamp().tick < self.begins {
+        if !record.is_intact() || record.tick() < self.begins {
             return;
         }
+        let Some((topic, stamp)) = record.stamped() else {
+            if let Record::Truth(truth) = record {
+                self.truths.push_back(*truth);
+            }
+            return;
+        };
         if self.ahead.len() >= self.look_ahead {
             self.find_next_cycle();
         }
-        let at = self.process_of(record);
-        match self.processes[at].number(record, self.begins) {
+        let at = self.process_of(topic, stamp.epoch);
+        match self.processes[at].number(stamp, self.begins) {
             Ok(()) => self.ahead.push_back(*record),
             Err(hole) => self.holes.extend(hole),
         }
@@ -180,8 +189,14 @@ impl Script {
         self.processes.iter().position(|process| (process.topic, process.epoch) == (topic, epoch))
     }
 
-    /// Drops the sequence numbers of messages that were sent before `tick`.
+    /// Returns the TRUTH of `tick`, if it is known.
+    pub(super) fn truth(&self, tick: u64) -> Option<&Truth> {
+        self.truths.get(self.truths.partition_point(|truth| truth.tick < tick)).filter(|truth| truth.tick == tick)
+    }
+
+    /// Drops the TRUTHs, and the sequence numbers of messages, that were sent before `tick`.
     pub(super) fn forget_before(&mut self, tick: u64) {
+        self.truths.drain(..self.truths.partition_point(|truth| truth.tick < tick));
         for Process { numbers: Numbers { ticks, .. }, .. } in &mut self.processes {
             while ticks.len() > 1 && ticks.front().is_some_and(|(_, sent)| *sent < tick) {
                 ticks.pop_front();
@@ -193,13 +208,15 @@ impl Script {
     pub(super) fn forget_messages(&mut self, of: impl Fn(Topic, u64) -> bool) {
         let begun = if self.begins_with.is_empty() { 0 } else { self.begun_at() + HELD_MESSAGES as u64 };
         for process in self.processes.iter_mut().filter(|process| of(process.topic, process.epoch)) {
-            Arc::make_mut(&mut process.recorded).retain(|record| record.stamp().tick < begun);
+            Arc::make_mut(&mut process.recorded).retain(|record| record.tick() < begun);
+            if process.topic == Topic::State {
+                self.truths.retain(|truth| truth.tick < begun);
+            }
         }
     }
 
-    /// Returns the index of the process that sent `record`, which is added if it is new.
-    fn process_of(&mut self, record: &Record) -> usize {
-        let (topic, epoch) = (record.topic(), record.stamp().epoch);
+    /// Returns the index of a process, which is added if it is new.
+    fn process_of(&mut self, topic: Topic, epoch: u64) -> usize {
         self.process(topic, epoch).unwrap_or_else(|| {
             self.processes.push(Process::new(topic, epoch));
             self.processes.len() - 1
@@ -208,9 +225,9 @@ impl Script {
 
     fn find_next_cycle(&mut self) {
         let Some(record) = self.ahead.pop_front() else { return };
-        let at = self.process_of(&record);
-        self.reach = self.reach.max(record.stamp().tick);
-        let stamp = record.stamp();
+        let Some((topic, stamp)) = record.stamped() else { return };
+        let at = self.process_of(topic, stamp.epoch);
+        self.reach = self.reach.max(stamp.tick);
         if self.processes[at].is_cycle(stamp) {
             let arrived = match &record {
                 Record::State(state) => &state.arrivals[..(state.arrived as usize).min(state.arrivals.len())],
@@ -264,8 +281,8 @@ impl Process {
 
     /// Notes the number of a message, and whose memory its process began with. Fails from a gap in the numbers on,
     /// because what the process then remembers is not known; the error has the gap if it is new.
-    fn number(&mut self, record: &Record, begins: u64) -> Result<(), Option<(u64, String)>> {
-        let Stamp { sequence, tick, restored_epoch, restored_ticks, .. } = *record.stamp();
+    fn number(&mut self, stamp: &Stamp, begins: u64) -> Result<(), Option<(u64, String)>> {
+        let Stamp { sequence, tick, restored_epoch, restored_ticks, .. } = *stamp;
         if self.has_hole {
             return Err(None);
         }
@@ -289,7 +306,7 @@ impl Process {
         *messages += 1;
         let restored = Origin { epoch: restored_epoch, done: restored_ticks };
         self.continues = (restored != Origin::default()).then_some(restored);
-        if !record.stamp().is_withheld() && sequence > *sent {
+        if !stamp.is_withheld() && sequence > *sent {
             *sent = sequence;
             ticks.push_back((sequence, tick));
         }

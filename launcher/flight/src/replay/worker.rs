@@ -4,7 +4,7 @@
 use std::rc::Rc;
 
 use contract::Topic;
-use contract::message::{Actuators, Controls, Reference, Stamp, State};
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
 use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 use plant::Plant;
@@ -12,8 +12,8 @@ use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
-use runtime::output::Output;
-use runtime::port::{SendPort, Wire};
+use runtime::output::{Output, TruthOutput};
+use runtime::port::SendPort;
 use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
@@ -40,10 +40,11 @@ enum Core {
     Node(Box<dyn Node>),
 }
 
-/// Plant with its output, and the tick of its newest sample.
+/// Plant with its outputs, and the tick of its newest sample.
 struct Sampler {
     plant: Plant<dyn Vehicle>,
     output: Output<State>,
+    truths: TruthOutput,
     tick: u64,
 }
 
@@ -52,7 +53,7 @@ struct Feed<M> {
     senders: Vec<(u32, Rc<dyn SendPort<M>>)>,
 }
 
-impl<M: Wire> Feed<M> {
+impl<M: Message> Feed<M> {
     fn put(&mut self, ring: &Ring, message: &M) -> Result<(), SessionError> {
         let epoch = message.stamp().epoch as u32;
         let role = ring.page.role(M::TOPIC);
@@ -86,8 +87,9 @@ impl Worker {
         let mut core = match topic {
             Topic::State => {
                 let output = Output::open(&mut ports, &member, &scenario)?;
+                let truths = TruthOutput::open(&mut ports, &member)?;
                 let plant = Plant::with(&scenario, nodes::vehicle(&scenario)?);
-                Core::Plant(Box::new(Sampler { plant, output, tick: 0 }))
+                Core::Plant(Box::new(Sampler { plant, output, truths, tick: 0 }))
             }
             _ => Core::Node(nodes::open(&mut ports, &member, &scenario)?),
         };
@@ -108,7 +110,7 @@ impl Worker {
             Record::State(state) => self.states.put(&self.ring, state),
             Record::Reference(reference) => self.references.put(&self.ring, reference),
             Record::Controls(controls) => self.controls.put(&self.ring, controls),
-            Record::Actuators(_) => Ok(()), // the plant gets them with their arrival
+            Record::Actuators(_) | Record::Truth(_) => Ok(()), // the plant gets commands with their arrival
         }
     }
 
@@ -144,7 +146,7 @@ impl Worker {
         let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
         match &mut self.core {
             Core::Plant(sampler) => {
-                let Sampler { plant, output, tick } = &mut **sampler;
+                let Sampler { plant, output, truths, tick } = &mut **sampler;
                 let known = output.known(known.map(Record::as_any));
                 if known.is_none() {
                     plant.advance(cycle.tick - *tick)?;
@@ -155,6 +157,7 @@ impl Worker {
                 faults.new_faults(|number, fault| plant.apply_fault(number, fault));
                 let state = known.unwrap_or_else(|| plant.sample());
                 output.send(state, provenance);
+                truths.send(plant.truth(), output);
             }
             Core::Node(node) => {
                 faults.update();
@@ -165,7 +168,7 @@ impl Worker {
         }
         let own = *topic;
         self.observers.drain(|record| {
-            if record.topic() == own {
+            if record.stamped().is_none_or(|(topic, _)| topic == own) {
                 each(record);
             }
         });

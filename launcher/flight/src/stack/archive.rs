@@ -134,7 +134,8 @@ impl Archive {
                 self.keep(*epoch, stdout);
             }
         }
-        let sent = Topic::ALL.map(|topic| u64::from(run.page.role(topic).sent_by_all.get())).iter().sum();
+        let on_topics = Topic::ALL.map(|topic| run.page.role(topic).sent_by_all.get());
+        let sent = on_topics.into_iter().chain([run.page.truths_sent.get()]).map(u64::from).sum();
         let active = run.page.recorder.active();
         // After giving up, the rest of the last recorder is written already, and messages sent since are not recorded.
         if !self.outcomes.contains_key(&active) && !self.role.given_up() {

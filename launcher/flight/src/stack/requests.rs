@@ -20,6 +20,7 @@ use crate::control::{Request, Response};
 use crate::event::{Event, Sender, TimedEvent, What};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
 use crate::log::Record;
+use ring::states::{self, length_m};
 
 /// Socket of a run, and the orders that came through it.
 pub struct Requests {
@@ -96,10 +97,9 @@ fn status(run: &Run) -> Value {
 
 /// Distance of the vehicle from its trajectory at the newest sample \[m\]; `None` before the first one.
 fn position_error_m(run: &Run) -> Option<f64> {
-    let Some(Record::State(state)) = &run.newest[Topic::State as usize] else { return None };
-    let wanted = run.trajectory.at(run.time_s(state.stamp.tick)).position_m;
-    let squares = wanted.iter().zip(state.actual.position_m).map(|(wanted, is)| (wanted - is) * (wanted - is));
-    Some(squares.sum::<f64>().sqrt())
+    let Some(Record::Truth(truth)) = &run.newest[Topic::COUNT] else { return None };
+    let wanted_m = run.trajectory.at(run.time_s(truth.tick)).position_m;
+    Some(length_m(states::position_error_m(wanted_m, truth)))
 }
 
 /// Reports the state of one node. Its `tick` counts the ticks done since the first of the run.
@@ -118,7 +118,7 @@ fn node_status(run: &Run, topic: Topic) -> Value {
         "tick": done,
         "behind": done.map(|done| run.page.samples_taken().saturating_sub(done)),
         "age_ms": (sent_ns > 0).then(|| now_ns().saturating_sub(sent_ns) as f64 / 1e6),
-        "misses": run.newest[topic as usize].map(|record| record.stamp().misses),
+        "misses": run.newest[topic as usize].as_ref().and_then(Record::stamped).map(|(_, stamp)| stamp.misses),
         "restarts": run.events.iter().filter(is_restart).count(),
         "refused": refused(&Refusal::ALL.map(|r| role.refused[r as usize].get())),
     })

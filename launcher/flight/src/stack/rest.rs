@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
+use contract::Scenario;
 use contract::scenario::to_toml;
-use contract::{Scenario, Topic};
 use runtime::console::eprint_line;
 use runtime::limits::OBSERVER_S;
 
@@ -26,7 +26,7 @@ impl Rest {
     /// as it may hang, and of one flush; twice that, because standbys and faults send messages too.
     pub fn new(scenario: &Scenario) -> Self {
         let seconds = OBSERVER_S as u64 + FLUSH_PERIOD.as_secs();
-        let most = 2 * Topic::COUNT * scenario.run.rate_hz as usize * seconds as usize;
+        let most = 2 * Record::KINDS * scenario.run.rate_hz as usize * seconds as usize;
         Self { newest: VecDeque::with_capacity(most), most, part: None, ends: false }
     }
 

@@ -31,10 +31,10 @@ pub struct Run {
     pub scenario: Scenario,
     pub trajectory: Trajectory,
     pub events: Vec<Event>,
-    /// Time at which the newest message of each topic was sent \[ns\].
-    pub newest_ns: [u64; Topic::COUNT],
-    /// Newest message of each topic that was delivered.
-    pub newest: [Option<Record>; Topic::COUNT],
+    /// Time at which the newest message of each [kind](Record::kind) was sent \[ns\]; 0 for TRUTH.
+    pub newest_ns: [u64; Record::KINDS],
+    /// Newest message of each kind that was delivered.
+    pub newest: [Option<Record>; Record::KINDS],
 }
 
 impl Run {
@@ -52,8 +52,8 @@ impl Run {
             scenario: scenario.clone(),
             trajectory: Trajectory::new(scenario),
             events: vec![],
-            newest_ns: [0; Topic::COUNT],
-            newest: [None; Topic::COUNT],
+            newest_ns: [0; Record::KINDS],
+            newest: [None; Record::KINDS],
         }
     }
 

@@ -14,7 +14,6 @@ use std::sync::atomic::AtomicU32;
 
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode};
-use contract::stamp::delivery;
 use contract::topic::Topic;
 use flight::event::{Event, What, name};
 use serde::Serialize;
@@ -76,10 +75,8 @@ pub fn compare(base: &Scenario, quick: bool, interrupts: &AtomicU32) -> anyhow::
 fn fly(scenario: &Scenario, topic: Topic, interrupts: &AtomicU32) -> anyhow::Result<Handling> {
     let mut answered = BTreeSet::new();
     let (_, flown) = through_processes(scenario, interrupts, |record| {
-        let stamp = record.stamp();
-        if record.topic() == topic && stamp.delivery == delivery::DELIVERED {
-            answered.insert(stamp.tick);
-        }
+        let delivered = record.stamped().filter(|(of, stamp)| *of == topic && stamp.is_delivered());
+        answered.extend(delivered.map(|(_, stamp)| stamp.tick));
     })?;
     let tick = |time_s: f64| (time_s / scenario.sample_s()).round() as u64;
     let begins = tick(AT_S);

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicU32;
 
 use anyhow::Context;
 use contract::Scenario;
-use contract::message::{Content, Message, SolveStatus, State, mixer_flags};
+use contract::message::{Content, Message, SolveStatus, State, Truth, mixer_flags};
 use contract::scenario::{Mode, Profile};
 use contract::stamp::delivery;
 use serde::Serialize;
@@ -100,8 +100,8 @@ impl FaultFlight {
 }
 
 /// Returns true roll or pitch, whichever is larger \[deg\].
-pub fn lean_deg(state: &State) -> f64 {
-    let [roll, pitch, _] = state.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
+pub fn lean_deg(truth: &Truth) -> f64 {
+    let [roll, pitch, _] = truth.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
     roll.max(pitch)
 }
 
@@ -135,6 +135,7 @@ impl Watch {
     fn observe(&mut self, record: &Record) {
         match record {
             Record::State(state) => self.state(state),
+            Record::Truth(truth) if truth.tick >= self.begins => self.truth(truth),
             Record::Actuators(actuators) if actuators.flags & mixer_flags::TERMINATED != 0 => {
                 let after_s = actuators.stamp.tick.saturating_sub(self.begins) as f64 * self.sample_s;
                 self.course.terminated_after_s.get_or_insert(after_s);
@@ -157,14 +158,16 @@ impl Watch {
         if stamp.tick <= self.ended {
             course.blind_s = course.blind_s.max(stamp.tick.saturating_sub(self.taken) as f64 * self.sample_s);
         }
-        if stamp.tick >= self.begins {
-            course.tilt_deg = course.tilt_deg.max(lean_deg(state));
-            course.cut |= state.actuators.rotor_speed.iter().all(|speed| *speed < CUT_SPEED);
-            let error_m = length_m(state.actual.position_m);
-            course.position_error_m = course.position_error_m.max(error_m);
-            if stamp.tick == self.back {
-                course.back_m = Some(error_m);
-            }
+    }
+
+    fn truth(&mut self, truth: &Truth) {
+        let course = &mut self.course;
+        course.tilt_deg = course.tilt_deg.max(lean_deg(truth));
+        course.cut |= truth.actuators.rotor_speed.iter().all(|speed| *speed < CUT_SPEED);
+        let error_m = length_m(truth.actual.position_m);
+        course.position_error_m = course.position_error_m.max(error_m);
+        if truth.tick == self.back {
+            course.back_m = Some(error_m);
         }
     }
 

@@ -19,7 +19,6 @@ use std::sync::atomic::AtomicU32;
 
 use contract::Scenario;
 use contract::scenario::{Mode, Swap, SwapNode};
-use contract::stamp::delivery;
 use contract::topic::Topic;
 use serde::Serialize;
 
@@ -114,9 +113,10 @@ impl Relay {
         let mut tilt_deg = 0.0_f64;
         let mut ticks = Ticks::<Answers>::new(&scenario);
         let (summary, flown) = through_processes(&scenario, interrupts, |record| {
-            ticks.observe(record, |answers| answers.observe(record));
-            if let Record::State(state) = record {
-                tilt_deg = tilt_deg.max(lean_deg(state));
+            if let Record::Truth(truth) = record {
+                tilt_deg = tilt_deg.max(lean_deg(truth));
+            } else {
+                ticks.observe(record, |answers| answers.observe(record));
             }
         })?;
         let host = canary.map(Canary::stop).transpose()?;
@@ -195,8 +195,10 @@ fn with_swaps(mut scenario: Scenario, swaps: Vec<Swap>) -> Scenario {
 
 impl Answers {
     fn observe(&mut self, record: &Record) {
-        if record.stamp().delivery == delivery::DELIVERED {
-            self.delivered[record.topic() as usize] += 1;
+        if let Some((topic, stamp)) = record.stamped()
+            && stamp.is_delivered()
+        {
+            self.delivered[topic as usize] += 1;
             self.reacted |= reacts(record);
         }
     }

@@ -8,7 +8,7 @@
 //! Both are chi-square if the filter is consistent: Bar-Shalom, Li and Kirubarajan, *Estimation with applications to
 //! tracking and navigation* (2001), section 5.4. One number of each seed counts, because those of a flight go together.
 
-use contract::message::{Kinematics, State};
+use contract::message::{Kinematics, State, Truth};
 use contract::scenario::{SensorPreset, Sensors};
 use flight::inprocess;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
@@ -128,7 +128,7 @@ fn fly(seed: u64, sensors: &Sensors) -> anyhow::Result<Seed> {
         let now_ns = ring.sample().stamp.tick * scenario.sample_ns();
         if let Some(check) = CHECKS_S.iter().position(|at_s| at_s * 1_000_000_000 == now_ns) {
             let unit = ring.plant().navigation().expect("the presets have the EKF");
-            found.nees[check] = nees(ring.sample(), &unit.covariance(now_ns));
+            found.nees[check] = nees(ring.sample(), &ring.plant().truth(), &unit.covariance(now_ns));
             let records = Source::ALL.map(|source| unit.navigation().filter().record(source));
             found.nis = records.map(|record| record.nis);
             found.resets = records.iter().map(|record| record.resets).sum();
@@ -142,13 +142,13 @@ fn fly(seed: u64, sensors: &Sensors) -> anyhow::Result<Seed> {
 }
 
 /// Normalised square of the error of each part.
-fn nees(state: &State, covariance: &Covariance) -> [f64; PARTS.len()] {
+fn nees(state: &State, truth: &Truth, covariance: &Covariance) -> [f64; PARTS.len()] {
     let parts = |motion: &Kinematics| {
         let [roll, pitch, yaw] = motion.attitude_rad;
         let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
         (Vector3::from(motion.position_m), attitude * Vector3::from(motion.velocity_mps), attitude)
     };
-    let (estimated, actual) = (parts(&state.measured), parts(&state.actual));
+    let (estimated, actual) = (parts(&state.measured), parts(&truth.actual));
     let off = [actual.0 - estimated.0, actual.1 - estimated.1, (estimated.2.inverse() * actual.2).scaled_axis()];
     let off = DVector::from_iterator(9, off.iter().flat_map(|part| part.iter().copied()));
     PARTS.map(|(_, from, states)| {

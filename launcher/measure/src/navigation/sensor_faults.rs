@@ -192,11 +192,11 @@ fn fly(scenario: &Scenario) -> anyhow::Result<Flown> {
         for topic in inprocess::stepped::TOPICS {
             ring.answer(topic);
         }
-        let state = ring.sample();
-        let place_m = nalgebra::Vector3::from(state.actual.position_m);
+        let (state, truth) = (ring.sample(), ring.plant().truth());
+        let place_m = nalgebra::Vector3::from(truth.actual.position_m);
         let off_m = (place_m - *start_m.get_or_insert(place_m)).norm();
         let navigation = state.navigation;
-        let off = std::array::from_fn::<f64, 3, _>(|i| state.measured.position_m[i] - state.actual.position_m[i]);
+        let off = std::array::from_fn::<f64, 3, _>(|i| state.measured.position_m[i] - truth.actual.position_m[i]);
         let told = off.iter().zip(navigation.position_m).map(|(off, deviation)| off.abs() / deviation);
         flown = Flown {
             most_m: flown.most_m.max(off_m),

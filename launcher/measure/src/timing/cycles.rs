@@ -34,7 +34,9 @@ impl Cycles {
     }
 
     pub fn observe(&mut self, record: &Record) {
-        self.slots.observe(record, |of| of[record.topic() as usize] = *record.stamp());
+        if let Some((topic, stamp)) = record.stamped() {
+            self.slots.observe(record, |of| of[topic as usize] = *stamp);
+        }
     }
 
     /// Slots that count, with or without messages: those after the warm-up, except the last, whose command has no time

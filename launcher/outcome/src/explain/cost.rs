@@ -78,19 +78,18 @@ impl FlightCost {
         let (mut summary, trajectory) = (Summary::new(scenario), Trajectory::new(scenario));
         let (mut worst_tilt, mut error_m, mut course_m) = (0.0_f64, vec![], vec![]);
         fly(&mut |record| {
-            if record.is_intact() && record.stamp().tick < first {
+            if record.is_intact() && record.tick() < first {
                 return;
             }
             summary.observe(record);
-            if let Record::State(state) = record
-                && state.stamp.is_delivered() | state.stamp.is_faulted()
+            if let Record::Truth(truth) = record
                 && record.is_intact()
-                && error_m.len() as u64 <= state.stamp.tick - first
+                && error_m.len() as u64 <= truth.tick - first
             {
-                worst_tilt = worst_tilt.max(state.actual.tilt_rad());
-                let wanted_m = trajectory.at(state.stamp.tick as f64 * scenario.sample_s()).position_m;
-                error_m.resize((state.stamp.tick - first) as usize + 1, length_m(position_error_m(wanted_m, state)));
-                course_m.resize((state.stamp.tick - first) as usize + 1, state.actual.position_m);
+                worst_tilt = worst_tilt.max(truth.actual.tilt_rad());
+                let wanted_m = trajectory.at(truth.tick as f64 * scenario.sample_s()).position_m;
+                error_m.resize((truth.tick - first) as usize + 1, length_m(position_error_m(wanted_m, truth)));
+                course_m.resize((truth.tick - first) as usize + 1, truth.actual.position_m);
             }
         })?;
         let (metrics, state_hash) = (summary.metrics(), summary.state_hash());

@@ -128,7 +128,7 @@ fn marked<M: Message + Into<Record>>(lost: std::ops::Range<u64>) -> Vec<Record> 
 fn a_silent_process_is_detected() {
     let kill = |away: std::ops::Range<u64>| {
         let mut there = marked::<Controls>(0..0);
-        there.retain(|record| !away.contains(&record.stamp().tick));
+        there.retain(|record| !away.contains(&record.tick()));
         short(FaultTarget::AttitudeMpc, FaultKind::Kill, &[there, commands(0..0, 0)].concat())
     };
     assert_eq!(kill(11..20), [Some(0.1), Some(0.01), Some(0.09)]);

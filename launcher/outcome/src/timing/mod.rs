@@ -46,7 +46,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
-use contract::message::Stamp;
+use contract::message::{Stamp, Truth};
 use contract::scenario::Mode;
 use contract::topic::NODES;
 use contract::{Scenario, Topic};
@@ -113,7 +113,8 @@ impl Timing {
 
     /// Takes in a message that [`flight::log::Count`] counts, with the stamp `before` it of the same process.
     pub fn observe(&mut self, record: &Record, before: &Stamp) {
-        let (own, stamp) = (record.topic() as usize, record.stamp());
+        let Some((topic, stamp)) = record.stamped() else { return };
+        let own = topic as usize;
         let mut cycle = self.nodes[own].observe(stamp, before);
         match record {
             Record::State(state) => {
@@ -126,7 +127,7 @@ impl Timing {
                     self.nodes[Topic::Actuators as usize].contradictions += 1;
                 }
             }
-            Record::Reference(_) => {}
+            Record::Reference(_) | Record::Truth(_) => {}
             Record::Controls(controls) => cycle.iter_mut().for_each(|cycle| cycle.solve_ns = controls.solve_ns),
             Record::Actuators(_) => {
                 self.command = (stamp.tick, stamp.sequence, stamp.publish_ns[own].saturating_sub(stamp.sample_ns));
@@ -135,6 +136,11 @@ impl Timing {
         if let (Some(worst), Some(cycle)) = (&mut self.worst, cycle) {
             worst.observe(record, cycle);
         }
+    }
+
+    /// Takes in a TRUTH, for the position errors of the worst ticks.
+    pub fn truth(&mut self, truth: &Truth) {
+        self.worst.iter_mut().for_each(|worst| worst.truth(truth));
     }
 
     /// The age at the actuator so far, over the commands applied.

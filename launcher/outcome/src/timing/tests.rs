@@ -94,9 +94,10 @@ impl Ring {
         let (applied_sequence, applied_age_ns) = self.applied;
         let record = match topic {
             Topic::State => {
-                let mut state = State { stamp, applied_sequence, applied_age_ns, ..State::default() };
-                state.actual.position_m = [0.25, 0.0, 0.0];
-                state.with_checksum().into()
+                let mut truth = Truth { tick: stamp.tick, ..Truth::default() };
+                truth.actual.position_m = [0.25, 0.0, 0.0];
+                self.timing.truth(&truth);
+                State { stamp, applied_sequence, applied_age_ns, ..State::default() }.with_checksum().into()
             }
             Topic::Reference => Reference { stamp, ..Reference::default() }.with_checksum().into(),
             Topic::Controls => {

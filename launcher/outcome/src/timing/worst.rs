@@ -26,6 +26,7 @@
 
 use std::collections::BTreeMap;
 
+use contract::message::Truth;
 use contract::topic::NODES;
 use contract::{Scenario, Topic};
 use flight::log::Record;
@@ -51,10 +52,16 @@ impl WorstTicks {
         Self { ticks: Ticks::new(scenario), newest: [0; Topic::COUNT] }
     }
 
+    /// Takes in a TRUTH.
+    pub fn truth(&mut self, truth: &Truth) {
+        self.ticks.observe(&(*truth).into(), |_| {});
+    }
+
     /// Takes in a message, with the cycle that its stamp tells.
     pub fn observe(&mut self, record: &Record, cycle: Cycle) {
-        let own = record.topic() as usize;
-        let before = std::mem::replace(&mut self.newest[own], record.stamp().tick);
+        let Some((topic, stamp)) = record.stamped() else { return };
+        let own = topic as usize;
+        let before = std::mem::replace(&mut self.newest[own], stamp.tick);
         if let Some(cpu_ns) = cycle.cpu_before_ns
             && let Some(cycle) = self.ticks.by_number.get_mut(&before).and_then(|tick| tick.of[own].as_mut())
         {

@@ -26,7 +26,7 @@ use contract::{Scenario, Topic};
 use flight::dir::Dir;
 use flight::event::Event;
 use flight::files::{named_file, named_folder};
-use flight::log::{Count, Record};
+use flight::log::{Count, Record, Samples};
 use outcome::recorded::{Part, Recorded};
 
 use crate::cycle::Cycle;
@@ -137,6 +137,8 @@ struct Reading<'a> {
     /// `false` for a flight in process, which has no times.
     has_clock: bool,
     count: Count,
+    /// TRUTH of the newest ticks, which comes before their other messages.
+    samples: Samples,
     /// Newest counted message of each topic with the stamp before it, until the next one tells its CPU time.
     open: [Option<(Stamp, Stamp)>; Topic::COUNT],
     messages: u64,
@@ -147,19 +149,21 @@ impl<'a> Reading<'a> {
 
     fn new(sink: Box<dyn Sink + 'a>, part: Part, scenario: &Scenario) -> Self {
         let has_clock = scenario.run.mode != Mode::Inprocess;
-        let (sample_s, count) = (scenario.sample_s(), Count::default());
-        Self { sink, part, sample_s, has_clock, count, open: [None; Topic::COUNT], messages: 0 }
+        let (sample_s, count, samples) = (scenario.sample_s(), Count::default(), Samples::default());
+        Self { sink, part, sample_s, has_clock, count, samples, open: [None; Topic::COUNT], messages: 0 }
     }
 
     fn message(&mut self, record: &Record) -> anyhow::Result<()> {
-        if self.has(record.stamp().tick) {
+        self.samples.join(record);
+        let tick = record.tick();
+        if self.has(tick) {
             self.messages += 1;
-            self.sink.message(record)?;
+            self.sink.message(record, self.samples.truth(tick))?;
         }
-        let Some(before) = self.count.before(record).filter(|_| self.has_clock) else { return Ok(()) };
-        let stamp = *record.stamp();
-        let finished = self.open[record.topic() as usize].replace((stamp, before));
-        self.cycle(record.topic(), finished.as_ref(), Some(&stamp))
+        let before = self.count.before(record).filter(|_| self.has_clock);
+        let (Some(before), Some((topic, stamp))) = (before, record.stamped()) else { return Ok(()) };
+        let finished = self.open[topic as usize].replace((*stamp, before));
+        self.cycle(topic, finished.as_ref(), Some(stamp))
     }
 
     /// Adds a cycle that is finished: `after` is the stamp of the next message on its topic.

@@ -8,7 +8,7 @@
 //! | `vehicle_local_position_setpoint` `vehicle_attitude_setpoint` `vehicle_rates_setpoint` | REFERENCE |
 //! | `actuator_outputs` | ACTUATORS: `Omega_1..3` in the rotor speed unit, tilt in rad: PX4's "natural output units" |
 
-use contract::message::{Kinematics, quaternion};
+use contract::message::{Kinematics, Truth, quaternion};
 use flight::log::Record;
 
 /// Name and fields of each topic; every one begins with its timestamp.
@@ -33,15 +33,17 @@ const POSITION: &str = "uint64_t timestamp;uint64_t timestamp_sample;float x;flo
                         float heading;bool xy_valid;bool z_valid;bool v_xy_valid;bool v_z_valid;";
 
 /// Passes the rows that a message makes to `each`, with their places in [`TOPICS`] and without the first timestamp.
-/// `timestamp` is that of its sample.
+/// `timestamp` is that of its sample, and `truth` its TRUTH, if the log has it.
 pub fn rows(
     record: &Record,
+    truth: Option<&Truth>,
     timestamp: [u8; 8],
     mut each: impl FnMut(usize, &[u8]) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     match record {
         Record::State(state) => {
-            for (place, motion) in [&state.measured, &state.actual].into_iter().enumerate() {
+            let actual = truth.map(|truth| &truth.actual);
+            for (place, motion) in [&state.measured].into_iter().chain(actual).enumerate() {
                 let row = |values: Vec<u8>| [&timestamp[..], &values].concat();
                 each(place, &row(floats(&quaternion(motion.attitude_rad))))?;
                 each(2 + place, &row(floats(&motion.rates_radps)))?;
@@ -56,7 +58,7 @@ pub fn rows(
             each(7, &floats(&quaternion([phi, theta, psi])))?;
             each(8, &floats(&reference.rates_radps))
         }
-        Record::Controls(_) => Ok(()),
+        Record::Controls(_) | Record::Truth(_) => Ok(()),
         Record::Actuators(actuators) => {
             let mut output = [0.0; 16];
             output[..3].copy_from_slice(&actuators.command.rotor_speed);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use contract::message::Stamp;
+use contract::message::{Stamp, Truth};
 use contract::scenario::to_toml;
 use contract::{Scenario, Topic};
 use flight::dir::{Dir, NewFile};
@@ -52,7 +52,7 @@ impl<'a> Scenes<'a> {
 }
 
 impl Sink for Scenes<'_> {
-    fn message(&mut self, record: &Record) -> anyhow::Result<()> {
+    fn message(&mut self, record: &Record, _: Option<&Truth>) -> anyhow::Result<()> {
         self.log.write(record)?;
         let derived = self.scene.on_record(record);
         self.derived(derived)

@@ -2,15 +2,16 @@
 //!
 //! A topic's table has a row for each message in the log, damaged ones and those of a process on standby too, with
 //! `time_s` first, then every field by its name in the log's schema, nested ones with dots. `status_name` is last where
-//! there is a status, and `is_intact` tells whether the checksum fits.
+//! there is a status, and `is_intact` tells whether the checksum fits. The table of STATE also has `actual` and
+//! `actuators` of the TRUTH of its tick, NaN if that was lost.
 
 use std::borrow::Cow;
 
-use contract::message::Stamp;
+use contract::message::{Stamp, Truth};
 use contract::{Scenario, Topic};
 use flight::dir::Dir;
 use flight::event::{Event, name};
-use flight::log::{Record, columns, status_name};
+use flight::log::{Record, columns, status_name, words};
 use serde_json::json;
 
 use super::sink::Sink;
@@ -123,10 +124,10 @@ fn topic_columns(topic: Topic) -> Columns {
 }
 
 impl<'a, W: Rows<'a>> Sink for Tables<W> {
-    fn message(&mut self, record: &Record) -> anyhow::Result<()> {
-        let topic = record.topic();
-        let mut row = vec![self.time(record.stamp().tick)];
-        row.extend(record.words().iter().zip(&self.words[topic as usize]).map(|(word, kind)| match kind {
+    fn message(&mut self, record: &Record, truth: Option<&Truth>) -> anyhow::Result<()> {
+        let Some((topic, stamp)) = record.stamped() else { return Ok(()) };
+        let mut row = vec![self.time(stamp.tick)];
+        row.extend(words(record, truth).iter().zip(&self.words[topic as usize]).map(|(word, kind)| match kind {
             Kind::Number => Cell::Number(f64::from_bits(*word)),
             Kind::Count | Kind::Text => Cell::Count(*word),
         }));

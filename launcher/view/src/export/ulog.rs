@@ -2,7 +2,7 @@
 //!
 //! | topic | holds |
 //! |---|---|
-//! | `trefoil_state` `_reference` `_controls` `_actuators` | every intact message, its fields nested as in the log's schema |
+//! | `trefoil_state` `_reference` `_controls` `_actuators` | every intact message, its fields nested as in the log's schema; `actual` and `actuators` of TRUTH are in `trefoil_state` |
 //! | `trefoil_cycles_NODE` | the times of a node's cycles |
 //! | those of [`super::px4`] | what PX4 has a topic for |
 //!
@@ -13,12 +13,12 @@
 use std::io::{BufWriter, IntoInnerError, Write};
 
 use anyhow::Context;
-use contract::message::Stamp;
+use contract::message::{Stamp, Truth};
 use contract::scenario::to_toml;
 use contract::{Scenario, Topic};
 use flight::dir::{Dir, NewFile};
 use flight::event::{Event, What, name};
-use flight::log::{Record, columns};
+use flight::log::{Record, columns, words};
 use toml::{Table, Value};
 
 use super::px4;
@@ -127,19 +127,20 @@ const CYCLE: &str = "uint64_t timestamp;double release_us;double wake_us;double 
                      double cpu_us;uint64_t slips;uint64_t late;";
 
 impl Sink for Ulog<'_> {
-    fn message(&mut self, record: &Record) -> anyhow::Result<()> {
+    fn message(&mut self, record: &Record, truth: Option<&Truth>) -> anyhow::Result<()> {
         if !record.is_intact() {
             self.damaged += 1;
             return Ok(());
         }
-        let tick = record.stamp().tick;
-        let row: Vec<u8> = record.words().iter().flat_map(|word| word.to_le_bytes()).collect();
-        self.data(record.topic() as u16, tick, &row)?;
-        if !record.stamp().is_delivered() {
+        let Some((topic, stamp)) = record.stamped() else { return Ok(()) };
+        let tick = stamp.tick;
+        let row: Vec<u8> = words(record, truth).into_iter().flat_map(u64::to_le_bytes).collect();
+        self.data(topic as u16, tick, &row)?;
+        if !stamp.is_delivered() {
             return Ok(());
         }
         let timestamp = self.timestamp(tick);
-        px4::rows(record, timestamp, |number, row| self.data(PX4 + number as u16, tick, row))
+        px4::rows(record, truth, timestamp, |number, row| self.data(PX4 + number as u16, tick, row))
     }
 
     fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &Cycle) -> anyhow::Result<()> {

@@ -3,7 +3,7 @@
 
 use airframe::Trim;
 use contract::Scenario;
-use contract::message::State;
+use contract::message::Truth;
 use contract::scenario::ProgramKind;
 use guidance::observer::{Observer, Step};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -35,14 +35,14 @@ impl Wind {
 
     /// Wind at the sample of a tick, NED \[m/s\].
     pub fn wind_mps(&mut self, tick: &LoggedTick) -> Option<[f64; 3]> {
-        let state = tick.of.state.as_ref()?;
-        Some(self.air.as_mut()?.wind_mps(state).into())
+        let truth = tick.of.truth.as_ref()?;
+        Some(self.air.as_mut()?.wind_mps(truth).into())
     }
 
     /// True acceleration ahead and to the right that the tilt does not explain \[m/s2\]: that of guidance's observer if
     /// it knew the true motion and did not filter. `None` at the first sample and after a hole.
     pub fn acceleration_mps2(&mut self, tick: &LoggedTick) -> Option<[f64; 2]> {
-        let State { actual, .. } = tick.of.state.as_ref()?;
+        let Truth { actual, .. } = tick.of.truth.as_ref()?;
         let [phi, theta, psi] = actual.attitude_rad;
         let velocity_ned_mps = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(actual.velocity_mps);
         let is_next = self.newest.is_some_and(|newest| newest + 1 == tick.number);

@@ -6,6 +6,7 @@
 
 use crate::draw::{DASH, escape, number, table, verdict};
 use contract::Scenario;
+use contract::message::Truth;
 use contract::scenario::{Profile, Run, TrajectoryKind};
 use outcome::metrics::Metrics;
 use outcome::run_record::RunRecord;
@@ -99,8 +100,8 @@ impl Reach {
 
     /// Takes in the next tick.
     pub fn observe(&mut self, tick: &LoggedTick) {
-        if let Some(state) = &tick.of.state {
-            let ([phi, theta, psi], [p, q, r]) = (state.actual.attitude_rad, state.actual.rates_radps);
+        if let Some(Truth { actual, .. }) = &tick.of.truth {
+            let ([phi, theta, psi], [p, q, r]) = (actual.attitude_rad, actual.rates_radps);
             let sizes = [phi, theta, psi, p, q, r].map(|x| x.abs().to_degrees());
             self.state = Some(self.state.map_or(sizes, |before| std::array::from_fn(|i| larger(before[i], sizes[i]))));
         }
@@ -109,7 +110,7 @@ impl Reach {
             let part = &mut self.altitude_m[usize::from(!(from..=to).contains(&tick.time_s()))];
             *part = part.max(down_m.abs()); // NaN, the start, gives way to any number
         }
-        let position = tick.of.state.as_ref().map(|state| &state.actuators);
+        let position = tick.of.truth.as_ref().map(|truth| &truth.actuators);
         let command = tick.of.actuators.as_ref().map(|actuators| &actuators.command);
         for actuation in position.into_iter().chain(command) {
             for (omega, max) in actuation.rotor_speed.into_iter().zip(self.limits.rotor_speed_max) {

@@ -55,7 +55,7 @@ const COLUMNS: [(&[&str], Quantities); 25] = [
     (&["phi_ref", "theta_ref", "psi_ref"], |tick, _| Some(tick.of.reference?.attitude_rad.into())),
     (&["p", "q", "r"], |tick, _| Some(actual(tick)?.rates_radps.into())),
     (&["p_ref", "q_ref", "r_ref"], |tick, _| Some(tick.of.reference?.rates_radps.into())),
-    (&["omega1", "omega2", "omega3", "tilt"], |tick, _| Some(actuation(&tick.of.state?.actuators))),
+    (&["omega1", "omega2", "omega3", "tilt"], |tick, _| Some(actuation(&tick.of.truth?.actuators))),
     (&["omega1_command", "omega2_command", "omega3_command", "tilt_command"], |tick, _| {
         Some(actuation(&tick.of.actuators?.command))
     }),
@@ -172,7 +172,7 @@ impl Columns {
 }
 
 fn actual(tick: &LoggedTick) -> Option<&Kinematics> {
-    Some(&tick.of.state.as_ref()?.actual)
+    Some(&tick.of.truth.as_ref()?.actual)
 }
 
 fn measured(tick: &LoggedTick) -> Option<&Kinematics> {

@@ -52,8 +52,8 @@ pub fn link(scenario: &Scenario) -> &'static str {
 /// Errors of the estimate: position and velocity NED \[m, m/s\], attitude as turns about the body axes \[rad\]. `None`
 /// without the EKF.
 pub fn errors(tick: &LoggedTick) -> Option<Vec<f64>> {
-    let State { measured, actual, .. } = with_unit(tick)?;
-    let truth_less_estimate = state_of(measured).error_to(&state_of(actual));
+    let (state, truth) = (with_unit(tick)?, tick.of.truth.as_ref()?);
+    let truth_less_estimate = state_of(&state.measured).error_to(&state_of(&truth.actual));
     Some(truth_less_estimate.iter().take(ERRORS.len()).map(|off| -off).collect())
 }
 

@@ -15,6 +15,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
 use airframe::angle;
+use contract::message::Truth;
 use outcome::ticks::LoggedTick;
 
 use crate::draw::{number, table};
@@ -117,18 +118,18 @@ impl Steps {
         Self { axes: [axis(LEAST_M), axis(LEAST_M), axis(LEAST_M), axis(LEAST_RAD)] }
     }
 
-    /// Takes in the next tick; one without a state or a reference counts as none.
+    /// Takes in the next tick; one without a TRUTH or a reference counts as none.
     pub fn observe(&mut self, tick: &LoggedTick) {
-        let (Some(state), time_s) = (&tick.of.state, tick.time_s()) else { return };
+        let (Some(Truth { actual, .. }), time_s) = (&tick.of.truth, tick.time_s()) else { return };
         for (axis, steps) in self.axes[..3].iter_mut().enumerate() {
             let wanted = tick.wanted_m[axis];
             let change = steps.wanted.map_or(0.0, |before| wanted - before);
-            steps.observe(time_s, wanted, change, wanted - state.actual.position_m[axis]);
+            steps.observe(time_s, wanted, change, wanted - actual.position_m[axis]);
         }
         if let Some(reference) = &tick.of.reference {
             let (steps, wanted) = (&mut self.axes[3], reference.attitude_rad[2]);
             let change = steps.wanted.map_or(0.0, |before| angle::difference(wanted, before));
-            steps.observe(time_s, wanted, change, angle::difference(wanted, state.actual.attitude_rad[2]));
+            steps.observe(time_s, wanted, change, angle::difference(wanted, actual.attitude_rad[2]));
         }
     }
 

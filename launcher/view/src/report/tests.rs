@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State};
+use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State, Truth};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Late, Mode, Profile, TrajectoryKind};
 use contract::{Scenario, exit};
 use flight::event::{Event, TimedEvent, What};
@@ -30,7 +30,8 @@ const TRIM: ActuationMsg = ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0],
 fn hover(ticks: u64) -> Log {
     let mut log = Log::default();
     for tick in 0..ticks {
-        log.states.push(at(tick, State { actuators: TRIM, ..State::default() }));
+        log.states.push(at(tick, State::default()));
+        log.truths.push(Truth { tick, sequence: tick + 1, actuators: TRIM, ..Truth::default() }.with_checksum());
         log.references.push(at(tick, Reference { position_m: [0.0, 3.0, 4.0], ..Reference::default() }));
         log.controls.push(at(tick, Controls::default()));
         log.actuators.push(at(tick, Actuators { command: TRIM, ..Actuators::default() }));
@@ -41,10 +42,10 @@ fn hover(ticks: u64) -> Log {
 /// A flight of the survey with these altitude errors from 10 to 50 s and in the rest \[m\].
 fn on_survey(ticks: u64, [horizontal_m, vertical_m]: [f64; 2]) -> Log {
     let trajectory = guidance::Trajectory::new(&Scenario::from(Profile::Paper));
-    with_states(hover(ticks), |state| {
-        let [north_m, east_m, down_m] = trajectory.at(state.stamp.tick as f64 * 0.01).position_m;
-        let error_m = if (1000..=5000).contains(&state.stamp.tick) { horizontal_m } else { vertical_m };
-        state.actual.position_m = [north_m, east_m, down_m + error_m];
+    with_truths(hover(ticks), |truth| {
+        let [north_m, east_m, down_m] = trajectory.at(truth.tick as f64 * 0.01).position_m;
+        let error_m = if (1000..=5000).contains(&truth.tick) { horizontal_m } else { vertical_m };
+        truth.actual.position_m = [north_m, east_m, down_m + error_m];
     })
 }
 
@@ -52,6 +53,15 @@ fn at<M: Message>(tick: u64, mut message: M) -> M {
     let stamp = message.stamp_mut();
     (stamp.tick, stamp.sequence, stamp.epoch) = (tick, tick.saturating_add(1), 1);
     message.with_checksum()
+}
+
+/// Changes every TRUTH of a flight.
+fn with_truths(mut log: Log, change: impl Fn(&mut Truth)) -> Log {
+    for truth in &mut log.truths {
+        change(truth);
+        *truth = truth.with_checksum();
+    }
+    log
 }
 
 /// Changes every state of a flight.
@@ -182,8 +192,8 @@ fn text_of_the_record_cannot_become_markup() {
 
 #[test]
 fn a_hole_in_the_log_is_nan_at_its_tick() {
-    let mut log = with_states(hover(10), |state| state.actual.position_m = [0.0, -3.0, -4.0]);
-    log.states.remove(4);
+    let mut log = with_truths(hover(10), |truth| truth.actual.position_m = [0.0, -3.0, -4.0]);
+    log.truths.remove(4);
     let mut scenario = robust();
     scenario.mission.trajectory = TrajectoryKind::Hover; // which wants the vehicle where it starts
     let data = data(&render(&log, &survey(), &scenario));
@@ -452,14 +462,14 @@ fn a_command_at_its_limit_breaks_the_constraint_claim() {
 #[test]
 fn a_state_at_its_limit_breaks_the_constraint_claim() {
     let scenario = Scenario::from(Profile::Paper);
-    let verdict = |change: fn(&mut State)| claims(&with_states(hover(100), change), &survey(), &scenario).0[3];
-    assert_eq!(verdict(|state| state.actual.attitude_rad = [1.56, -1.56, 6.27]), Some(true));
-    assert_eq!(verdict(|state| state.actual.rates_radps = [-6.27, 6.27, 6.27]), Some(true));
-    assert_eq!(verdict(|state| state.actual.attitude_rad[0] = 1.58), Some(false));
-    assert_eq!(verdict(|state| state.actual.attitude_rad[1] = -1.58), Some(false));
-    assert_eq!(verdict(|state| state.actual.attitude_rad[2] = 6.29), Some(false));
-    assert_eq!(verdict(|state| state.actual.rates_radps[1] = -6.29), Some(false));
-    assert_eq!(verdict(|state| state.actual.rates_radps[2] = f64::NAN), Some(false), "nothing is known of it");
+    let verdict = |change: fn(&mut Truth)| claims(&with_truths(hover(100), change), &survey(), &scenario).0[3];
+    assert_eq!(verdict(|truth| truth.actual.attitude_rad = [1.56, -1.56, 6.27]), Some(true));
+    assert_eq!(verdict(|truth| truth.actual.rates_radps = [-6.27, 6.27, 6.27]), Some(true));
+    assert_eq!(verdict(|truth| truth.actual.attitude_rad[0] = 1.58), Some(false));
+    assert_eq!(verdict(|truth| truth.actual.attitude_rad[1] = -1.58), Some(false));
+    assert_eq!(verdict(|truth| truth.actual.attitude_rad[2] = 6.29), Some(false));
+    assert_eq!(verdict(|truth| truth.actual.rates_radps[1] = -6.29), Some(false));
+    assert_eq!(verdict(|truth| truth.actual.rates_radps[2] = f64::NAN), Some(false), "nothing is known of it");
     assert_eq!(claims(&Log::default(), &survey(), &scenario).0[3], None);
 }
 

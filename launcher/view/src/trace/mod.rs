@@ -9,9 +9,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use contract::message::Stamp;
+use contract::Scenario;
+use contract::message::{Stamp, State};
 use contract::scenario::Mode;
-use contract::{Scenario, Topic};
 use serde_json::{Value, json};
 
 use self::events::Trace;
@@ -100,11 +100,10 @@ pub fn document(
     let mut log = Log::default();
     let mut ends: Option<[Stamp; 2]> = None;
     records(&mut |record| {
-        let stamp = *record.stamp();
-        if record.topic() == Topic::State {
-            ends.get_or_insert([stamp; 2])[1] = stamp;
+        if let Record::State(State { stamp, .. }) = record {
+            ends.get_or_insert([*stamp; 2])[1] = *stamp;
         }
-        if around.contains(&stamp.tick) {
+        if around.contains(&record.tick()) {
             log.push(record);
         }
     })?;

@@ -1,4 +1,4 @@
-use contract::message::{Actuators, Stamp, State};
+use contract::message::{Actuators, Stamp, Truth};
 
 use super::*;
 use crate::Plant;
@@ -25,30 +25,30 @@ fn faulted(faults: &[Fault], tick: u64) -> ([f64; 4], Condition) {
 }
 
 /// Flies a changed vehicle from hover at 100 Hz; every 0.1 s the rotors are commanded 10 % faster or slower, with tilt.
-fn fly(change: impl Fn(&mut Scenario)) -> Vec<State> {
+fn fly(change: impl Fn(&mut Scenario)) -> Vec<Truth> {
     let mut scenario = Scenario::default();
     change(&mut scenario);
     let mut plant = Plant::new(&scenario);
-    let trim = as_array(&plant.sample().actuators.into());
+    let trim = as_array(&plant.truth().actuators.into());
     let mut sample = |k: u64| {
         let share = if (k / 10).is_multiple_of(2) { 1.1 } else { 0.9 };
         let command = actuation(trim.map(|position| position * share)).into();
         let stamp = Stamp { sequence: k + 1, ..Stamp::default() };
         plant.command(&Actuators { stamp, command, flags: 0 }, 3_000_000);
         plant.advance(1).unwrap();
-        plant.sample()
+        plant.truth()
     };
     (0..40).map(&mut sample).collect()
 }
 
 /// Flies the vehicle with faults.
-fn faulty(faults: &[Fault]) -> Vec<State> {
+fn faulty(faults: &[Fault]) -> Vec<Truth> {
     fly(|scenario| scenario.fault = faults.to_vec())
 }
 
 /// Positions of one actuator along that flight.
 fn track(faults: &[Fault], actuator: usize) -> Vec<f64> {
-    faulty(faults).iter().map(|state| as_array(&state.actuators.into())[actuator]).collect()
+    faulty(faults).iter().map(|truth| as_array(&truth.actuators.into())[actuator]).collect()
 }
 
 #[test]

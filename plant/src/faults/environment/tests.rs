@@ -64,7 +64,7 @@ fn a_gust_goes_on_inside_a_step() {
         scenario.fault = vec![Fault::new(FaultTarget::Wind, FaultKind::Gust, 0.1, Some(0.2))];
         let mut plant = Plant::new(&scenario);
         plant.advance(40).unwrap();
-        plant.sample().actual.position_m[0]
+        plant.truth().actual.position_m[0]
     };
     let (coarse, fine) = (fly(0.01), fly(0.001));
     assert!(fine > 0.02 && (coarse - fine).abs() < 1e-7 * fine, "{coarse} or {fine}");
@@ -92,9 +92,9 @@ fn a_payload_sinks_by_its_share_of_gravity() {
     let mut plant = Plant::new(&scenario);
     let (mass, payload) = (scenario.airframe.mass_kg, PAYLOAD_KG);
     plant.advance(10).unwrap();
-    assert!(plant.sample().actual.velocity_mps.iter().all(|v| v.abs() < 1e-9), "not before it is taken up");
+    assert!(plant.truth().actual.velocity_mps.iter().all(|v| v.abs() < 1e-9), "not before it is taken up");
     plant.advance(20).unwrap();
-    let motion = plant.sample().actual;
+    let motion = plant.truth().actual;
     let sunk = 0.5 * scenario.airframe.g_mps2 * payload / (mass + payload) * 0.2 * 0.2;
     assert!((motion.position_m[2] - sunk).abs() < 1e-9, "{} instead of {sunk}", motion.position_m[2]);
     assert!(motion.rates_radps.iter().all(|rate| rate.abs() < 1e-9), "it hangs at the centre of mass");

@@ -4,6 +4,8 @@ use contract::message::{Controls, Message, Stamp, State};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Run, Swap, SwapNode};
 use contract::stamp::delivery;
 
+use contract::message::Truth;
+
 use super::*;
 use crate::event::What;
 use crate::roles::supervised::given_up;
@@ -178,10 +180,11 @@ fn an_active_candidate_with_unusable_answers_is_returned() {
 fn a_vehicle_that_tilts_under_a_candidate_gets_the_old_one_back() {
     let mut roles = swapping();
     fly(&mut roles, 0..25, |_| 0.1);
-    let mut state = sample(25);
-    state.actual.attitude_rad = [0.8, 0.0, 0.0];
+    let mut truth = Truth { tick: 25, ..Truth::default() };
+    truth.actual.attitude_rad = [0.8, 0.0, 0.0];
     roles.begin(25);
-    roles.observe(&state.with_checksum().into());
+    roles.observe(&truth.with_checksum().into());
+    roles.observe(&sample(25).with_checksum().into());
     for epoch in [1, 2] {
         roles.observe(&demand(epoch, 25, 0.1));
     }

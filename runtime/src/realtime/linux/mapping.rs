@@ -14,7 +14,7 @@ use crate::domain::allocate;
 use crate::realtime::control_page::Page;
 
 const PAGE_BYTES: usize = size_of::<Page>().next_multiple_of(4096);
-const MAGIC: u32 = 0x7EF0_110B;
+const MAGIC: u32 = 0x7EF0_110C;
 
 /// Mapping of the control page, unmapped when it is dropped.
 pub struct ControlPage {

@@ -32,7 +32,7 @@ fn write(path: &Path) {
 /// Returns the ticks of the messages in a span, the events, and the defect.
 fn read_part(path: &Path, span: Span) -> (Vec<u64>, Vec<Event>, Option<String>) {
     let mut ticks = vec![];
-    let log = stream(path, span, |_, record| ticks.push(record.stamp().tick)).unwrap();
+    let log = stream(path, span, |_, record| ticks.push(record.tick())).unwrap();
     (ticks, log.events, log.defect)
 }
 
@@ -90,7 +90,7 @@ fn a_damaged_index_is_reported_or_changes_nothing() {
         let kept = std::mem::replace(&mut bytes[at], 0xff);
         fs::write(&damaged, &bytes).unwrap();
         let mut ticks = vec![];
-        let read = stream(&damaged, seconds(31, 33), |_, record| ticks.push(record.stamp().tick));
+        let read = stream(&damaged, seconds(31, 33), |_, record| ticks.push(record.tick()));
         assert!(ticks.iter().all(|tick| (3100..=3300).contains(tick)), "byte {at}");
         assert!(ticks.len() == 201 || read.is_err() || read.is_ok_and(|log| log.defect.is_some()), "byte {at}");
         bytes[at] = kept;

@@ -130,8 +130,12 @@ fn messages_come_tick_by_tick_and_each_topic_in_the_order_of_writing() {
     let log = Log {
         states: vec![with_checksum(0), with_checksum(1), stale, bent, with_checksum(2)],
         references: (0..3).map(reference).collect(),
+        truths: (0..3).map(|tick| Truth { tick, ..Truth::default() }.with_checksum()).collect(),
         ..Log::default()
     };
-    let told: Vec<_> = log.tick_by_tick().map(|record| (record.topic() as usize, record.stamp().tick)).collect();
-    assert_eq!(told, [(0, 0), (1, 0), (0, 1), (0, 0), (0, u64::MAX), (1, 1), (0, 2), (1, 2)]);
+    let told: Vec<_> = log.tick_by_tick().map(|record| (record.kind(), record.tick())).collect();
+    let truth = Topic::COUNT;
+    let expected =
+        [(truth, 0), (0, 0), (1, 0), (truth, 1), (0, 1), (0, 0), (0, u64::MAX), (1, 1), (truth, 2), (0, 2), (1, 2)];
+    assert_eq!(told, expected);
 }
