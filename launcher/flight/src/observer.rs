@@ -93,7 +93,7 @@ impl Observer {
         let (mut ports, scenario) = Ports::join(namespace)?;
         match ports.page.phase.count() {
             phase::JOIN => {}
-            phase::GO => Bus::attach(&domain)?.remove_dead_ports(), // those of observers that were killed
+            phase::GO => Bus::remove_dead_ports(&domain)?, // those of observers that were killed
             _ => bail!("the flight in namespace '{namespace}' is ending"),
         }
         let observers = Observers::open(&mut ports, &scenario)?;

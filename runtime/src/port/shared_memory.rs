@@ -6,8 +6,8 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -55,10 +55,15 @@ impl Bus {
         Ok(Self { descriptors, node, domain: domain.clone() })
     }
 
-    /// Removes the ports of dead processes from the services; called by the launcher. May take tens of milliseconds.
-    pub fn remove_dead_ports(&self) {
+    /// Removes the ports of dead processes from the services of `domain`. May take tens of milliseconds.
+    pub fn remove_dead_ports(domain: &Domain) -> Result<(), PortError> {
+        // One at a time: looking for the dead opens the files of all nodes for a moment, and another thread that
+        // attaches meanwhile would take these descriptors for its own (`Descriptors::of`).
+        static ONE: Mutex<()> = Mutex::new(());
+        let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         // What cannot be removed now is wiped at the end of the run.
-        let _ = self.node.try_cleanup_dead_nodes();
+        let _ = Self::attach(domain)?.node.try_cleanup_dead_nodes();
+        Ok(())
     }
 
     /// Creates the services, with queues of up to `depth`; called by the launcher.
