@@ -42,18 +42,18 @@ targets = ["controls", "attitude"]
 "#;
 
 /// A place for campaigns, with one in it.
-struct Place {
+pub struct Place {
     folder: tempfile::TempDir,
 }
 
 impl Place {
-    fn new(text: &str) -> Self {
+    pub fn new(text: &str) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         fs::write(folder.path().join("small.toml"), text).expect("can be written");
         Self { folder }
     }
 
-    fn at(&self, name: &str) -> PathBuf {
+    pub fn at(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
@@ -65,11 +65,16 @@ impl Place {
     }
 
     fn fly(&self, arguments: &[&str], out: &str) -> Output {
-        self.command(&[], arguments, out).output().expect("the launcher runs")
+        self.fly_by(&[], arguments, out)
+    }
+
+    /// Runs [`Self::command`] to its end.
+    pub fn fly_by(&self, before: &[&str], arguments: &[&str], out: &str) -> Output {
+        self.command(before, arguments, out).output().expect("the launcher runs")
     }
 
     /// The table of all flights, as the bytes of its file.
-    fn table(&self, out: &str) -> Vec<u8> {
+    pub fn table(&self, out: &str) -> Vec<u8> {
         fs::read(self.at(out).join("flights.parquet")).expect("flights.parquet")
     }
 

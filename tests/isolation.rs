@@ -149,7 +149,10 @@ fn a_foreign_publisher_is_refused_and_changes_nothing() {
         assert!(refused(&run, listener, "epoch") > 0, "an epoch made up: {}", run["refused"]);
     }
     let error_m = run["metrics"]["max_position_error_m"].as_f64();
-    assert!(error_m < Some(0.5), "its commands stop the motors, and its TRUTH is far off: {error_m:?}");
+    assert!(
+        error_m.is_some_and(|error_m| error_m < 0.5),
+        "its commands stop the motors, and its TRUTH is far off: {error_m:?}"
+    );
 }
 
 #[test]

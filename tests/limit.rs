@@ -1,12 +1,13 @@
 //! `[limit]` of a campaign: a row is a search, the same whatever flies it, and its flights are those of the launcher.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Output;
 
 use campaign::table::Table;
 
-use crate::harness::{fly, launcher};
+use crate::campaign::Place;
+use crate::harness::fly;
 
 /// Rolls from which two controllers catch the vehicle, at rest and at a speed at which its bound is broken anyway. A
 /// whole turn is no roll: it passes beyond the first failure.
@@ -44,32 +45,6 @@ of = "min"
 at_least = 5.0
 "#;
 
-struct Place {
-    folder: tempfile::TempDir,
-}
-
-impl Place {
-    fn new(text: &str) -> Self {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        fs::write(folder.path().join("limits.toml"), text).expect("can be written");
-        Self { folder }
-    }
-
-    fn at(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn fly(&self, before: &[&str], arguments: &[&str], out: &str) -> Output {
-        let mut command = launcher();
-        command.arg("campaign").args(before).arg(self.at("limits.toml")).args(arguments).arg("--out").arg(self.at(out));
-        command.output().expect("the launcher runs")
-    }
-
-    fn table(&self, out: &str) -> Vec<u8> {
-        fs::read(self.at(out).join("flights.parquet")).expect("flights.parquet")
-    }
-}
-
 fn check(output: &Output, code: i32, parts: &[&str]) -> String {
     let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{said}");
@@ -82,15 +57,15 @@ fn check(output: &Output, code: i32, parts: &[&str]) -> String {
 #[test]
 fn the_table_of_searches_is_the_same_whatever_flies_it() {
     let place = Place::new(CAMPAIGN);
-    let said = check(&place.fly(&[], &[], "here"), 0, &["limits: 12 searches", "ok            robust: least roll"]);
+    let said = check(&place.fly_by(&[], &[], "here"), 0, &["limits: 12 searches", "ok            robust: least roll"]);
     for index in ["2", "0", "1"] {
-        check(&place.fly(&["shard"], &["--index", index, "--of", "3"], "engine"), 0, &[]);
+        check(&place.fly_by(&["shard"], &["--index", index, "--of", "3"], "engine"), 0, &[]);
     }
-    check(&place.fly(&[], &["--collect"], "engine"), 0, &[]);
+    check(&place.fly_by(&[], &["--collect"], "engine"), 0, &[]);
     assert_eq!(place.table("engine"), place.table("here"), "in shards, in another order");
-    check(&place.fly(&[], &["--shard", "2"], "again"), 0, &[]);
+    check(&place.fly_by(&[], &["--shard", "2"], "again"), 0, &[]);
     fs::remove_file(place.at("again/shards/00001.parquet")).expect("a shard");
-    check(&place.fly(&[], &[], "again"), 0, &["10 of 12 searches are there already"]);
+    check(&place.fly_by(&[], &[], "again"), 0, &["10 of 12 searches are there already"]);
     assert_eq!(place.table("again"), place.table("here"), "after a loss");
 
     let (table, _) = Table::from_parquet(place.table("here"), 12).expect("the table");
@@ -116,8 +91,8 @@ fn the_table_of_searches_is_the_same_whatever_flies_it() {
 #[test]
 fn the_flights_at_a_limit_are_those_of_the_launcher() {
     let place = Place::new(CAMPAIGN);
-    check(&place.fly(&[], &[], "out"), 0, &[]);
-    let said = check(&place.fly(&[], &["--only", "0"], "out"), 0, &["flight 0 is the one of the table"]);
+    check(&place.fly_by(&[], &[], "out"), 0, &[]);
+    let said = check(&place.fly_by(&[], &["--only", "0"], "out"), 0, &["flight 0 is the one of the table"]);
     let (table, _) = Table::from_parquet(place.table("out"), 12).expect("the table");
     let number = |column: &str| table.column(column).expect("a column").number(0).expect("a number");
     let flown = |roll_deg: f64| {
@@ -142,7 +117,7 @@ fn searched(settings: &str, limit: &str, arguments: &[&str], code: i32) -> Strin
     let text = format!(
         "[settings]\nrun.duration_s = 0.5\nmission.trajectory = 'hover'\nbounds.max_position_error_m = 0.02\n{settings}\n[limit]\n{limit}\n"
     );
-    check(&Place::new(&text).fly(&[], arguments, "out"), code, &[])
+    check(&Place::new(&text).fly_by(&[], arguments, "out"), code, &[])
 }
 
 #[test]
@@ -159,7 +134,7 @@ fn an_island_of_whole_numbers_is_printed_and_is_not_the_limit() {
          [settings.bounds]\nfinal_position_error_m = 1.0\nmax_position_error_m = inf\nmax_fallback_s = inf\n\
          [limit]\nkey = 'fault.0.count'\nfrom = 1\nto = 4\nresolution = 1\n",
     );
-    let said = check(&place.fly(&[], &[], "out"), 0, &["from 1 to 4 by 1"]);
+    let said = check(&place.fly_by(&[], &[], "out"), 0, &["from 1 to 4 by 1"]);
     let row: Vec<&str> =
         said.lines().find(|line| line.starts_with("scenario")).expect("a row").split_whitespace().collect();
     assert_eq!(row, ["scenario", "1", "2", "-", "2", "4"], "one draw, median, interval, worst, islands: {said}");
@@ -243,5 +218,5 @@ fn a_limit_that_cannot_be_searched_is_refused_before_a_flight() {
         assert!(said.contains(part), "{limit}: should say '{part}': {said}");
     }
     let place = Place::new("[vary]\nrun.command_delay_ms = [0.0, 1.0]\n");
-    check(&place.fly(&[], &["--observed", "runs/none"], "out"), 2, &["the campaign has no [limit]"]);
+    check(&place.fly_by(&[], &["--observed", "runs/none"], "out"), 2, &["the campaign has no [limit]"]);
 }
