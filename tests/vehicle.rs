@@ -122,10 +122,8 @@ fn a_flight_that_ends_before_the_rest_has_not_landed() {
 #[test]
 fn a_vehicle_that_trips_over_its_feet_tips_over() {
     let trip = [
-        "initial.standing=false",
-        "initial.position_m=[0, 0, -0.1]",
-        "initial.velocity_mps=[7, 0, 0]",
-        "plant.ground={friction=10.0, max_drift_mps=100.0, max_sink_mps=100.0, max_tilt_deg=180.0, present=true}",
+        "plant.disturbance=[[0.5, [0, 6, 0], [0, 0, 0]]]",
+        "plant.ground={friction=10.0, leg_m=0.6, down_m=0.6, present=true}",
         "plant.rotor_effectiveness=[0, 0, 0]",
     ];
     let outcome = flown("take-off-and-land", &trip);

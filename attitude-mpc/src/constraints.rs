@@ -26,6 +26,8 @@ use crate::condensed::Course;
 const LIMITED: usize = 6;
 /// Factor that scales a move back from the border, so that the mixer does not clip it by rounding.
 const RETRACTION: f64 = 1.0 - 1e-9;
+/// Weight `w` of the cost `1/2 w e^2` of a state that is the share `e` beyond its limit, per predicted sample.
+pub const STATE_PENALTY: f64 = 1e4;
 
 /// Set of admissible plans.
 #[derive(Debug, Clone)]
@@ -49,8 +51,6 @@ pub struct StateLimits {
     pub drift: DVector<f64>,
     /// Value of `y` under the plan checked last, 6Nu.
     reached: DVector<f64>,
-    /// Weight `w` of the cost `1/2 w e^2`.
-    pub penalty: f64,
 }
 
 impl PlanSet {
@@ -126,7 +126,7 @@ impl PlanSet {
 
 impl StateLimits {
     fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Self {
-        let Mpc { attitude_limit_deg, rates_limit_dps, state_penalty, .. } = &scenario.attitude.mpc;
+        let Mpc { attitude_limit_deg, rates_limit_dps, .. } = &scenario.attitude.mpc;
         let rows = LIMITED * scenario.nu();
         let limits: Vec<f64> =
             attitude_limit_deg.iter().chain(rates_limit_dps).map(|limit| limit.to_radians()).collect();
@@ -144,7 +144,6 @@ impl StateLimits {
             origin: DVector::from_fn(rows, |row, _| if row % LIMITED == 0 { roll } else { 0.0 }),
             drift: DVector::zeros(rows),
             reached: DVector::zeros(rows),
-            penalty: *state_penalty,
         }
     }
 }

@@ -16,8 +16,8 @@
 //!
 //! A spring and a damper are the usual compliant contact model of multibody simulation; Marhefka and Orin (IEEE
 //! Transactions on Systems, Man, and Cybernetics A 29(6), 1999) discuss it and its jump of force at the first touch,
-//! which this model has too. A vehicle in the air crashes if it touches down faster or leans more than the limits of
-//! `[plant.ground]`, or if a rotor or the centre touches the ground. A vehicle on its feet tips over if a rotor or the
+//! which this model has too. A vehicle in the air crashes if it touches down faster or leans more than the limits
+//! below, or if a rotor or the centre touches the ground. A vehicle on its feet tips over if a rotor or the
 //! centre touches the ground. [`crate::landing`] decides whether it has landed.
 
 use contract::Scenario;
@@ -33,10 +33,24 @@ const FEET: f64 = 3.0;
 /// Height up to which a foot counts as on the ground \[m\], so that a jolt is not a take-off.
 const NEAR_M: f64 = 0.01;
 
+/// Largest horizontal speed of a touchdown \[m/s\]; a faster one is a crash.
+const MAX_DRIFT_MPS: f64 = 1.0;
+/// Largest tilt of the body at a touchdown \[deg\]; a larger one is a crash.
+const MAX_TILT_DEG: f64 = 20.0;
+/// Stiffness \[N/m\] and damping \[N s/m\] of a foot of the vehicle of Table I, which yields 5 mm under its weight and
+/// comes to rest without a bounce.
+const FOOT: [f64; 2] = [700.0, 25.0];
+/// Mass of that vehicle \[kg\]. The feet of another are as much stiffer as it is heavier.
+const FOOT_MASS_KG: f64 = 1.1;
+
 /// Ground plane, and the vehicle's points that can touch it.
 #[derive(Debug, Clone)]
 pub struct Ground {
     settings: Settings,
+    /// Stiffness of one foot \[N/m\].
+    stiffness_npm: f64,
+    /// Damping of one foot \[N s/m\].
+    damping_nspm: f64,
     /// Rotor hubs in the body frame from the centre of mass \[m\].
     hubs: [Vector3<f64>; 3],
     /// Point of the ground, north and east, that each foot hangs on \[m\]; `None` in the air.
@@ -74,7 +88,9 @@ impl Ground {
             Vector3::new(-vehicle.l2_m, vehicle.l3_m, 0.0) - centre,
             Vector3::new(-vehicle.l2_m, -vehicle.l3_m, 0.0) - centre,
         ];
-        settings.present.then_some(Self { settings, hubs, anchors: [None; 3] })
+        let [stiffness_npm, damping_nspm] = FOOT.map(|of| of * (scenario.airframe.mass_kg / FOOT_MASS_KG));
+        let present = settings.present;
+        present.then_some(Self { settings, stiffness_npm, damping_nspm, hubs, anchors: [None; 3] })
     }
 
     /// Feet in the body frame \[m\].
@@ -90,7 +106,7 @@ impl Ground {
             let normal_n = self.normal_n(&at_m, &velocity_mps);
             if normal_n > 0.0 {
                 let stretch_m = anchor.map_or(Vector2::zeros(), |anchor| at_m.xy() - anchor);
-                let pull_n = stretch_m * self.settings.stiffness_npm + velocity_mps.xy() * self.settings.damping_nspm;
+                let pull_n = stretch_m * self.stiffness_npm + velocity_mps.xy() * self.damping_nspm;
                 let along_n = pull_n.cap_magnitude(self.settings.friction * normal_n);
                 let force = motion.cnb.tr_mul(&Vector3::new(-along_n.x, -along_n.y, -normal_n));
                 force_n += force;
@@ -108,7 +124,7 @@ impl Ground {
             let (at_m, velocity_mps) = motion.of(foot);
             let normal_n = self.normal_n(&at_m, &velocity_mps);
             self.anchors[i] = (normal_n > 0.0).then(|| {
-                let reach_m = self.settings.friction * normal_n / self.settings.stiffness_npm;
+                let reach_m = self.settings.friction * normal_n / self.stiffness_npm;
                 let before = self.anchors[i].unwrap_or(at_m.xy());
                 let anchor = at_m.xy() - (at_m.xy() - before).cap_magnitude(reach_m);
                 slid_m += (anchor - before) / FEET;
@@ -127,9 +143,8 @@ impl Ground {
 
     /// Force of the ground on a foot that is at `at_m` and moves at `velocity_mps`, NED, upwards \[N\]; 0 in the air.
     fn normal_n(&self, at_m: &Vector3<f64>, velocity_mps: &Vector3<f64>) -> f64 {
-        let Settings { down_m, stiffness_npm, damping_nspm, .. } = self.settings;
-        let depth_m = at_m.z - down_m;
-        if depth_m > 0.0 { (stiffness_npm * depth_m + damping_nspm * velocity_mps.z).max(0.0) } else { 0.0 }
+        let depth_m = at_m.z - self.settings.down_m;
+        if depth_m > 0.0 { (self.stiffness_npm * depth_m + self.damping_nspm * velocity_mps.z).max(0.0) } else { 0.0 }
     }
 
     /// Depth of the body point `at` below the ground \[m\].
@@ -163,8 +178,8 @@ impl Ground {
     fn is_gentle(&self, motion: &Motion) -> bool {
         let velocity = motion.cnb * motion.velocity_mps;
         let tilt_deg = libm::acos(motion.cnb[(2, 2)].clamp(-1.0, 1.0)).to_degrees();
-        let Settings { max_sink_mps, max_drift_mps, max_tilt_deg, .. } = self.settings;
-        velocity.z <= max_sink_mps && libm::hypot(velocity.x, velocity.y) <= max_drift_mps && tilt_deg <= max_tilt_deg
+        let is_slow = velocity.z <= self.settings.max_sink_mps && libm::hypot(velocity.x, velocity.y) <= MAX_DRIFT_MPS;
+        is_slow && tilt_deg <= MAX_TILT_DEG
     }
 }
 
@@ -191,7 +206,7 @@ mod tests {
 
     #[test]
     fn the_ground_pushes_up_only_feet_below_it() {
-        let Settings { stiffness_npm, damping_nspm, .. } = Settings::default();
+        let [stiffness_npm, damping_nspm] = FOOT;
         let (force, moment) = ground().push(&level(0.01, [0.0, 0.0, 0.1]));
         assert!(
             (force.z + 3.0 * (stiffness_npm * 0.01 + damping_nspm * 0.1)).abs() < 1e-9 && force.xy().norm() < 1e-12
@@ -209,13 +224,13 @@ mod tests {
         assert!(
             (friction(2.0).0.x + share * load_n).abs() < 1e-9 && (friction(-2.0).0.x - share * load_n).abs() < 1e-9
         );
-        assert!((friction(0.01).0.x + 3.0 * Settings::default().damping_nspm * 0.01).abs() < 1e-9);
+        assert!((friction(0.01).0.x + 3.0 * FOOT[1] * 0.01).abs() < 1e-9);
         assert!(friction(2.0).1.y < friction(0.0).1.y, "feet that are held back pitch the nose down");
     }
 
     #[test]
     fn feet_at_rest_are_held_by_less_than_friction_and_slide_beyond_it() {
-        let Settings { stiffness_npm, friction, .. } = Settings::default();
+        let ([stiffness_npm, _], friction) = (FOOT, Settings::default().friction);
         let reach_m = friction * 0.01;
         let mut ground = ground();
         let at = |north_m: f64| {

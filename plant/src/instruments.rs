@@ -129,7 +129,7 @@ impl Instruments {
         Self {
             imus,
             position: sensor(&settings.position, white.position_m, 1.0),
-            velocity: sensor(&settings.velocity, white.velocity_mps, 1.0),
+            velocity: sensor(&Settings::from(&settings.velocity), white.velocity_mps, 1.0),
             barometer: optional(barometer.rate_hz, barometer.noise_density, barometer.bias_walk),
             magnetometer: optional(rate_hz, noise_density, 0.0),
             flow: optional(flow.rate_hz, flow.noise_density, 0.0),

@@ -10,7 +10,7 @@
 //! standing.
 //!
 //! A vehicle has landed if it [is at rest](contract::rest) for a second with all feet on the ground and its rotors no
-//! faster than idle, and its feet have slid no farther than `plant.ground.max_slide_m` since they came down. It stays
+//! faster than idle, and its feet have slid no farther than [`MAX_SLIDE_M`] since they came down. It stays
 //! landed until its rotors drive it again, something lifts it, or its feet slide that far once more: how long a flight
 //! is recorded does not count. The vehicle itself relies on the mixer's land detector.
 
@@ -22,6 +22,9 @@ use crate::memory::Tape;
 
 /// Multiple of the idle speed up to which a rotor counts as idling: with its lag it only approaches that speed.
 const IDLES: f64 = 1.1;
+
+/// Longest slide of a landing \[m\]; a farther one does not count as landed.
+const MAX_SLIDE_M: f64 = 1.0;
 
 /// Phase of a flight, from standing to landed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +61,6 @@ pub struct Landing {
     /// Distance that the feet have slid in this landing, or since it ended well \[m\].
     slid_m: f64,
     idle_speed: f64,
-    max_slide_m: f64,
 }
 
 impl Landing {
@@ -71,7 +73,6 @@ impl Landing {
             is_still: standing,
             slid_m: 0.0,
             idle_speed: IDLES * scenario.idle_speed(),
-            max_slide_m: scenario.plant.ground.max_slide_m,
         })
     }
 
@@ -113,7 +114,7 @@ impl Landing {
     }
 
     fn has_slid(&self) -> bool {
-        self.slid_m > self.max_slide_m
+        self.slid_m > MAX_SLIDE_M
     }
 
     /// Status before the end of the run.
@@ -203,11 +204,10 @@ mod tests {
     fn a_long_slide_is_no_landing_even_when_it_ends() {
         let mut vehicle = Vehicle::new(false);
         vehicle.go(1.0, Footing::None, 0.0, 5.0);
-        let max_slide_m = scenario(false).plant.ground.max_slide_m;
-        vehicle.go(max_slide_m * 0.6, Footing::All, 1.0, 1.0);
+        vehicle.go(MAX_SLIDE_M * 0.6, Footing::All, 1.0, 1.0);
         vehicle.go(0.2, Footing::None, 1.0, 1.0);
         assert_eq!(
-            vehicle.go(max_slide_m * 0.6, Footing::All, 1.0, 1.0),
+            vehicle.go(MAX_SLIDE_M * 0.6, Footing::All, 1.0, 1.0),
             PlantStatus::Landing,
             "a bounce interrupts it"
         );
@@ -217,11 +217,10 @@ mod tests {
 
     #[test]
     fn a_landing_lasts_until_the_feet_slide_as_far_again_or_something_lifts_the_vehicle() {
-        let max_slide_m = scenario(false).plant.ground.max_slide_m;
         let landed = || {
             let mut vehicle = Vehicle::new(false);
             vehicle.go(1.0, Footing::None, 0.0, 5.0);
-            vehicle.go(max_slide_m * 0.8, Footing::All, 1.0, 1.0);
+            vehicle.go(MAX_SLIDE_M * 0.8, Footing::All, 1.0, 1.0);
             vehicle.go(1.5, Footing::All, 0.0, 0.0);
             assert_eq!(vehicle.0.at_the_end(), PlantStatus::Landed);
             vehicle
@@ -232,7 +231,7 @@ mod tests {
         assert_eq!(waits.0.at_the_end(), PlantStatus::Landed);
         for (seconds, end) in [(0.9, PlantStatus::Landed), (1.1, PlantStatus::Slid)] {
             let mut blown = landed();
-            blown.go(seconds * max_slide_m, Footing::All, 1.0, 0.0);
+            blown.go(seconds * MAX_SLIDE_M, Footing::All, 1.0, 0.0);
             assert_eq!(blown.0.at_the_end(), end);
         }
         let mut lifted = landed();

@@ -75,7 +75,7 @@ impl NavigationUnit {
         };
         let filters = starts.into_iter().map(|(state, covariance)| Filter::new(state, covariance, noise, g_mps2));
 
-        let latency_ns = settings.position.latency_ms.max(settings.velocity.latency_ms) * 1e6;
+        let latency_ns = settings.receiver.latency_ms * 1e6;
         let delay = (latency_ns as u64).div_ceil(period_ns) as usize;
         Some(Self {
             instruments,

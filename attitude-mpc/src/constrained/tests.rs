@@ -123,7 +123,6 @@ fn time_is_limited_only_where_there_is_a_clock() {
 fn spin(solver: Solver, limits: StateConstraints, r_radps: f64) -> (Controls, AttitudeMpc) {
     let mut scenario = scenario(solver);
     scenario.attitude.mpc.state_constraints = limits;
-    scenario.attitude.mpc.state_penalty = 1e4;
     let mut mpc = AttitudeMpc::new(&scenario);
     let (mut state, mut reference) = hover(&mpc, 0);
     state.measured.rates_radps[2] = r_radps;

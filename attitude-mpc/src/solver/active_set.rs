@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use qp::{ActiveSet, Member, WorkingSet};
 
 use super::outcome::{CONTRADICTION, Outcome, Verdict};
-use crate::constraints::PlanSet;
+use crate::constraints::{PlanSet, STATE_PENALTY};
 use crate::memory::WarmStart;
 
 /// Solver of one set-up.
@@ -44,7 +44,7 @@ impl ActiveSetSolver {
                 for sign in [-1.0, 1.0] {
                     rows.row_mut(offsets.len()).copy_from(&(y * sign));
                     offsets.push(1.0);
-                    softness.push(1.0 / limits.penalty);
+                    softness.push(1.0 / STATE_PENALTY);
                 }
             }
         }

@@ -16,7 +16,7 @@ use contract::scenario::FaultKind;
 use nalgebra::{DMatrix, DVector, DVectorViewMut, RowDVector};
 
 use super::outcome::{CONTRADICTION, Limits, Outcome, Verdict};
-use crate::constraints::{PlanSet, StateLimits};
+use crate::constraints::{PlanSet, STATE_PENALTY, StateLimits};
 
 /// Tolerance of gap and feasibility: the error of the first move is below 1 mN.
 const TOLERANCE: f64 = 1e-9;
@@ -240,7 +240,7 @@ impl Rows {
 
     /// Appends `1 - y + e >= 0` and `1 + y + e >= 0` for each limited state, with one excess for both.
     fn push_states(&mut self, states: &StateLimits, scale: &DVector<f64>) {
-        let price = states.penalty.sqrt();
+        let price = STATE_PENALTY.sqrt();
         for (excess, y) in states.forced.row_iter().enumerate() {
             let slope: RowDVector<f64> = y.component_div(&scale.transpose());
             let length = libm::hypot(slope.norm(), 1.0 / price);

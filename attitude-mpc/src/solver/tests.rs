@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::condensed::Condensed;
+use crate::constraints::STATE_PENALTY;
 use crate::model::PredictionModel;
 
 const SOLVERS: [Choice; 2] = [Choice::Clarabel, Choice::ActiveSet];
@@ -41,7 +42,7 @@ impl SetUp {
         let miss = plan - wanted;
         let excesses = self.set.states.as_ref().map_or(0.0, |states| {
             let y = &states.drift + &states.forced * plan;
-            0.5 * states.penalty * y.iter().map(|y| (y.abs() - 1.0).max(0.0).powi(2)).sum::<f64>()
+            0.5 * STATE_PENALTY * y.iter().map(|y| (y.abs() - 1.0).max(0.0).powi(2)).sum::<f64>()
         });
         0.5 * (&self.hessian * &miss).dot(&miss) + excesses
     }
@@ -151,7 +152,6 @@ proptest! {
                 scenario.plant.rotor_speed_max_ratio = ratio;
                 if soft {
                     scenario.attitude.mpc.state_constraints = StateConstraints::Soft;
-                    scenario.attitude.mpc.state_penalty = 1e4;
                 }
             });
             // w, three angles, three rates, four lag states; their references; the disturbance.

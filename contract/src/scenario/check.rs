@@ -25,7 +25,7 @@ pub use self::swaps::LoadCandidate;
 
 use self::found::Found;
 use self::ranges::MAX_HORIZON;
-use super::{Fault, Late, Law, Mission, Model, Plant, Ramp, Scenario, Sensors, StateConstraints, Turbulence};
+use super::{Fault, Late, Law, Mission, Model, Plant, Ramp, Scenario, Sensor, StateConstraints, Turbulence};
 use crate::Topic;
 
 /// Returns every rule that `scenario` breaks. `merged` is the same as a table: those `given`, on top of `defaults`.
@@ -142,16 +142,13 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
         "`plant.sensors.alignment.standing_s` without a magnetometer that tells the heading".into(),
         "`plant.sensors.magnetometer.rate_hz` above 0, and an `inclination_deg` of at most 80 with it",
     );
-    let Sensors { position, velocity, .. } = &plant.sensors;
-    for (name, sensor) in [("position", position), ("velocity", velocity)] {
-        let key = format!("plant.sensors.{name}.bias_s");
-        found.require(
-            sensor.bias_s == 0.0 || [sensor.bias, sensor.bias_walk].as_flattened().iter().any(|bias| *bias > 0.0),
-            &[&key],
-            format!("`{key}` of a sensor without a bias"),
-            "`bias` or `bias_walk` with it, or 0",
-        );
-    }
+    let Sensor { bias, bias_walk, bias_s, .. } = &plant.sensors.position;
+    found.require(
+        *bias_s == 0.0 || [bias, bias_walk].into_iter().flatten().any(|bias| *bias > 0.0),
+        &["plant.sensors.position.bias_s"],
+        "`plant.sensors.position.bias_s` of a sensor without a bias".into(),
+        "`bias` or `bias_walk` with it, or 0",
+    );
     let steps = plant.wind_ned_mps.iter().any(|(_, wind)| *wind != [0.0; 3]);
     let blows = steps || plant.turbulence.is_on();
     found.require(

@@ -157,8 +157,6 @@ pub struct Mpc {
     pub time_limit_ms: f64,
     /// Constraints that keep predicted states inside the limits below.
     pub state_constraints: StateConstraints,
-    /// Cost of leaving a state limit: 1/2 penalty (excess / limit)^2 per predicted sample.
-    pub state_penalty: f64,
     /// Limits of phi, theta, psi in either direction \[deg\].
     pub attitude_limit_deg: [f64; 3],
     /// Limits of the body rates p, q, r in either direction \[deg/s\].

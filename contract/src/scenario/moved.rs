@@ -65,6 +65,18 @@ pub const MOVED: &[(Kind, &str, Now)] = &[
     (Key, "deadline.guidance_ms", Name("node.guidance.deadline_ms")),
     (Key, "deadline.attitude_mpc_ms", Name("node.attitude-mpc.deadline_ms")),
     (Key, "deadline.mixer_ms", Name("node.mixer.deadline_ms")),
+    (Key, "node.plant.sha256", Gone("the hash of the program stands in `node.plant.files`")),
+    (Key, "node.guidance.sha256", Gone("the hash of the program stands in `node.guidance.files`")),
+    (Key, "node.attitude-mpc.sha256", Gone("the hash of the program stands in `node.attitude-mpc.files`")),
+    (Key, "node.mixer.sha256", Gone("the hash of the program stands in `node.mixer.files`")),
+    (Key, "node.plant.lock_memory", Name("realtime.lock_memory")),
+    (Key, "node.plant.rttime_ms", Name("realtime.rttime_ms")),
+    (Key, "node.guidance.lock_memory", Name("realtime.lock_memory")),
+    (Key, "node.guidance.rttime_ms", Name("realtime.rttime_ms")),
+    (Key, "node.attitude-mpc.lock_memory", Name("realtime.lock_memory")),
+    (Key, "node.attitude-mpc.rttime_ms", Name("realtime.rttime_ms")),
+    (Key, "node.mixer.lock_memory", Name("realtime.lock_memory")),
+    (Key, "node.mixer.rttime_ms", Name("realtime.rttime_ms")),
     (Key, "deadline.policy", Name("deadline.late")),
     (Key, "deadline.plant_policy", Name("node.plant.late")),
     (Key, "deadline.guidance_policy", Name("node.guidance.late")),
@@ -77,6 +89,24 @@ pub const MOVED: &[(Kind, &str, Now)] = &[
         Gone("the complementary filter has left; set `plant.sensors.filter` = \"ekf\""),
     ),
     (Value, "plant.sensors.filter = \"complementary\"", Gone("set \"ekf\"; without it the errors are `plant.noise`")),
+    (Key, "plant.sensors.position.latency_ms", Name("plant.sensors.receiver.latency_ms")),
+    (Key, "plant.sensors.velocity.latency_ms", Name("plant.sensors.receiver.latency_ms")),
+    (Key, "plant.sensors.velocity.bias", Gone(VELOCITY)),
+    (Key, "plant.sensors.velocity.bias_s", Gone(VELOCITY)),
+    (Key, "plant.sensors.velocity.bias_walk", Gone(VELOCITY)),
+    (Key, "plant.ground.stiffness_npm", Gone(FEET)),
+    (Key, "plant.ground.damping_nspm", Gone(FEET)),
+    (Key, "plant.ground.max_drift_mps", Gone("a touchdown faster than 1 m/s along the ground is a crash")),
+    (Key, "plant.ground.max_tilt_deg", Gone("a touchdown that leans by more than 20 deg is a crash")),
+    (Key, "plant.ground.max_slide_m", Gone("a vehicle that slides by more than 1 m has not landed")),
+    (
+        Key,
+        "attitude.mpc.state_penalty",
+        Gone("it is 1e4; `attitude_limit_deg` and `rates_limit_dps` say what is limited"),
+    ),
+    (Key, "supervision.hang_ticks", Gone("it is 3 samples; `supervision.hang_ms` is the time")),
+    (Key, "supervision.window_s", Gone("it is 5 s; `supervision.restart_ms` says how often a node is restarted in it")),
+    (Key, "supervision.detect_ms", Gone("it is 2 ms, as in real time")),
     (Key, "bounds.max_altitude_error_horizontal_m", Name("bounds.max_altitude_error_m")),
     (Key, "bounds.max_altitude_error_vertical_m", Name("bounds.max_altitude_error_m")),
     (Value, "fault.target = \"solver\"", Name("fault.target = \"mpc\"")),
@@ -106,6 +136,9 @@ const WAYPOINTS: &str = "waypoints are a part, from the end of the part before o
 const CIRCLE: &str = "a circle is three parts: kind = \"takeoff\" with height_m and duration_s, \"circle\" with radius_m, \
     period_s and laps, and \"waypoints\" down";
 const STEP: &str = "a step is two parts: kind = \"loiter\" with duration_s, and \"jump\" with point_m and duration_s";
+const VELOCITY: &str =
+    "the velocity of a receiver has no bias; a fault has one: target = \"velocity\", kind = \"wrong\"";
+const FEET: &str = "feet are as stiff as the vehicle is heavy";
 const A_TEST: &str = "it tests the stack and no controller, and is a test, tests/isolation.rs";
 
 /// Old name that was used, with what takes its place.

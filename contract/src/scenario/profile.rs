@@ -209,7 +209,6 @@ fn horizon() -> Mpc {
         max_iterations: 100,
         time_limit_ms: 5.0,
         state_constraints: StateConstraints::None,
-        state_penalty: 1e4,
         attitude_limit_deg: [90.0, 90.0, 360.0],
         rates_limit_dps: [360.0, 360.0, 360.0],
     }

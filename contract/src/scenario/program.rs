@@ -43,14 +43,11 @@ pub struct NodeSettings {
     /// seen from where the launcher is started, or, without a slash, found in `PATH`. Empty = the launcher's own core.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub exec: String,
-    /// SHA-256 of the file; the launcher adds it, and refuses another file where it is given. Empty = any file.
-    #[serde(skip_serializing_if = "String::is_empty")]
-    pub sha256: String,
     /// Arguments before those of the launcher, for a program; paths as in `exec`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub args: Vec<String>,
-    /// SHA-256 of each file that `args` names, by its path; the launcher adds them, and refuses other files where they
-    /// are given.
+    /// SHA-256 of the file of `exec` and of each file that `args` names, by its path; the launcher adds them, and
+    /// refuses other files where they are given.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub files: BTreeMap<String, String>,
     /// Variables added to the environment of the process.
@@ -65,12 +62,6 @@ pub struct NodeSettings {
     /// CPUs that the node may run on; absent = `realtime.affinity`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub affinity: Option<Vec<usize>>,
-    /// `true` to lock the memory of the process; absent = `realtime.lock_memory`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lock_memory: Option<bool>,
-    /// CPU time after which the kernel kills the process if it never slept \[ms\]; absent = `realtime.rttime_ms`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rttime_ms: Option<f64>,
     /// Deadline of the node's message \[ms\]; absent = a share of that of the whole chain: 20 % for STATE, 40 % for
     /// REFERENCE, 80 % for CONTROLS, all of it for ACTUATORS.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -108,6 +99,19 @@ impl NodeSettings {
             exec if Path::new(exec).extension().is_some_and(|ending| ending == "so") => ProgramKind::Library,
             _ => ProgramKind::Executable,
         }
+    }
+
+    /// SHA-256 of the file of `exec`; empty if it is not known.
+    pub fn sha256(&self) -> &str {
+        self.files.get(&self.exec).map_or("", String::as_str)
+    }
+
+    /// Gives the file of `exec` another path, and keeps its hash.
+    pub fn move_to(&mut self, exec: String) {
+        if let Some(sha256) = self.files.remove(&self.exec) {
+            self.files.insert(exec.clone(), sha256);
+        }
+        self.exec = exec;
     }
 
     fn is_default(&self) -> bool {
@@ -164,7 +168,7 @@ pub fn find_programs(settings: &mut Table, folder: &Path) {
 }
 
 /// Settings of a node that belong to its program.
-const PROGRAM: [&str; 6] = ["exec", "sha256", "args", "files", "env", "settings"];
+const PROGRAM: [&str; 5] = ["exec", "args", "files", "env", "settings"];
 
 /// Drops from the settings `below` those of each program that `above` replaces by another `exec`.
 pub(super) fn drop_replaced_programs(below: &mut Table, above: &Table) {

@@ -174,8 +174,8 @@ impl Scenario {
             policy: own.policy.unwrap_or(common.policy),
             priority: own.priority.unwrap_or(common.priority + rank as u32),
             affinity: own.affinity.clone().unwrap_or_else(|| common.affinity.clone()),
-            lock_memory: own.lock_memory.unwrap_or(common.lock_memory),
-            rttime_ms: own.rttime_ms.unwrap_or(common.rttime_ms),
+            lock_memory: common.lock_memory,
+            rttime_ms: common.rttime_ms,
         }
     }
 

@@ -137,7 +137,7 @@ mod tests {
         assert_eq!(of(&schema, "plant.tilt_max_deg")["exclusiveMinimum"], 0);
         assert_eq!(of(&schema, "initial.position_m")["items"]["maximum"], 1_000_000_000);
         assert_eq!(of(&schema, "bounds.max_fallback_s")["maximum"], Value::Null, "infinity lifts a bound");
-        assert_eq!(of(&schema, "plant.sensors.position.latency_ms")["maximum"], 500, "the narrower of two ranges");
+        assert_eq!(of(&schema, "plant.sensors.receiver.latency_ms")["maximum"], 500, "the narrower of two ranges");
     }
 
     #[test]

@@ -12,7 +12,7 @@ pub struct Sensors {
     /// Position of the satellite receiver: axes north, east, down; unit m.
     pub position: Sensor,
     /// Velocity of the satellite receiver: axes north, east, down; unit m/s.
-    pub velocity: Sensor,
+    pub velocity: Velocity,
     /// Gyros: p, q, r; unit deg/s.
     pub rates: Gyros,
     /// Filter between the measurements and the controllers.
@@ -57,7 +57,7 @@ pub enum Filter {
     Ekf,
 }
 
-/// One sensor, for instance `[plant.sensors.position]`: errors per axis, in the unit of the sensor.
+/// Position of the satellite receiver, `[plant.sensors.position]`: errors per axis, in the unit of the sensor.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensor {
@@ -74,8 +74,25 @@ pub struct Sensor {
     pub quantum: [f64; 3],
     /// Measurements per second \[Hz\], at most the rate of the IMU; 0 = that rate.
     pub rate_hz: f64,
-    /// Age of a measurement when it arrives \[ms\].
-    pub latency_ms: f64,
+}
+
+/// Velocity of the satellite receiver, `[plant.sensors.velocity]`: errors per axis \[m/s\].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Velocity {
+    /// One-sided density of white noise \[m/s / sqrt(Hz)\].
+    pub noise_density: [f64; 3],
+    /// Quantisation step of the values \[m/s\]; 0 = none.
+    pub quantum: [f64; 3],
+    /// Measurements per second \[Hz\], at most the rate of the IMU; 0 = that rate.
+    pub rate_hz: f64,
+}
+
+impl From<&Velocity> for Sensor {
+    fn from(velocity: &Velocity) -> Self {
+        let Velocity { noise_density, quantum, rate_hz } = *velocity;
+        Self { noise_density, quantum, rate_hz, ..Self::default() }
+    }
 }
 
 /// Gyros, `[plant.sensors.rates]`: errors per axis \[deg/s\].
@@ -135,7 +152,7 @@ impl Default for ImuSettings {
     }
 }
 
-/// Satellite receiver, `[plant.sensors.receiver]`: constant errors that its position and velocity have in common.
+/// Satellite receiver, `[plant.sensors.receiver]`: what its position and velocity have in common.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Receiver {
@@ -143,6 +160,8 @@ pub struct Receiver {
     pub antenna_m: f64,
     /// Standard deviation of the time at which a measurement was made \[ms\].
     pub clock_ms: f64,
+    /// Age of a measurement when it arrives \[ms\].
+    pub latency_ms: f64,
 }
 
 /// Barometer, `[plant.sensors.barometer]`: the height above the origin.
@@ -242,7 +261,7 @@ impl Sensors {
         Self {
             preset: SensorPreset::Ideal,
             position: Sensor::default(),
-            velocity: Sensor::default(),
+            velocity: Velocity::default(),
             rates: Gyros::default(),
             filter: Filter::None,
             imu: ImuSettings::default(),
@@ -264,9 +283,8 @@ impl Sensors {
                 bias_s: 100.0,
                 quantum: [0.001; 3],
                 rate_hz: 10.0,
-                latency_ms: 60.0,
             },
-            velocity: Sensor { noise_density: [0.022; 3], rate_hz: 10.0, latency_ms: 60.0, ..Sensor::default() },
+            velocity: Velocity { noise_density: [0.022; 3], rate_hz: 10.0, ..Velocity::default() },
             rates: Gyros {
                 noise_density: [0.0028; 3],
                 bias: [0.1; 3],
@@ -285,7 +303,7 @@ impl Sensors {
                 vibration_line_mps2: 3.0,
                 ..ImuSettings::default()
             },
-            receiver: Receiver { antenna_m: 0.01, clock_ms: 2.0 },
+            receiver: Receiver { antenna_m: 0.01, clock_ms: 2.0, latency_ms: 60.0 },
             barometer: Barometer {
                 rate_hz: 25.0,
                 noise_density: 0.03,
@@ -318,10 +336,9 @@ impl Sensors {
                 noise_density: [0.067, 0.067, 0.11],
                 bias: [1.3, 1.3, 2.6],
                 bias_walk: [0.184, 0.184, 0.368],
-                latency_ms: 100.0,
                 ..good.position
             },
-            velocity: Sensor { noise_density: [0.022, 0.022, 0.045], latency_ms: 100.0, ..good.velocity },
+            velocity: Velocity { noise_density: [0.022, 0.022, 0.045], ..good.velocity },
             rates: Gyros { bias: [0.5; 3], bias_walk: [0.005; 3], ..good.rates },
             imu: ImuSettings {
                 acceleration_bias_mps2: 0.03,
@@ -331,7 +348,7 @@ impl Sensors {
                 vibration_line_mps2: 5.0,
                 ..good.imu
             },
-            receiver: Receiver { antenna_m: 0.03, clock_ms: 10.0 },
+            receiver: Receiver { antenna_m: 0.03, clock_ms: 10.0, latency_ms: 100.0 },
             barometer: Barometer { wind_pressure: 0.2, rotor_pressure_m: 0.3, ..good.barometer },
             magnetometer: Magnetometer { disturbance: 0.02, declination_error_deg: 0.5, ..good.magnetometer },
             alignment: Alignment {

@@ -57,15 +57,12 @@ fn example() -> Table {
     let robust = Scenario::from(Profile::Robust);
     let node = NodeSettings {
         exec: "my-controller.so".into(),
-        sha256: "0".repeat(64),
         args: vec!["my-controller.py".into()],
         files: BTreeMap::from([("my-controller.py".into(), "00".into())]),
         env: [("NAME".into(), "value".into())].into(),
         policy: Some(Policy::Fifo),
         priority: Some(70),
         affinity: Some(vec![0, 1]),
-        lock_memory: Some(true),
-        rttime_ms: Some(500.0),
         deadline_ms: Some(10.0),
         late: Some(Late::Skip),
         settings: [("gain".into(), 0.5.into())].into_iter().collect(),

@@ -75,23 +75,16 @@ pub enum Late {
 }
 
 /// Rules for failure and restart of processes, `[supervision]`, the same in every mode. In lockstep and in process no
-/// clock runs, and `detect_ms` and `start_ms` stand for the times that it would show.
+/// clock runs: the end of a process is seen after 2 ms, and it is ready `start_ms` after its start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Supervision {
-    /// Samples in a row without an answer after which an active process counts as hung, if `hang_ms` has passed too.
-    pub hang_ticks: u64,
-    /// Time without an answer after which an active process counts as hung, if it missed `hang_ticks` samples too
-    /// \[ms\].
+    /// Time without an answer after which an active process counts as hung, if it missed three samples too \[ms\].
     pub hang_ms: f64,
-    /// Delays before the first, second, ... restart within the window \[ms\]; at one failure more the node is given up.
+    /// Delays before the first, second, ... restart within 5 s \[ms\]; at one failure more the node is given up.
     pub restart_ms: Vec<f64>,
-    /// Window in which failures are counted together \[s\].
-    pub window_s: f64,
     /// Longest time from the start of a process to when it is ready \[s\]; after that it counts as hung.
     pub start_limit_s: f64,
-    /// Time from the end of a process to its detection, in lockstep and in process \[ms\].
-    pub detect_ms: f64,
     /// Time from the start of a process to when it is ready, in lockstep and in process \[ms\].
     pub start_ms: f64,
     /// Wall-clock time without progress after which a run in lockstep ends \[s\]; 0 = never. Time in which a debugger
@@ -100,15 +93,12 @@ pub struct Supervision {
 }
 
 impl Default for Supervision {
-    /// Returns the defaults; `detect_ms` and `start_ms` are medians measured by `trefoil measure faults`.
+    /// Returns the defaults; `start_ms` is a median measured by `trefoil measure faults`.
     fn default() -> Self {
         Self {
-            hang_ticks: 3,
             hang_ms: 20.0,
             restart_ms: vec![0.0, 50.0, 100.0],
-            window_s: 5.0,
             start_limit_s: 1.0,
-            detect_ms: 2.0,
             start_ms: 25.0,
             wall_limit_s: 30.0,
         }

@@ -43,7 +43,8 @@ pub struct Plant {
     pub noise: Noise,
     /// Further errors of the sensors, and the filter behind them.
     pub sensors: Sensors,
-    /// Differences between the vehicle that flies and the one that the controllers know.
+    /// Differences between the vehicle that flies and the one that the controllers know: any key of `[airframe]` but
+    /// `g_mps2` and `preset`, and those below. Absent = as in `[airframe]`.
     pub airframe: FlownAirframe,
     /// Rotor effects that the paper neglects.
     pub rotor: Rotor,
@@ -177,37 +178,15 @@ pub struct Ground {
     pub down_m: f64,
     /// Height of the rotors above the feet \[m\].
     pub leg_m: f64,
-    /// Stiffness of one foot \[N/m\].
-    pub stiffness_npm: f64,
-    /// Damping of one foot \[N s/m\].
-    pub damping_nspm: f64,
     /// Coefficient of friction between feet and ground.
     pub friction: f64,
     /// Largest vertical speed of a touchdown \[m/s\]; a faster one is a crash.
     pub max_sink_mps: f64,
-    /// Largest horizontal speed of a touchdown \[m/s\]; a faster one is a crash.
-    pub max_drift_mps: f64,
-    /// Largest tilt of the body at a touchdown \[deg\]; a larger one is a crash.
-    pub max_tilt_deg: f64,
-    /// Longest slide of a landing \[m\]; a farther one does not count as landed.
-    pub max_slide_m: f64,
 }
 
 impl Default for Ground {
-    /// Returns feet that yield 5 mm under the vehicle of Table I and come to rest without a bounce.
     fn default() -> Self {
-        Self {
-            present: false,
-            down_m: 0.15,
-            leg_m: 0.15,
-            stiffness_npm: 700.0,
-            damping_nspm: 25.0,
-            friction: 0.6,
-            max_sink_mps: 1.5,
-            max_drift_mps: 1.0,
-            max_tilt_deg: 20.0,
-            max_slide_m: 1.0,
-        }
+        Self { present: false, down_m: 0.15, leg_m: 0.15, friction: 0.6, max_sink_mps: 1.5 }
     }
 }
 

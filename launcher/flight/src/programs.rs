@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write as _};
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::Mutex;
@@ -36,7 +37,7 @@ const ANSWERS: &str = "the library answers";
 /// Libraries that were tried by this process, each with node and settings.
 static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
-/// Adds the hash of its file to a `program` of the node `name`.
+/// Adds the hashes of its files to a `program` of the node `name`.
 ///
 /// # Errors
 /// The file is not there, or is another one than the settings name.
@@ -53,20 +54,9 @@ pub fn pin(program: &mut NodeSettings, name: &str) -> Result<(), ScenarioError> 
              `chmod +x` it if need be",
         );
     };
-    let sha256 = match sha256_of(&path) {
-        Ok(sha256) => sha256,
-        Err(error) => return refused(format!("cannot read the program `{exec}` of {name}: {error}"), ""),
-    };
-    if !program.sha256.is_empty() && program.sha256 != sha256 {
-        return refused(
-            format!("the program `{exec}` of {name} is another file than the settings name: its SHA-256 is {sha256}"),
-            "give the file with the hash of `sha256`, or remove `sha256` to fly this one",
-        );
-    }
-    program.sha256 = sha256;
-    for file in program.args.iter().filter(|word| Path::new(word).is_file()) {
-        let found = sha256_of(Path::new(file));
-        let found = found
+    let named = program.args.iter().map(|word| (word, Path::new(word))).filter(|(_, path)| path.is_file());
+    for (file, path) in iter::once((exec, path.as_path())).chain(named) {
+        let found = sha256_of(path)
             .map_err(|error| ScenarioError::of(format!("cannot read `{file}` of {name}: {error}"), String::new()))?;
         let given = program.files.entry(file.clone()).or_insert_with(|| found.clone());
         if *given != found {
@@ -101,9 +91,6 @@ pub fn pin_swap(run: &Scenario, swap: &mut Swap) -> Result<(), ScenarioError> {
     let before = own.node.of(topic);
     let mut pinned = before.clone();
     pin(&mut pinned, name)?;
-    if pinned.sha256 != before.sha256 {
-        swap.set.push(format!("node.{name}.sha256={:?}", pinned.sha256));
-    }
     let new_files = pinned.files.iter().filter(|(file, _)| !before.files.contains_key(*file));
     swap.set.extend(new_files.map(|(file, sha256)| format!("node.{name}.files.{file:?}={sha256:?}")));
     Ok(())
@@ -149,7 +136,9 @@ pub fn libraries(scenario: &Scenario) -> Vec<(Topic, Scenario)> {
 /// Returns the files of the libraries in a flight of `scenario`, each with its hash.
 pub fn files(scenario: &Scenario) -> BTreeSet<(String, String)> {
     let all = libraries(scenario).into_iter();
-    all.map(|(topic, own)| own.node.of(topic).clone()).map(|program| (program.exec, program.sha256)).collect()
+    all.map(|(topic, own)| own.node.of(topic).clone())
+        .map(|program| (program.exec.clone(), program.sha256().into()))
+        .collect()
 }
 
 /// Checks that all libraries of a flight of `scenario` can be loaded into one process, if the flight is in process.

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 /// Parameters by name, with the key of the setting; a number in a key is a place in a list.
 #[rustfmt::skip]
-pub const NAMES: [(&str, &str); 65] = [
+pub const NAMES: [(&str, &str); 63] = [
     ("RUN_RATE_HZ", "run.rate_hz"), ("RUN_DURATION_S", "run.duration_s"), ("RUN_SEED", "run.seed"),
     ("RUN_DELAY_MS", "run.command_delay_ms"), ("RUN_JITTER_MS", "run.command_jitter_ms"),
     ("RUN_DROP_PROB", "run.command_drop_probability"),
@@ -36,8 +36,8 @@ pub const NAMES: [(&str, &str); 65] = [
     ("MX_PROJECTION", "mixer.projection"), ("MX_TILT_REACT", "mixer.tilt_reaction"),
     ("RT_PRIORITY", "realtime.priority"), ("RT_LOCK_MEMORY", "realtime.lock_memory"), ("RT_RTTIME_MS", "realtime.rttime_ms"),
     ("DL_END_MS", "deadline.end_to_end_ms"), ("DL_MPC_MS", "node.attitude-mpc.deadline_ms"),
-    ("SV_HANG_TICKS", "supervision.hang_ticks"), ("SV_HANG_MS", "supervision.hang_ms"),
-    ("SV_WINDOW_S", "supervision.window_s"), ("SV_START_S", "supervision.start_limit_s"),
+    ("SV_HANG_MS", "supervision.hang_ms"),
+    ("SV_START_S", "supervision.start_limit_s"),
     ("BD_ERROR_M", "bounds.max_position_error_m"), ("BD_FALLBACK_S", "bounds.max_fallback_s"),
 ];
 

@@ -101,13 +101,11 @@ const PURE: &[&str] = &[
     "plant.battery.sag",
     "plant.ground.friction",
     "attitude.mpc.max_iterations",
-    "attitude.mpc.state_penalty",
     "attitude.disturbance_gain",
     "realtime.priority",
     "realtime.affinity",
     "node.NAME.priority",
     "node.NAME.affinity",
-    "supervision.hang_ticks",
     "fault[].value",
     "fault[].probability",
     "fault[].count",
@@ -170,13 +168,17 @@ fn has_numbers(schema: &Value) -> bool {
     }
 }
 
-/// Lists the tables of settings; that of a node stands in it once, as `node.NAME`.
+/// Lists the tables of settings; that of a node stands in it once, as `node.NAME`, and the keys of `[airframe]` once
+/// too.
 fn tables(schema: &Value) -> Vec<Object<'_>> {
     let mut all = objects(schema);
     let (first, others) = NODES.split_first().expect("there are nodes");
     all.retain(|object| others.iter().all(|node| object.key != format!("node.{node}")));
     let rename = |key: &mut String| *key = key.replace(&format!("node.{first}"), "node.NAME");
+    let known: Vec<_> = all.iter().filter(|object| object.key == "airframe").flat_map(|table| &table.fields).collect();
+    let known: Vec<_> = known.iter().map(|field| format!("plant.{}", field.key)).collect();
     for object in &mut all {
+        object.fields.retain(|field| !known.contains(&field.key));
         rename(&mut object.key);
         object.fields.iter_mut().for_each(|field| rename(&mut field.key));
         if object.key == "node.NAME" {

@@ -15,9 +15,9 @@ pub fn differences(scenarios: &[&Scenario]) -> Vec<Vec<String>> {
         let mut nameless = Scenario { name: String::new(), ..(*scenario).clone() };
         for topic in Topic::ALL {
             let program = nameless.node.of_mut(topic);
-            if !program.sha256.is_empty() {
+            if !program.sha256().is_empty() {
                 let file = Path::new(&program.exec).file_name().unwrap_or_default();
-                program.exec = file.to_string_lossy().into_owned();
+                program.move_to(file.to_string_lossy().into_owned());
             }
         }
         to_toml(&nameless).parse().map(Value::Table).ok()
@@ -111,7 +111,8 @@ mod tests {
     fn the_path_to_one_and_the_same_program_is_no_difference() {
         let by = |exec: &str, sha256: &str| {
             let mut scenario = Scenario::default();
-            (scenario.node.mixer.exec, scenario.node.mixer.sha256) = (exec.into(), sha256.into());
+            scenario.node.mixer.exec = exec.into();
+            scenario.node.mixer.files = [(exec.to_owned(), sha256.to_owned())].into();
             scenario
         };
         let told = |one: &Scenario, other: &Scenario| differences(&[one, other]).len();

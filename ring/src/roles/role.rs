@@ -86,6 +86,12 @@ pub enum Signal {
     Continue,
 }
 
+/// Samples in a row without an answer after which an active node counts as hung, if `supervision.hang_ms` has passed
+/// too.
+const HANG_TICKS: u64 = 3;
+/// Window in which failures are counted together \[ns\].
+const WINDOW_NS: u64 = 5_000_000_000;
+
 /// Settings in which roles differ, from `[supervision]`.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Policy {
@@ -167,11 +173,11 @@ impl Policy {
         let ns = |ms: f64| (ms * 1e6) as u64;
         Self {
             restart_ns: settings.restart_ms.iter().copied().map(ns).collect(),
-            window_ns: (settings.window_s * 1e9) as u64,
+            window_ns: WINDOW_NS,
             start_limit_ns: (settings.start_limit_s * 1e9) as u64,
-            // One period less than `hang_ticks` samples take, because progress is seen late too.
-            hang_ns: ns(settings.hang_ms).max(sample_ns * settings.hang_ticks.saturating_sub(1)),
-            hang_ticks: settings.hang_ticks,
+            // One period less than `HANG_TICKS` samples take, because progress is seen late too.
+            hang_ns: ns(settings.hang_ms).max(sample_ns * (HANG_TICKS - 1)),
+            hang_ticks: HANG_TICKS,
             tried: true,
             falls_back: false,
         }

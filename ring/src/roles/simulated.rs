@@ -1,7 +1,7 @@
-//! Driver of the roles without a clock: what a clock would show comes after the delays of `[supervision]`.
+//! Driver of the roles without a clock: what a clock would show comes after delays.
 //!
 //! ```text
-//! a process ends    seen `detect_ms` later         a process is started    ready `start_ms` later
+//! a process ends    seen `DETECT_NS` later         a process is started    ready `supervision.start_ms` later
 //! ```
 //!
 //! Lockstep and in process share this driver. Between two ticks it decides which processes end, which are started, and
@@ -18,6 +18,10 @@ use super::role::{Action, Now, RoleInput, Signal};
 use super::supervised::Supervised;
 use crate::event::Event;
 use crate::record::Record;
+
+/// Delay from the end of a process until it is seen \[ns\]: the median that `trefoil measure faults` finds in real
+/// time.
+const DETECT_NS: u64 = 2_000_000;
 
 /// Roles of all nodes, and the time of the flight.
 pub struct Simulated {
@@ -102,10 +106,10 @@ impl Simulated {
         std::mem::take(&mut self.orders)
     }
 
-    /// Removes process `epoch`, which ended before it answered to `tick`; its role sees `input` after `detect_ms`.
+    /// Removes process `epoch`, which ended before it answered to `tick`; its role sees `input` after [`DETECT_NS`].
     pub fn exited(&mut self, topic: Topic, epoch: u32, tick: u64, input: RoleInput) {
         self.remove(topic, epoch);
-        let seen_ns = self.faults.time_ns(tick) + self.detect_ns();
+        let seen_ns = self.faults.time_ns(tick) + DETECT_NS;
         self.ahead.push((seen_ns, topic, input));
         self.next = tick + 1;
     }
@@ -137,8 +141,8 @@ impl Simulated {
         if self.nodes[topic as usize].role.active() != Some(epoch) || now.tick <= first {
             return;
         }
-        // The newest sample is seen `detect_ms` after it was taken, as the last answer was after its own sample.
-        let seen_ns = self.faults.time_ns(now.tick - 1) + self.detect_ns();
+        // The newest sample is seen [`DETECT_NS`] after it was taken, as the last answer was after its own sample.
+        let seen_ns = self.faults.time_ns(now.tick - 1) + DETECT_NS;
         let progress = RoleInput::Progress { done: first, samples: now.tick, excused_ns: 0 };
         self.on(topic, self.at(seen_ns), progress);
         self.pass(now.ns);
@@ -163,14 +167,14 @@ impl Simulated {
             Action::Signal(epoch, Signal::Kill) => {
                 self.orders.push((topic, action));
                 self.remove(topic, epoch);
-                let seen_ns = at_ns(self.detect_ns());
+                let seen_ns = at_ns(DETECT_NS);
                 self.ahead.push((seen_ns, topic, RoleInput::Exited(epoch)));
             }
             Action::Signal(epoch, Signal::Stop) => {
                 let first = self.boundary;
                 self.stopped[topic as usize] = Some((epoch, first));
                 // The process has answered to every sample until now.
-                let seen_ns = self.faults.time_ns(first.saturating_sub(1)) + self.detect_ns();
+                let seen_ns = self.faults.time_ns(first.saturating_sub(1)) + DETECT_NS;
                 let progress = RoleInput::Progress { done: first, samples: first, excused_ns: 0 };
                 self.on(topic, self.at(seen_ns), progress);
             }
@@ -210,11 +214,6 @@ impl Simulated {
     /// Returns the instant `ns` of the flight, with the newest sample by then.
     fn at(&self, ns: u64) -> Now {
         Now { ns, tick: ns / self.scenario.sample_ns() }
-    }
-
-    /// Returns the delay from the end of a process until it is seen \[ns\].
-    fn detect_ns(&self) -> u64 {
-        (self.scenario.supervision.detect_ms * 1e6) as u64
     }
 }
 

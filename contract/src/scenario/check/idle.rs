@@ -99,7 +99,7 @@ const SWITCHES: [Switch; 18] = [
         on: "\"box\" or \"cone\"",
     },
     Switch {
-        settings: &["attitude.mpc.state_penalty", "attitude.mpc.attitude_limit_deg", "attitude.mpc.rates_limit_dps"],
+        settings: &["attitude.mpc.attitude_limit_deg", "attitude.mpc.rates_limit_dps"],
         key: "attitude.mpc.state_constraints",
         is_on: |scenario| scenario.attitude.mpc.state_constraints == StateConstraints::Soft,
         on: "\"soft\"",
@@ -113,7 +113,7 @@ const SWITCHES: [Switch; 18] = [
     Switch {
         settings: &["plant.turbulence"],
         key: "plant.turbulence.wind_at_6m_mps",
-        is_on: |scenario| scenario.plant.turbulence.wind_at_6m_mps > 0.0,
+        is_on: |scenario| scenario.plant.turbulence.is_on(),
         on: "a wind above 0",
     },
     Switch {

@@ -9,9 +9,9 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
     for topic in Topic::ALL {
         let (program, name) = (scenario.node.of(topic), topic.publisher());
         let key = |setting: &str| format!("node.{name}.{setting}");
-        let NodeSettings { sha256, args, env, settings, .. } = program;
+        let NodeSettings { files, args, env, settings, .. } = program;
         let given = [
-            ("sha256", !sha256.is_empty()),
+            ("files", !files.is_empty()),
             ("args", !args.is_empty()),
             ("env", !env.is_empty()),
             ("settings", !settings.is_empty()),

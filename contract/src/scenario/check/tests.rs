@@ -44,7 +44,6 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ("attitude.disturbance_gain=1.1", "at least 0, at most 1"),
         ("attitude.mpc.max_iterations=0", "at least 1, at most 10000"),
         ("attitude.mpc.time_limit_ms=-1", "at least 0, at most 1e9"),
-        ("attitude.mpc.state_penalty=0", "at least 1e-9, at most 1e9"),
         ("attitude.mpc.attitude_limit_deg=[90, 0, 360]", "at least 1e-9, at most 1e9"),
         ("attitude.mpc.rates_limit_dps=[0, 360, 360]", "at least 1e-9, at most 1e9"),
         ("bounds.max_position_error_m=0", "above 0"),
@@ -283,7 +282,7 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
         ("plant.wind_roughness_m=0.1", "`plant.wind_ned_mps` = a wind with it"),
         ("plant.sensors.imu.rate_hz=500", "`plant.sensors.filter` = \"ekf\" with it"),
         ("plant.sensors.alignment.tilt_deg=1", "`plant.sensors.filter` = \"ekf\" with it"),
-        ("plant.sensors.position.latency_ms=20", "`plant.sensors.filter` = \"ekf\" with it"),
+        ("plant.sensors.receiver.latency_ms=20", "`plant.sensors.filter` = \"ekf\" with it"),
         ("fault=[{at_s=60.1, target=\"mixer\", kind=\"kill\"}]", "a fault at 60.1 s in a flight that ends at 60.0 s"),
         ("swap=[{at_s=61, node=\"mixer\"}]", "a swap at 61.0 s in a flight that ends at 60.0 s"),
     ];

@@ -86,7 +86,7 @@ impl Recording {
     /// the log only, because a folder from elsewhere may name any program.
     pub fn is_foreign(&self, topic: Topic, epoch: u64) -> bool {
         let program = self.settings_of(topic, epoch).node.of(topic);
-        let is_trusted = || self.trusted.iter().any(|(of, sha256)| *of == topic && *sha256 == program.sha256);
+        let is_trusted = || self.trusted.iter().any(|(of, sha256)| *of == topic && sha256 == program.sha256());
         program.kind() == ProgramKind::Executable || program.kind() == ProgramKind::Library && !is_trusted()
     }
 
@@ -112,15 +112,15 @@ impl Recording {
         ensure!(!libraries.is_empty(), "{name} flew no library: leave out --program {name}={file}");
         let mut others = vec![];
         for program in &mut libraries {
-            if program.sha256 == found.sha256 {
-                program.exec.clone_from(&found.exec);
+            if program.sha256() == found.sha256() {
+                program.move_to(found.exec.clone());
             } else {
-                others.push(format!("{} (SHA-256 {})", program.exec, program.sha256));
+                others.push(format!("{} (SHA-256 {})", program.exec, program.sha256()));
             }
         }
         let flew = others.join(" and ");
-        ensure!(others.len() < libraries.len(), "{name} flew {flew}, and {file} is another file ({})", found.sha256);
-        self.trusted.push((topic, found.sha256));
+        ensure!(others.len() < libraries.len(), "{name} flew {flew}, and {file} is another file ({})", found.sha256());
+        self.trusted.push((topic, found.sha256().into()));
         Ok(())
     }
 

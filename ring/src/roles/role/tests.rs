@@ -12,8 +12,9 @@ use super::*;
 const MS: u64 = 1_000_000;
 
 fn policy(tried: bool) -> Policy {
-    let settings = Supervision { window_s: 0.5, ..Supervision::default() };
-    if tried { Policy::node(&settings, 10 * MS) } else { Policy::recorder(&settings) }
+    let settings = Supervision::default();
+    let policy = if tried { Policy::node(&settings, 10 * MS) } else { Policy::recorder(&settings) };
+    Policy { window_ns: 500 * MS, ..policy }
 }
 
 fn now(ms: u64) -> Now {
@@ -209,11 +210,11 @@ fn a_recorder_takes_over_when_it_is_ready_and_the_one_before_leaves_by_itself() 
 
 #[test]
 fn policies_are_the_settings_in_nanoseconds() {
-    let settings = Supervision { hang_ticks: 4, hang_ms: 25.0, window_s: 6.0, start_limit_s: 2.0, ..policy_settings() };
+    let settings = Supervision { hang_ms: 15.0, start_limit_s: 2.0, ..policy_settings() };
     let node = Policy::node(&settings, 10 * MS);
-    assert_eq!((node.hang_ticks, node.hang_ns, node.window_ns), (4, 30 * MS, 6000 * MS));
+    assert_eq!((node.hang_ticks, node.hang_ns, node.window_ns), (3, 20 * MS, 5000 * MS));
     assert_eq!((node.start_limit_ns, node.restart_ns.as_slice()), (2000 * MS, [0, 50 * MS, 100 * MS].as_slice()));
-    assert_eq!(Policy::node(&settings, MS).hang_ns, 25 * MS, "the longer of the two limits");
+    assert_eq!(Policy::node(&settings, MS).hang_ns, 15 * MS, "the longer of the two limits");
     let plant = Policy::plant(&settings, 10 * MS);
     assert_eq!((plant.restart_ns.as_slice(), plant.hang_ns, plant.hang_ticks), ([].as_slice(), 500 * MS, 0));
     let recorder = Policy::recorder(&settings);
