@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::harness::{Outcome, fly};
+use crate::harness::{Outcome, fly, top};
 
 /// Flies a shipped scenario in process with these settings.
 fn flown(scenario: &str, settings: &[&str]) -> Outcome {
@@ -269,4 +269,49 @@ fn an_own_vehicle_flies_as_well_as_that_of_table_i_without_weights_of_its_own() 
         "{}",
         outcome.stderr
     );
+}
+
+/// Flies a scenario with this text in process; returns exit code and state hash, which is empty where it is refused.
+fn written(text: &str) -> (Option<i32>, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("own.toml");
+    std::fs::write(&file, text).unwrap();
+    let outcome = fly(&[file.to_str().unwrap(), "--mode", "inprocess", "--no-log"]);
+    let hash = if outcome.code() == Some(2) { String::new() } else { outcome.state_hash() };
+    (outcome.code(), hash)
+}
+
+/// Asserts that a flight of the shipped scenario `name` without one of its lines is another, or is refused.
+fn every_line_counts(name: &str) {
+    let text = std::fs::read_to_string(top().join("scenarios").join(name).with_extension("toml")).unwrap();
+    let (settings, bounds) = text.split_once("\n[bounds]").expect("they come last");
+    let whole = written(&text);
+    assert_eq!(whole.0, Some(0), "{name}");
+    let lines: Vec<&str> = settings.lines().collect();
+    let counts = |line: &&str| line.contains(" = ") && !["#", "name = "].iter().any(|word| line.starts_with(word));
+    for line in lines.iter().copied().filter(counts) {
+        let others: Vec<&str> = lines.iter().copied().filter(|other| !std::ptr::eq(*other, line)).collect();
+        let without = written(&format!("{}\n[bounds]{bounds}", others.join("\n")));
+        assert_ne!(without, whole, "{name} without `{line}`");
+    }
+}
+
+#[test]
+fn every_line_of_own_vehicle_changes_the_flight_or_is_missed() {
+    every_line_counts("own-vehicle");
+}
+
+#[test]
+fn every_line_of_own_sensors_changes_the_flight_or_is_missed() {
+    every_line_counts("own-sensors");
+}
+
+#[test]
+fn every_line_of_own_limits_changes_the_flight_or_is_missed() {
+    every_line_counts("own-limits");
+}
+
+#[test]
+fn every_line_of_own_swaps_changes_the_flight_or_is_missed() {
+    every_line_counts("own-swaps");
 }
