@@ -201,9 +201,7 @@ fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
 
     // Every ring came round, in both placements, and every flight at every rate has its slots.
     let results = &printed["results"];
-    for ring in
-        ["stack", "raw futex", "raw futex, clock read every second lap", "raw futex, warmed up", "unix socket", "pipe"]
-    {
+    for ring in ["stack", "raw futex", "raw futex, clock read every second lap", "raw futex, warmed up"] {
         for placement in ["one CPU", "all CPUs"] {
             let n = results["series"][format!("{ring}, {placement}")]["n"].as_u64();
             assert!(n > Some(0), "no turn of '{ring}, {placement}': {results}");
@@ -221,8 +219,6 @@ fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
     }
     let csv = std::fs::read_to_string(folder.path().join("histograms.csv")).expect("histograms.csv");
     assert!(csv.lines().any(|line| line.starts_with("canary,")), "the canary's histogram is kept");
-    let page = std::fs::read_to_string(folder.path().join("timing.html")).expect("timing.html");
-    assert!(page.contains("<svg") && !page.contains("http"), "the page needs nothing else");
 
     assert_eq!(in_memory(&namespace), Vec::<String>::new());
 }

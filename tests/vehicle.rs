@@ -273,17 +273,18 @@ fn an_own_vehicle_flies_as_well_as_that_of_table_i_without_weights_of_its_own() 
 
 /// Flies a scenario with this text in process; returns exit code and state hash, which is empty where it is refused.
 fn written(text: &str) -> (Option<i32>, String) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("own.toml");
-    std::fs::write(&file, text).unwrap();
-    let outcome = fly(&[file.to_str().unwrap(), "--mode", "inprocess", "--no-log"]);
+    std::fs::write(&file, text).expect("the file is written");
+    let outcome = fly(&[file.to_str().expect("UTF-8"), "--mode", "inprocess", "--no-log"]);
     let hash = if outcome.code() == Some(2) { String::new() } else { outcome.state_hash() };
     (outcome.code(), hash)
 }
 
 /// Asserts that a flight of the shipped scenario `name` without one of its lines is another, or is refused.
 fn every_line_counts(name: &str) {
-    let text = std::fs::read_to_string(top().join("scenarios").join(name).with_extension("toml")).unwrap();
+    let file = top().join("scenarios").join(name).with_extension("toml");
+    let text = std::fs::read_to_string(file).expect("a shipped scenario");
     let (settings, bounds) = text.split_once("\n[bounds]").expect("they come last");
     let whole = written(&text);
     assert_eq!(whole.0, Some(0), "{name}");

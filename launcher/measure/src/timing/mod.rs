@@ -9,7 +9,7 @@
 //! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for that loop |
 //! | [`costs`] | costs of the parts of a hop |
 //! | [`series`], [`results`] | distributions, ratios, misses |
-//! | [`report`] | the tables, the targets, and a page |
+//! | [`report`] | the tables and the targets |
 //!
 //! Programs that are compared run in turns. Figures of two runs are compared by their ratio in each round, and the
 //! median of the ratios is judged. The canaries watch from the first run to the last.
@@ -29,7 +29,6 @@ pub mod timed_flights;
 use std::path::PathBuf;
 
 use self::raw::{Plan, Raw};
-use self::report::Figure;
 use self::results::TimingResults;
 use self::series::Series;
 use crate::findings::{Findings, default_folder, make_folder};
@@ -74,26 +73,11 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let tables = report::tables(&results);
     let canary = Series { name: "canary".into(), rounds: vec![raw.watch.late_ns()] };
     let csv = series::to_csv(raw.series().into_iter().chain([&canary]));
-    let page = report::page(&results, &targets, &tables, &figures(&raw, &canary));
     let table =
         format!("{}\nwritten to {}\n", tables.iter().map(Table::text).collect::<Vec<_>>().join("\n"), out.display());
     let found = Findings::new(&results, targets, args.quick)?;
-    for (name, text) in [("histograms.csv", &csv), ("timing.html", &page)] {
-        write_whole(&out.join(name), text.as_bytes())?;
-    }
+    write_whole(&out.join("histograms.csv"), csv.as_bytes())?;
     found.conclude(Some(&out), "measure.json", args.json, &table)
-}
-
-fn figures<'a>(raw: &'a Raw, canary: &'a Series) -> Vec<Figure<'a>> {
-    let mut figures: Vec<Figure> = vec![("Wake-ups of a 1 kHz loop".into(), vec![&raw.ours, &raw.cyclictest, canary])];
-    figures.extend(raw.rings.iter().map(|rings| {
-        let title = format!("Once round the ring, {}", rings.placement.name());
-        (title, [&rings.stack].into_iter().chain(&rings.others).collect())
-    }));
-    for (by, flights) in [("scheduling class", &raw.policies), ("rate", &raw.rates)] {
-        figures.push((format!("Age at the actuator by {by}"), flights.iter().map(|flown| &flown.ages).collect()));
-    }
-    figures
 }
 
 fn survey(text: &str) -> Result<f64, String> {

@@ -34,8 +34,6 @@ pub struct Plan {
     pub loop_s: f64,
     /// Stack and the raw rings compared with it, each.
     pub ring_s: f64,
-    /// Ring of sockets or pipes.
-    pub scale_s: f64,
     /// Flight of either scheduling class, idle.
     pub idle_s: f64,
     pub load_s: f64,
@@ -51,7 +49,6 @@ impl Plan {
         rounds: 5,
         loop_s: 4.0,
         ring_s: 1.5,
-        scale_s: 0.8,
         idle_s: 1.5,
         load_s: 3.0,
         rate_s: 3.0,
@@ -64,7 +61,6 @@ impl Plan {
         rounds: 1,
         loop_s: 0.3,
         ring_s: 0.3,
-        scale_s: 0.2,
         idle_s: 0.3,
         load_s: 0.3,
         rate_s: 0.5,
@@ -216,8 +212,7 @@ impl Rings {
         self.hops.rounds.push(cycles.hops_ns());
         self.executions.rounds.push(cycles.executions_ns());
         for (kind, series) in Kind::ALL.into_iter().zip(&mut self.others) {
-            let seconds = if matches!(kind, Kind::Socket | Kind::Pipe) { plan.scale_s } else { plan.ring_s };
-            let count = (seconds * f64::from(RING_HZ)) as usize;
+            let count = (plan.ring_s * f64::from(RING_HZ)) as usize;
             let releases = Releases { period_ns: scenario.sample_ns(), count };
             let noted = self.placement.during(|| RingPeers::ring(kind, releases))?.finish(interrupts)?;
             if kind == Kind::Stamped {

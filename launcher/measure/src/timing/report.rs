@@ -1,15 +1,11 @@
-//! Report of the results: tables, targets, and a page with both and with histograms over a logarithmic axis, in one
-//! file that needs no other.
+//! Report of the results: tables and targets.
 
-use flight::provenance::host;
-use outcome::percentiles::{Percentiles, recorded};
-use serde_json::json;
-use view::draw::{self, STYLE, any, escape, list, outlines};
+use outcome::percentiles::Percentiles;
 
 use super::costs::Costs;
 use super::raw::policy_name;
 use super::results::{Hop, Ring, TimingResults};
-use super::series::{Ratio, Series};
+use super::series::Ratio;
 use super::timed_flights::TimedFlights;
 use outcome::target::Target;
 use view::table::{Table, cell};
@@ -167,36 +163,4 @@ fn overhead(ring: &Ring) -> Target {
 fn ratio_at_most(figure: String, ratio: Option<Ratio>, limit: f64, missing: &str) -> Target {
     let note = ratio.map_or(missing.to_owned(), |ratio| format!("rounds {}", ratio.spread()));
     Target::at_most(figure, ratio.map(|ratio| ratio.median), limit, "").noting(note)
-}
-
-/// Picture: a title and its series.
-pub type Figure<'a> = (String, Vec<&'a Series>);
-
-pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figures: &[Figure]) -> String {
-    let mut body = String::from("<h1>Timing of the stack</h1>");
-    if let Some(why) = &results.canary.doubt {
-        body.extend(["<p><strong>", &escape(why), "</strong></p>"]);
-    }
-    body += &section("Targets", &view::targets::targets(targets));
-    for t in tables {
-        let headings: Vec<&str> = t.headings.iter().map(String::as_str).collect();
-        let rows = t.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect());
-        body += &section(&t.title, &draw::table(&headings, rows));
-    }
-    for (title, series) in figures {
-        body += &section(title, &histogram(series));
-    }
-    let host = json!(host());
-    let host = host.as_object().into_iter().flatten();
-    body += &section("Machine", &list(host.map(|(name, value)| (escape(name), any(value)))));
-    draw::page("Timing of the stack", STYLE, &body)
-}
-
-fn section(title: &str, content: &str) -> String {
-    format!("<section><h2>{}</h2>{content}</section>", escape(title))
-}
-
-fn histogram(series: &[&Series]) -> String {
-    let times = |series: &Series| recorded(series.rounds.iter().flatten().copied());
-    outlines(&series.iter().map(|series| (series.name.as_str(), times(series))).collect::<Vec<_>>())
 }

@@ -11,7 +11,6 @@
 
 use std::fs;
 use std::hint::black_box;
-use std::io::{stdin, stdout};
 
 use anyhow::Context;
 use contract::Topic;
@@ -61,23 +60,17 @@ pub enum Kind {
     Stamped,
     /// Bare futexes; each peer wakes once before the token is due, as a node of the stack does.
     WarmedUp,
-    /// Sockets as standard input and output.
-    Socket,
-    /// Pipes as standard input and output.
-    Pipe,
 }
 
 impl Kind {
     /// All kinds, in the order of the variants.
-    pub const ALL: [Self; 5] = [Self::Raw, Self::Stamped, Self::WarmedUp, Self::Socket, Self::Pipe];
+    pub const ALL: [Self; 3] = [Self::Raw, Self::Stamped, Self::WarmedUp];
 
     pub fn name(self) -> &'static str {
         match self {
             Self::Raw => "raw futex",
             Self::Stamped => "raw futex, clock read every second lap",
             Self::WarmedUp => "raw futex, warmed up",
-            Self::Socket => "unix socket",
-            Self::Pipe => "pipe",
         }
     }
 }
@@ -188,14 +181,9 @@ impl<'a> Token<'a> {
 
     /// Waits for the token; returns `false` if the run is over.
     fn wait(&mut self) -> bool {
-        match self.kind {
-            None => true,
-            Some(Kind::Socket | Kind::Pipe) => rustix::io::read(stdin(), &mut [0_u8; 8]).is_ok_and(|bytes| bytes > 0),
-            Some(Kind::Raw | Kind::Stamped | Kind::WarmedUp) => self.wait_for_doorbell(),
+        if self.kind.is_none() {
+            return true;
         }
-    }
-
-    fn wait_for_doorbell(&mut self) -> bool {
         self.warm_up(self.came_ns, |due_ns| self.input.wait(self.seen, due_ns));
         while self.input.count() == self.seen {
             self.input.wait(self.seen, now_ns() + CHECK_NS);
@@ -208,11 +196,8 @@ impl<'a> Token<'a> {
     fn pass(&mut self) {
         self.read_clock();
         self.passed += 1;
-        match self.kind {
-            None => {}
-            // The error is ignored; a peer that has left is noticed when reading.
-            Some(Kind::Socket | Kind::Pipe) => _ = rustix::io::write(stdout(), &[0_u8; 8]),
-            Some(Kind::Raw | Kind::Stamped | Kind::WarmedUp) => self.output.ring(),
+        if self.kind.is_some() {
+            self.output.ring();
         }
     }
 

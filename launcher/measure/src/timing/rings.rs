@@ -1,9 +1,6 @@
 //! Rings for comparison: four processes that only pass a token, and one process that only keeps time.
 
 use std::fs;
-use std::io::pipe;
-use std::os::fd::OwnedFd;
-use std::os::unix::net::UnixStream;
 use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -46,22 +43,13 @@ impl RingPeers {
         let hold = Hold::take(&namespace())?;
         let page = ControlPage::create(&hold.domain.file("page")).context("cannot make a page in shared memory")?;
         let mut peers = Self { children: vec![], page, hold, releases };
-        let mut ends = match kind {
-            Some(Kind::Socket) => closed(|| UnixStream::pair().map(|(input, output)| (input.into(), output.into())))?,
-            Some(Kind::Pipe) => closed(|| pipe().map(|(input, output)| (input.into(), output.into())))?,
-            _ => vec![],
-        }
-        .into_iter();
         // The peer with the clock is started last, when the others already wait for the token.
         for (rank, &priority) in priorities.iter().enumerate().rev() {
             let namespace = peers.hold.domain.namespace().to_owned();
             let peer = Peer { namespace, rank, kind, releases, priority };
             let mut command = own_program();
             command.args(["measure", "ring-peer"]).arg(serde_json::to_string(&peer)?);
-            match ends.next() {
-                Some((input, output)) => command.stdin(input).stdout(output),
-                None => command.stdin(Stdio::null()).stdout(Stdio::null()),
-            };
+            command.stdin(Stdio::null()).stdout(Stdio::null());
             peers.children.push(command.spawn().context("cannot start a process of a ring to compare with")?);
         }
         Ok(peers)
@@ -112,12 +100,4 @@ impl Drop for RingPeers {
             let _ = child.wait();
         }
     }
-}
-
-/// Connects four channels into a ring; returns the reading and the writing end of each peer, the last peer first.
-fn closed(channel: impl FnMut() -> std::io::Result<(OwnedFd, OwnedFd)>) -> anyhow::Result<Vec<(OwnedFd, OwnedFd)>> {
-    let channels = std::iter::repeat_with(channel).take(Topic::COUNT).collect::<Result<Vec<_>, _>>();
-    let (mut inputs, outputs): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();
-    inputs.rotate_left(1); // position i reads channel i + 1, written by the peer before it in the ring
-    Ok(inputs.into_iter().zip(outputs).collect())
 }

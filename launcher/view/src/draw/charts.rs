@@ -95,66 +95,9 @@ fn decade_words(decade: i32) -> String {
     }
 }
 
-/// Size of the picture of outlines, and the room for words below and at the left \[px\].
-const OUTLINES_PX: [f64; 2] = [860.0, 260.0];
-const MARGIN_PX: f64 = 44.0;
-/// The axis of time: decades of ns, and bins in each. The other axis: decades of the share of all values below 1.
-const OUTLINE_DECADES: [i32; 2] = [3, 8];
-const BINS: i32 = 20;
-const SHARES: i32 = 4;
 /// Colours of lines, in their order: those of [`super::STYLE`].
 pub const COLOURS: [&str; 6] =
     ["var(--blue)", "var(--orange)", "var(--green)", "var(--pink)", "var(--olive)", "var(--muted)"];
-
-/// Draws several histograms \[ns\] in one picture with a legend: share of the values per bin, both axes logarithmic.
-pub fn outlines(series: &[(&str, Histogram<u64>)]) -> String {
-    let [width, height] = OUTLINES_PX;
-    let [first, last] = OUTLINE_DECADES;
-    let bottom = height - MARGIN_PX;
-    let x = |bin: i32| {
-        MARGIN_PX + (width - MARGIN_PX - 20.0) * f64::from(bin - first * BINS) / f64::from((last - first) * BINS)
-    };
-    let y = |share: f64| bottom * ((0.0 - share.log10()) / f64::from(SHARES)).clamp(0.0, 1.0);
-    let mut svg = Svg::new(
-        &format!("viewBox=\"0 0 {width} {height}\" style=\"width:100%;font-size:11px\""),
-        "histograms of times",
-    );
-    for decade in first..=last {
-        let x = x(decade * BINS);
-        let y = bottom + 16.0;
-        svg.add(format_args!(
-            "<path d=\"M{x:.1} 0V{bottom:.1}\" stroke=\"var(--grid)\"/>\
-             <text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\" fill=\"var(--muted)\">{}</text>",
-            decade_words(decade)
-        ));
-    }
-    for decade in 0..=SHARES {
-        let share = 10_f64.powi(-decade);
-        let (y, percent) = (y(share), 100.0 * share);
-        svg.add(format_args!(
-            "<path d=\"M{MARGIN_PX} {y:.1}H{width}\" stroke=\"var(--grid)\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"var(--muted)\">{percent} %</text>",
-            MARGIN_PX - 4.0,
-            (y + 4.0).max(9.0)
-        ));
-    }
-    let edge_ns = |bin: i32| 10_f64.powf(f64::from(bin) / f64::from(BINS)).ceil() as u64;
-    let bins = first * BINS..last * BINS;
-    let mut legend = String::from("<p class=\"hint\">");
-    for ((name, histogram), colour) in series.iter().zip(COLOURS.iter().cycle()) {
-        let mut outline = format!("M{MARGIN_PX} {:.1}", y(0.0));
-        for bin in bins.clone() {
-            // Values beyond an end of the axis count in its last bin.
-            let from_ns = if bin == bins.start { 0 } else { edge_ns(bin) };
-            let to_ns = if bin + 1 == bins.end { u64::MAX } else { edge_ns(bin + 1) - 1 };
-            let share = histogram.count_between(from_ns, to_ns) as f64 / histogram.len().max(1) as f64;
-            let _ = write!(outline, "V{:.1}H{:.1}", y(share), x(bin + 1)); // writing to a String cannot fail
-        }
-        svg.add(format_args!("<path d=\"{outline}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"/>"));
-        let _ = write!(legend, "<span style=\"color:{colour}\">&#9632;</span> {} &nbsp; ", escape(name));
-    }
-    svg.finish() + &legend + "</p>"
-}
 
 /// Height of a lane, of its bar, and of the words below \[px\].
 const LANE_PX: f64 = 17.0;
@@ -213,7 +156,6 @@ pub(super) fn marks(from: f64, to: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use outcome::percentiles::recorded;
 
     #[test]
     fn marks_are_round_and_inside() {
@@ -234,13 +176,5 @@ mod tests {
         assert!(svg.contains("<rect class=\"runs\" x=\"75.00%\" width=\"25.00%\""), "{svg}");
         assert!(svg.contains(">−10</text>"), "{svg}");
         assert_eq!(time_line(&[]), "");
-    }
-
-    #[test]
-    fn an_outline_counts_values_beyond_the_axis() {
-        let outline = |times: Vec<u64>| outlines(&[("s", recorded(times))]);
-        let all_in_the_first_bin = outline(vec![10, 20]);
-        assert!(all_in_the_first_bin.contains("d=\"M44 216.0V0.0H"), "{all_in_the_first_bin}");
-        assert!(outline(vec![2_000_000_000]).contains("V0.0H840.0\""), "all in the last");
     }
 }

@@ -13,7 +13,7 @@ mod time_plots;
 use std::fmt::{Display, Write};
 
 pub use axes::Axis;
-pub use charts::{Bars, Lane, histograms, outlines, time_line};
+pub use charts::{Bars, Lane, histograms, time_line};
 pub use html::{DASH, any, breakable, escape, leaves, list, number, page, table, verdict};
 pub use plots::{Dots, Middle, Quartiles, Share, dots, interval, legend, shares, short};
 pub use share_map::{MapCell, map};
