@@ -240,12 +240,14 @@ fn timing_ends_its_processes_when_it_is_interrupted() {
 #[test]
 fn kills_are_survived_told_of_and_leave_nothing_behind() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (printed, namespace, output) = measured(&["kills", "--kills", "10"], folder.path());
+    let (printed, namespace, output) = measured(&["stress", "--kills", "10", "--replays", "0"], folder.path());
 
     let rows = printed["results"]["rows"].as_array().expect("rows");
     let kills: usize = rows.iter().map(|row| row["kills"].as_array().expect("kills").len()).sum();
     assert!(kills >= 10, "{printed}");
     assert!(rows.iter().any(|row| row["code"] == 0), "a flight went on: {printed}");
+    let went_on = rows.iter().filter(|row| row["code"] == 0);
+    assert!(went_on.into_iter().all(|row| row["again"]["differs"].is_null()), "and is the same again: {printed}");
     let targets = printed["targets"].as_array().expect("targets");
     let short = targets.iter().any(|target| target["verdict"] == "short");
     assert_eq!(output.status.code(), Some(i32::from(short)), "the exit code is the verdict");
@@ -260,20 +262,22 @@ fn kills_are_survived_told_of_and_leave_nothing_behind() {
 #[test]
 fn flights_in_real_time_are_flown_again_bit_for_bit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (printed, namespace, output) = measured(&["replay", "--flights", "2", "--seconds", "2s"], folder.path());
+    let (printed, namespace, output) = measured(&["stress", "--kills", "0", "--replays", "2", "--seconds", "2s"], folder.path());
     let rows = printed["results"]["rows"].as_array().expect("rows");
     let kinds: Vec<&Value> = rows.iter().map(|row| &row["kind"]).collect();
     assert_eq!(kinds, ["disturbed", "fast"]);
     for row in rows {
-        assert!(row["differs"].is_null() && row["messages"].as_u64() > Some(100), "{row}");
+        let again = &row["again"];
+        assert!(again["differs"].is_null() && again["messages"].as_u64() > Some(100), "{row}");
     }
-    assert!(rows[0]["faults"].as_u64() == Some(3) && rows[0]["deaths"].as_u64() > Some(0), "{}", rows[0]);
+    let again = &rows[0]["again"];
+    assert!(again["faults"].as_u64() == Some(3) && again["deaths"].as_u64() > Some(0), "{}", rows[0]);
     let targets = printed["targets"].as_array().expect("targets");
     assert_eq!((&targets[0]["verdict"], output.status.code()), (&Value::from("ok"), Some(0)), "{printed}");
     assert_eq!(in_memory(&namespace), Vec::<String>::new());
     let files = std::fs::read_dir(std::env::temp_dir()).expect("it can be listed").flatten();
     assert!(!files.into_iter().any(|entry| entry.file_name().to_string_lossy().starts_with(&namespace)));
 
-    let too_short = launcher().args(["measure", "replay", "--seconds", "0.1s"]).output().expect("the launcher starts");
+    let too_short = launcher().args(["measure", "stress", "--seconds", "0.1s"]).output().expect("the launcher starts");
     assert_eq!(too_short.status.code(), Some(2), "{}", String::from_utf8_lossy(&too_short.stderr));
 }

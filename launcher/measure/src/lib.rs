@@ -5,9 +5,8 @@
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by law, path and solver |
 //! | [`navigation`] | `measure navigation`: how long the navigation unit takes, and a tick of the plant |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
-//! | [`kills`] | `measure kills`: a thousand kills of any process at any moment |
+//! | [`stress`] | `measure stress`: kills of any process at any moment, swaps, faults and load, and the replay of each flight |
 //! | [`shipped`] | a shipped campaign, which `faults` flies |
-//! | [`replay`] | `measure replay`: flights in real time, flown again bit for bit |
 //! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and the rule by which one counts as failed |
 //! | [`findings`] | targets and results |
@@ -20,11 +19,10 @@ pub mod faults;
 pub mod findings;
 pub mod flights;
 pub mod killer;
-pub mod kills;
 pub mod mpc;
 pub mod navigation;
-pub mod replay;
 pub mod shipped;
+pub mod stress;
 pub mod timing;
 
 use clap::Subcommand;
@@ -37,10 +35,8 @@ pub enum Measure {
     Navigation(navigation::NavigationArgs),
     /// Fly with every fault of the catalogue, and kill, stop and delay processes in real time
     Faults(faults::FaultsArgs),
-    /// Kill any process of short flights at any moment, again and again
-    Kills(kills::KillsArgs),
-    /// Fly in real time, undisturbed and disturbed, and fly each flight again from its log
-    Replay(replay::ReplayArgs),
+    /// Kill, swap and disturb processes of flights in real time, and fly each flight again from its log
+    Stress(stress::StressArgs),
     /// Time the stack against cyclictest, raw rings, load and rates
     Timing(timing::TimingArgs),
     /// One process of a ring that `timing` compares with; `timing` starts these itself
@@ -55,8 +51,7 @@ impl Measure {
             Self::Mpc(args) => mpc::measure(args),
             Self::Navigation(args) => navigation::measure(args),
             Self::Faults(args) => faults::measure(args),
-            Self::Kills(args) => kills::measure(args),
-            Self::Replay(args) => replay::measure(args),
+            Self::Stress(args) => stress::measure(args),
             Self::Timing(args) => timing::measure(args),
             Self::RingPeer(args) => timing::ring_peer::run(args),
         }

@@ -3,11 +3,9 @@
 //! The vehicle hovers for 20 s, in process. The work of a call is the same in every round, so its time is the median
 //! over the rounds. The calls follow each other without a pause: caches are warm, unlike in a flight at 100 Hz.
 //!
-//! With `--seeds` it flies ten minutes of hover in gusts with each, and says whether the filter errs as it says; with
-//! `--faults` every fault of the sensors.
+//! With `--seeds` it flies ten minutes of hover in gusts with each, and says whether the filter errs as it says.
 
 mod consistency;
-mod sensor_faults;
 
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -45,9 +43,6 @@ pub struct NavigationArgs {
     /// Seeds of hovers of ten minutes over which the errors of the filter are compared with what it says of them
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=10_000))]
     pub seeds: u64,
-    /// Fly every fault of the sensors too, in worlds that are turned
-    #[arg(long)]
-    pub faults: bool,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -101,17 +96,9 @@ pub fn measure(args: &NavigationArgs) -> anyhow::Result<u8> {
     });
     let mut targets: Vec<Target> = targets.collect();
     let checked = consistency::measure(args.seeds, &mut targets)?;
-    let faults = if args.faults { sensor_faults::measure(&mut targets)? } else { vec![] };
-    let mut tables = table + &consistency::table(&checked);
-    if args.faults {
-        tables += &sensor_faults::table(&faults);
-    }
-    let found = Findings::new(
-        json!({ "rounds": args.rounds, "rows": rows, "seeds": args.seeds, "consistency": checked, "faults": faults }),
-        targets,
-        false,
-    )?;
-    found.conclude(args.out.as_deref(), "navigation.json", args.json, &tables)
+    let results = json!({ "rounds": args.rounds, "rows": rows, "seeds": args.seeds, "consistency": checked });
+    let tables = table + &consistency::table(&checked);
+    Findings::new(results, targets, false)?.conclude(args.out.as_deref(), "navigation.json", args.json, &tables)
 }
 
 impl Row {

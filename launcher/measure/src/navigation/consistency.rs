@@ -32,7 +32,7 @@ const WITHIN: f64 = 4.0;
 const MOST_RESETS: f64 = 1.0;
 
 /// Gusts of scenarios/dryden.toml.
-pub const HOVER: &str = r#"
+const HOVER: &str = r#"
 run.mode = "inprocess"
 run.duration_s = 600.0
 mission.trajectory = "hover"

@@ -13,7 +13,7 @@
 //! After every flight no shared memory and no process is left.
 
 use super::logged::Kill;
-use super::one_flight::{DURATION_S, KillFlight};
+use super::one_flight::{DURATION_S, StressFlight};
 use super::plan::Victim;
 
 /// Largest distance from the trajectory in a flight that continues \[m\].
@@ -27,7 +27,7 @@ pub const GONE_MS: f64 = 1_000.0;
 const BACK_NS: u64 = 1_000_000_000;
 
 /// Returns the first rule that the flight broke; `None` if it broke none.
-pub fn complaint(flight: &KillFlight) -> Option<String> {
+pub fn complaint(flight: &StressFlight) -> Option<String> {
     if !flight.left.is_empty() {
         return Some(format!("left {}", flight.left.join(", ")));
     }
@@ -42,14 +42,14 @@ pub fn complaint(flight: &KillFlight) -> Option<String> {
     }
 }
 
-fn without_launcher(flight: &KillFlight) -> Option<String> {
+fn without_launcher(flight: &StressFlight) -> Option<String> {
     if flight.gone_ms.is_none_or(|gone_ms| gone_ms > GONE_MS) {
         return Some("processes outlived their launcher by a second".into());
     }
     (flight.next_code != Some(0)).then(|| format!("the next flight: exit {:?}", flight.next_code))
 }
 
-fn after_exit_0(flight: &KillFlight) -> Option<String> {
+fn after_exit_0(flight: &StressFlight) -> Option<String> {
     if flight.diverged {
         return Some("diverged".into());
     }
@@ -65,7 +65,7 @@ fn after_exit_0(flight: &KillFlight) -> Option<String> {
     missing_in_log(flight)
 }
 
-fn missing_in_log(flight: &KillFlight) -> Option<String> {
+fn missing_in_log(flight: &StressFlight) -> Option<String> {
     if let Some(defect) = &flight.log_defect {
         return Some(format!("the log cannot be read to its end: {defect}"));
     }
@@ -75,7 +75,7 @@ fn missing_in_log(flight: &KillFlight) -> Option<String> {
     (flight.holes > 0).then(|| format!("{} holes in the log", flight.holes))
 }
 
-fn after_exit_3(flight: &KillFlight) -> Option<String> {
+fn after_exit_3(flight: &StressFlight) -> Option<String> {
     let named = flight.kills.iter().any(|kill| flight.said.contains(&kill.victim.name()));
     let ended = flight.kills.iter().any(|kill| !kill.victim.is_replaced());
     let in_flight = flight.flown_s.is_some() && !is_complete(flight);
@@ -83,12 +83,12 @@ fn after_exit_3(flight: &KillFlight) -> Option<String> {
     (!fine).then(|| format!("exit 3: {}", flight.said.trim()))
 }
 
-fn is_complete(flight: &KillFlight) -> bool {
+fn is_complete(flight: &StressFlight) -> bool {
     flight.flown_s.is_some_and(|flown_s| flown_s > DURATION_S - 0.05)
 }
 
 /// Returns whether a kill, the last of its node, has no successor although there was time.
-fn is_missed(flight: &KillFlight, kill: &Kill) -> bool {
+fn is_missed(flight: &StressFlight, kill: &Kill) -> bool {
     let again = flight.kills.iter().any(|other| other.victim == kill.victim && other.epoch > kill.epoch);
     let in_time = kill.successor_ms.is_some_and(|ms| ms < BACK_NS as f64 / 1e6);
     kill.victim.is_replaced() && !again && !in_time && !kill.unseen && flight.end_ns > kill.at_ns + BACK_NS
@@ -97,28 +97,28 @@ fn is_missed(flight: &KillFlight, kill: &Kill) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kills::plan::Moment;
+    use crate::stress::plan::Moment;
 
     fn kill(victim: Victim, successor_ms: Option<f64>) -> Kill {
         Kill { successor_ms, ..Kill::new(victim, 1, Moment::Flying, 1_000_000_000) }
     }
 
-    fn flown(victim: Victim) -> KillFlight {
-        KillFlight {
+    fn flown(victim: Victim) -> StressFlight {
+        StressFlight {
             kills: vec![kill(victim, victim.is_replaced().then_some(30.0))],
             code: Some(0),
             flown_s: Some(DURATION_S),
             position_error_m: Some(0.1),
             end_ns: 4_000_000_000,
-            ..KillFlight::default()
+            ..StressFlight::default()
         }
     }
 
-    fn ended(victim: Victim, said: &str) -> KillFlight {
-        KillFlight { code: Some(3), flown_s: Some(1.0), said: said.into(), ..flown(victim) }
+    fn ended(victim: Victim, said: &str) -> StressFlight {
+        StressFlight { code: Some(3), flown_s: Some(1.0), said: said.into(), ..flown(victim) }
     }
 
-    fn check(row: &KillFlight, expected: Option<&str>) {
+    fn check(row: &StressFlight, expected: Option<&str>) {
         let found = complaint(row);
         let fits = match (&found, expected) {
             (Some(found), Some(part)) => found.contains(part),
@@ -131,52 +131,52 @@ mod tests {
     fn a_flight_goes_on_without_a_node() {
         let row = flown(Victim::Mixer);
         check(&row, None);
-        check(&KillFlight { diverged: true, ..row.clone() }, Some("diverged"));
-        check(&KillFlight { position_error_m: Some(0.35), ..row.clone() }, Some("0.35 m"));
-        check(&KillFlight { kills: vec![kill(Victim::Mixer, None)], ..row.clone() }, Some("mixer did not come back"));
-        check(&KillFlight { kills: vec![kill(Victim::Mixer, None)], end_ns: 1_900_000_000, ..row.clone() }, None);
-        check(&KillFlight { code: Some(2), ..row.clone() }, Some("exit 2"));
-        check(&KillFlight { code: None, ..row.clone() }, Some("did not end"));
-        check(&KillFlight { left: vec!["mixer".into()], ..row }, Some("left mixer"));
+        check(&StressFlight { diverged: true, ..row.clone() }, Some("diverged"));
+        check(&StressFlight { position_error_m: Some(0.35), ..row.clone() }, Some("0.35 m"));
+        check(&StressFlight { kills: vec![kill(Victim::Mixer, None)], ..row.clone() }, Some("mixer did not come back"));
+        check(&StressFlight { kills: vec![kill(Victim::Mixer, None)], end_ns: 1_900_000_000, ..row.clone() }, None);
+        check(&StressFlight { code: Some(2), ..row.clone() }, Some("exit 2"));
+        check(&StressFlight { code: None, ..row.clone() }, Some("did not end"));
+        check(&StressFlight { left: vec!["mixer".into()], ..row }, Some("left mixer"));
     }
 
     #[test]
     fn a_recorder_is_replaced_and_costs_the_log_nothing() {
         let row = flown(Victim::Recorder);
         check(&row, None);
-        check(&KillFlight { dropped: 1, ..row.clone() }, Some("1 messages are missing"));
+        check(&StressFlight { dropped: 1, ..row.clone() }, Some("1 messages are missing"));
         check(
-            &KillFlight { kills: vec![kill(Victim::Recorder, None)], ..row.clone() },
+            &StressFlight { kills: vec![kill(Victim::Recorder, None)], ..row.clone() },
             Some("recorder did not come back"),
         );
-        check(&KillFlight { holes: 1, ..row.clone() }, Some("1 holes"));
-        check(&KillFlight { log_defect: Some("torn".into()), ..row.clone() }, Some("torn"));
-        check(&KillFlight { code: Some(3), given_up: vec!["recorder".into()], ..row }, None);
+        check(&StressFlight { holes: 1, ..row.clone() }, Some("1 holes"));
+        check(&StressFlight { log_defect: Some("torn".into()), ..row.clone() }, Some("torn"));
+        check(&StressFlight { code: Some(3), given_up: vec!["recorder".into()], ..row }, None);
     }
 
     #[test]
     fn a_victim_without_replacement_ends_the_flight_and_is_named() {
         check(&ended(Victim::Plant, "error: lost plant"), None);
         check(&ended(Victim::Plant, "error: lost"), Some("exit 3"));
-        check(&KillFlight { flown_s: Some(1.0), ..flown(Victim::Plant) }, Some("exit 0 without"));
+        check(&StressFlight { flown_s: Some(1.0), ..flown(Victim::Plant) }, Some("exit 0 without"));
     }
 
     #[test]
     fn exit_3_needs_a_node_given_up_or_killed_outside_the_flight() {
         let row = ended(Victim::Mixer, "error: lost mixer");
         check(&row, Some("exit 3"));
-        check(&KillFlight { given_up: vec!["mixer".into()], ..row.clone() }, None);
-        check(&KillFlight { given_up: vec!["mixer".into()], diverged: true, ..row.clone() }, Some("exit 3"));
-        check(&KillFlight { flown_s: None, ..row.clone() }, None);
-        check(&KillFlight { flown_s: Some(DURATION_S), ..row }, None);
+        check(&StressFlight { given_up: vec!["mixer".into()], ..row.clone() }, None);
+        check(&StressFlight { given_up: vec!["mixer".into()], diverged: true, ..row.clone() }, Some("exit 3"));
+        check(&StressFlight { flown_s: None, ..row.clone() }, None);
+        check(&StressFlight { flown_s: Some(DURATION_S), ..row }, None);
     }
 
     #[test]
     fn a_dead_launcher_leaves_no_process_and_the_next_flight_flies() {
-        let row = KillFlight { code: None, gone_ms: Some(5.0), next_code: Some(0), ..flown(Victim::Launcher) };
+        let row = StressFlight { code: None, gone_ms: Some(5.0), next_code: Some(0), ..flown(Victim::Launcher) };
         check(&row, None);
-        check(&KillFlight { gone_ms: Some(1_001.0), ..row.clone() }, Some("outlived"));
-        check(&KillFlight { gone_ms: None, ..row.clone() }, Some("outlived"));
-        check(&KillFlight { next_code: Some(3), ..row }, Some("next flight"));
+        check(&StressFlight { gone_ms: Some(1_001.0), ..row.clone() }, Some("outlived"));
+        check(&StressFlight { gone_ms: None, ..row.clone() }, Some("outlived"));
+        check(&StressFlight { next_code: Some(3), ..row }, Some("next flight"));
     }
 }

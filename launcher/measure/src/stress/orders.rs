@@ -1,4 +1,4 @@
-//! Plan of the flights, and of the faults, kills and swaps given in flight.
+//! Kinds of flights, and the faults, kills and swaps given to the long ones.
 //!
 //! | number, of 20 | kind |
 //! |---|---|
@@ -6,6 +6,8 @@
 //! | 5 | disturbed in flight by commands: two processes killed, one swapped, three faults given |
 //! | 3 | under `stress-ng --cpu 4` at `SCHED_OTHER` |
 //! | 2 | undisturbed, at 500 Hz |
+//!
+//! Short flights are `Killed`.
 
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Policy, Swap, SwapNode};
@@ -14,30 +16,36 @@ use serde::Serialize;
 use crate::timing::timed_flights::realtime;
 
 /// Conditions of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
+    #[default]
+    Killed,
     Alone,
     Disturbed,
     Loaded,
     Fast,
 }
-use Kind::{Alone, Disturbed, Fast, Loaded};
+use Kind::{Alone, Disturbed, Fast, Killed, Loaded};
 
-/// Kinds of twenty flights, mixed so that a short series already has several kinds.
+/// Kinds of twenty long flights, mixed so that a short series already has several kinds.
 const KINDS: [Kind; 20] = [
     Disturbed, Fast, Alone, Loaded, Alone, Alone, Disturbed, Alone, Alone, Loaded, Disturbed, Alone, Alone, Fast,
     Alone, Disturbed, Loaded, Alone, Disturbed, Alone,
 ];
 
 impl Kind {
-    /// Returns the kind of flight `number`, counted from 0.
-    pub fn of(number: usize) -> Self {
-        KINDS[number % KINDS.len()]
+    /// All kinds, in the order of the table.
+    pub const ALL: [Self; 5] = [Killed, Alone, Disturbed, Loaded, Fast];
+
+    /// Returns the kind of long flight `number`, counted from 0.
+    pub fn of(number: u64) -> Self {
+        KINDS[number as usize % KINDS.len()]
     }
 
     pub fn words(self) -> &'static str {
         match self {
+            Killed => "100 Hz, any process killed",
             Alone => "100 Hz",
             Disturbed => "100 Hz, kills, a swap, live faults",
             Loaded => "100 Hz, SCHED_OTHER, stress-ng",
@@ -62,10 +70,10 @@ pub enum Order {
 
 /// Returns the orders for disturbed flight `number` of `duration_s`, with their times as shares of the flight. The
 /// nodes differ from flight to flight.
-pub fn orders(number: usize, duration_s: f64) -> [(f64, Order); 6] {
+pub fn orders(number: u64, duration_s: f64) -> [(f64, Order); 6] {
     const NODES: [(&str, SwapNode); 3] =
         [("attitude-mpc", SwapNode::AttitudeMpc), ("guidance", SwapNode::Guidance), ("mixer", SwapNode::Mixer)];
-    let node = |i: usize| NODES[(number + i) % NODES.len()];
+    let node = |i: usize| NODES[(number as usize + i) % NODES.len()];
     let short_s = 0.05 * duration_s;
     let swap = Swap { standby_s: short_s, watch_s: short_s, ..Swap::new(node(1).1, 0.0) };
     let inject = |target, kind| Order::Inject(Box::new(Fault::new(target, kind, 0.0, Some(short_s))));

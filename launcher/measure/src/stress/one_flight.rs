@@ -1,0 +1,268 @@
+//! One `trefoil fly` through kills, swaps, live faults or load, flown again from its log.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use contract::exit;
+use contract::message::State;
+use contract::scenario::to_toml;
+use flight::control::{Request, ask};
+use flight::event::What;
+use flight::files::write_whole;
+use flight::log;
+use flight::replay::Plan;
+use flight::stack::StartError;
+use outcome::recorded::Recorded;
+use outcome::replay_verdict::replay_and_judge;
+use outcome::run_record::RunRecord;
+use runtime::domain::Domain;
+use rustix::process::Signal;
+use serde::Serialize;
+
+use super::logged::{Kill, holes, sent_ns};
+use super::orders::{Kind, Order, orders};
+use super::plan::{Moment, PlannedKill, Victim};
+use crate::flights::namespace;
+use crate::killer::{Launcher, Process, left, said};
+use crate::timing::machine::Stress;
+
+/// Duration of a short flight \[s\].
+pub const DURATION_S: f64 = 3.0;
+/// Duration of the flight after a launcher that was killed \[s\].
+const NEXT_S: f64 = 0.3;
+/// Interval between two samples of a short flight \[s\].
+const SAMPLE_S: f64 = 0.01;
+/// Longest time for start, report and end of a flight on a loaded machine.
+const AROUND: Duration = Duration::from_secs(60);
+
+/// Flight, and what became of it.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct StressFlight {
+    /// Number among the flights of its length; with the seed it determines the kills, with the duration the orders.
+    pub flight: u64,
+    pub kind: Kind,
+    /// Kills that reached a process of a short flight, in order.
+    pub kills: Vec<Kill>,
+    /// Exit code of the launcher; `None` if it was killed.
+    pub code: Option<i32>,
+    /// Standard error of the launcher.
+    pub said: String,
+    /// Simulated time \[s\]; `None` if there is no run.json.
+    pub flown_s: Option<f64>,
+    pub diverged: bool,
+    /// Largest distance from the trajectory \[m\].
+    pub position_error_m: Option<f64>,
+    /// Nodes given up because they died too often.
+    pub given_up: Vec<String>,
+    #[serde(skip)]
+    pub end_ns: u64,
+    /// Reason why the log cannot be read to its end.
+    pub log_defect: Option<String>,
+    /// Number of messages that are missing from the log, as run.json counts them.
+    pub dropped: u64,
+    /// Number of spans in which the log lacks states.
+    pub holes: usize,
+    /// Launcher killed: time until its last process was gone \[ms\].
+    pub gone_ms: Option<f64>,
+    /// Launcher killed: exit code of the next flight.
+    pub next_code: Option<i32>,
+    /// Shared memory and processes left in the end.
+    pub left: Vec<String>,
+    /// The flight, flown again; `None` for a short one that did not fly to its end.
+    pub again: Option<Again>,
+}
+
+/// What the log of a flight has, and the result of its replay.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Again {
+    pub flown_s: f64,
+    pub messages: u64,
+    /// Deadlines missed by all nodes.
+    pub misses: u64,
+    /// Number of faults given in flight.
+    pub faults: usize,
+    /// Number of processes that died or hung.
+    pub deaths: usize,
+    /// Number of swaps whose candidate was kept.
+    pub swaps: usize,
+    /// Wall time to read the log, and to replay it \[s\].
+    pub read_s: f64,
+    pub replay_s: f64,
+    /// State hash that the flight recorded.
+    pub state_hash: Option<String>,
+    /// Difference between flight and replay; `None` if they are equal.
+    pub differs: Option<String>,
+}
+
+impl StressFlight {
+    /// Flies short flight `number` with the kills of its `plan`.
+    pub fn short(number: u64, plan: &[PlannedKill], namespace: &str) -> anyhow::Result<Self> {
+        let folder = tempfile::Builder::new().prefix(namespace).tempdir()?;
+        let mut launcher = start(Kind::Killed, DURATION_S, namespace, folder.path())?;
+        let kills = kill_all(&mut launcher, plan);
+        let mut row = Self { flight: number, ..Self::default() };
+        match kills.last() {
+            Some(kill) if kill.victim == Victim::Launcher => {
+                row.gone_ms = launcher.until_gone(kill.at_ns)?;
+                row.next_code = start(Kind::Killed, NEXT_S, namespace, &folder.path().join("next"))?.end();
+            }
+            _ => row.code = launcher.end(),
+        }
+        row.left = left(namespace);
+        row.said = said(folder.path());
+        row.read(&folder.path().join("run"), kills);
+        if row.code == Some(exit::FLOWN.into()) && row.log_defect.is_none() {
+            row.fly_again(folder)?;
+        }
+        Ok(row)
+    }
+
+    /// Flies long flight `number`; `None` if a program that its kind needs is not installed.
+    pub fn long(number: u64, duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<Option<Self>> {
+        let kind = Kind::of(number);
+        let namespace = namespace();
+        let folder = tempfile::Builder::new().prefix(&namespace).tempdir()?;
+        let load = (kind == Kind::Loaded).then(|| Stress::start(duration_s + AROUND.as_secs_f64()));
+        if let Some(None) = load {
+            return Ok(None);
+        }
+        let mut launcher = start(kind, duration_s, &namespace, folder.path())?;
+        while launcher.wait_for_flight().is_none() && !launcher.has_ended() {} // under load it takes seconds to start
+        if kind == Kind::Disturbed {
+            disturb(number, duration_s, &namespace);
+        }
+        let code = launcher.end_within(Duration::from_secs_f64(duration_s) + AROUND);
+        drop(load);
+        if interrupts.load(Ordering::Relaxed) > 0 {
+            bail!(StartError::Interrupted);
+        }
+        let code = Some(code.context("a flight did not end, and was killed")?);
+        let mut row = Self { flight: number, kind, code, said: said(folder.path()), ..Self::default() };
+        row.read(&folder.path().join("run"), vec![]);
+        row.fly_again(folder)
+            .with_context(|| format!("flight {number} left nothing to replay: {}", row.said.trim()))?;
+        Ok(Some(row))
+    }
+
+    /// Reads run.json and the log; a flight that did not begin has neither.
+    fn read(&mut self, run: &Path, kills: Vec<Kill>) {
+        let record = RunRecord::read(&run.join("run.json")).ok().flatten();
+        self.flown_s = record.as_ref().map(|record| record.flown_s);
+        self.diverged = record.as_ref().is_some_and(|record| record.diverged);
+        self.position_error_m = record.as_ref().map(|record| record.metrics.max_position_error_m);
+        self.dropped = record.as_ref().and_then(|record| record.log.as_ref()).map_or(0, |log| log.dropped);
+        let log = log::read(&run.join("flight.mcap"));
+        self.log_defect = log.as_ref().map_or_else(|error| Some(format!("{error:#}")), |log| log.defect.clone());
+        let log = log.unwrap_or_default();
+        let given_up = log.events.iter().filter(|event| event.what == What::GivenUp);
+        self.given_up = given_up.map(|event| event.node.to_string()).collect();
+        let unrecorded_s =
+            |state: &State| self.flown_s.map_or(0.0, |flown_s| flown_s - state.stamp.tick as f64 * SAMPLE_S);
+        let end_ns = |state: &State| sent_ns(state) + (unrecorded_s(state) * 1e9).round() as u64;
+        self.end_ns = log.states.last().map_or(0, end_ns);
+        let holes = holes(&log, self.end_ns);
+        self.holes = holes.len();
+        self.kills = kills.into_iter().map(|kill| kill.completed(&log, &holes)).collect();
+    }
+
+    /// Flies the run in `folder` again. The folder of a flight whose replay differs is kept and named.
+    fn fly_again(&mut self, folder: tempfile::TempDir) -> anyhow::Result<()> {
+        let mut again = Again::of(&folder.path().join("run"))?;
+        if let Some(differs) = &mut again.differs {
+            *differs = format!("{differs} (kept in {})", folder.keep().display());
+        }
+        self.again = Some(again);
+        Ok(())
+    }
+}
+
+impl Again {
+    fn of(run: &Path) -> anyhow::Result<Self> {
+        let started = Instant::now();
+        let recorded = Recorded::read(run)?;
+        let read_s = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let recording = recorded.recording()?;
+        let (mut flown_s, mut messages, mut replay_s) = (0.0, 0, 0.0);
+        let verdict = replay_and_judge(&recorded, &recording, &Plan::default(), |replayed, summary| {
+            (flown_s, messages, replay_s) = (summary.time_s(), replayed.compared(), started.elapsed().as_secs_f64());
+        })?;
+        let count = |of: &[What]| recorded.log.events.iter().filter(|event| of.contains(&event.what)).count();
+        let nodes = recorded.run.timing.iter().flat_map(|timing| timing.nodes.values());
+        Ok(Self {
+            flown_s,
+            messages,
+            misses: nodes.map(|node| node.counts.misses).sum(),
+            faults: count(&[What::Injected]),
+            deaths: count(&[What::Died, What::Hung]),
+            swaps: count(&[What::Kept]),
+            read_s,
+            replay_s,
+            state_hash: recorded.run.state_hash.clone(),
+            differs: (verdict.exit_code != exit::FLOWN).then(|| verdict.text.trim_end().replace('\n', "; ")),
+        })
+    }
+}
+
+fn start(kind: Kind, duration_s: f64, namespace: &str, folder: &Path) -> anyhow::Result<Launcher> {
+    std::fs::create_dir_all(folder)?;
+    let file = folder.join("scenario.toml");
+    write_whole(&file, to_toml(&kind.scenario(duration_s)).as_bytes())?;
+    Launcher::start(namespace, folder, &[&file.display().to_string()])
+}
+
+/// Gives a disturbed flight its orders. A flight that is ending refuses them; the log shows which took effect.
+fn disturb(number: u64, duration_s: f64, namespace: &str) {
+    let started = Instant::now();
+    for (share, order) in orders(number, duration_s) {
+        let at = Duration::from_secs_f64(share * duration_s);
+        std::thread::sleep(at.saturating_sub(started.elapsed()));
+        let request = match order {
+            Order::Kill(node) => {
+                let _ = Process::newest(namespace, node).and_then(|process| process.signal(namespace, Signal::KILL));
+                continue;
+            }
+            Order::Swap(swap) => Request::Swap(*swap),
+            Order::Inject(fault) => Request::Inject { fault: *fault },
+        };
+        if let Ok(domain) = Domain::find(namespace) {
+            let _ = ask(&domain, &request);
+        }
+    }
+}
+
+/// Kills as planned until the flight ends, by itself or by the kill of a process without replacement.
+fn kill_all(launcher: &mut Launcher, plan: &[PlannedKill]) -> Vec<Kill> {
+    let mut kills: Vec<Kill> = vec![];
+    for planned in plan {
+        let last = kills.iter().rev().find(|kill| kill.victim == planned.victim).copied();
+        kills.extend(kill(launcher, *planned, last));
+        if launcher.has_ended() || kills.last().is_some_and(|kill| !kill.victim.is_replaced()) {
+            break;
+        }
+    }
+    kills
+}
+
+/// Kills the victim at its moment; `None` if it is not there. `last` is the last kill of the same node.
+fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Option<Kill> {
+    let PlannedKill { victim, moment, after } = planned;
+    let newest = |namespace: &str| Process::newest(namespace, &victim.name());
+    let wait = match (moment, last) {
+        (Moment::Starting, _) => after.saturating_sub(launcher.started.elapsed()),
+        (Moment::Candidate, Some(last)) => {
+            launcher.wait_for(|namespace| newest(namespace).filter(|process| process.epoch > last.epoch))?;
+            after
+        }
+        _ => {
+            launcher.wait_for_flight()?;
+            after
+        }
+    };
+    std::thread::sleep(wait);
+    let process = launcher.wait_for(newest)?;
+    let at_ns = process.signal(&launcher.namespace, Signal::KILL)?;
+    Some(Kill::new(victim, process.epoch, moment, at_ns))
+}
