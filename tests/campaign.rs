@@ -396,6 +396,24 @@ fn the_shipped_campaigns_can_be_flown() {
     assert!(flown >= 3);
 }
 
+#[test]
+fn the_vehicle_lands_without_a_controller_and_falls_without_a_mixer_or_a_rotor() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("out");
+    let output = launcher().args(["campaign", "brought-down", "--out"]).arg(&out).output().expect("the launcher runs");
+    check(&output, 0, &[]);
+    let table = fs::read(out.join("flights.parquet")).expect("flights.parquet");
+    let (table, _) = campaign::table::Table::from_parquet(table, 6).expect("the table");
+    let column = |name: &str| table.column(name).expect("a column");
+    for row in 0..table.rows() {
+        let (case, cause) = (column("case").text(row), column("cause").text(row));
+        let sink_mps = column("touchdown_sink_mps").number(row).expect("every flight touches down");
+        let must_land = ["guidance kill", "attitude-mpc kill"].contains(&case);
+        assert_eq!(cause, if must_land { "" } else { "crashed" }, "{case}");
+        assert!(if must_land { sink_mps < 1.0 } else { sink_mps > 10.0 }, "{case}: {sink_mps}");
+    }
+}
+
 /// Commands that act as Slurm's, in a folder for PATH: `sbatch` runs the tasks of an array at once, but loses the first
 /// one that it ever has.
 fn fake_slurm(folder: &Path) {

@@ -348,8 +348,7 @@ fn the_results_have_the_figures_of_the_page_on_faults() {
         .map(|name| std::fs::read_to_string(top().join(name)).expect("a readable page"));
     let known: Vec<&str> = numbers(&page).collect();
     let mut rows = 0;
-    for row in results.lines().filter(|row| row.contains("| `measure faults` |") || row.contains("9 of any process"))
-    {
+    for row in results.lines().filter(|row| row.contains("| `measure faults` |") || row.contains("9 of any process")) {
         let unknown: Vec<&str> = numbers(row).filter(|number| !known.contains(number)).collect();
         assert!(unknown.is_empty(), "{unknown:?} not in docs/faults.md: {row}");
         rows += 1;

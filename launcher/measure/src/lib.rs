@@ -6,7 +6,6 @@
 //! | [`navigation`] | `measure navigation`: how long the navigation unit takes, and a tick of the plant |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
 //! | [`stress`] | `measure stress`: kills of any process at any moment, swaps, faults and load, and the replay of each flight |
-//! | [`shipped`] | a shipped campaign, which `faults` flies |
 //! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and the rule by which one counts as failed |
 //! | [`findings`] | targets and results |
@@ -21,7 +20,6 @@ pub mod flights;
 pub mod killer;
 pub mod mpc;
 pub mod navigation;
-pub mod shipped;
 pub mod stress;
 pub mod timing;
 

@@ -28,7 +28,7 @@ use contract::Scenario;
 use contract::scenario::Mode;
 use flight::interrupts::catch_interrupts;
 use outcome::percentiles::median;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use self::case::{Case, Promise, hover_in_gusts, hover_of_the_paper};
 use self::handling::{FaultHandling, Handling};
@@ -36,7 +36,6 @@ use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TI
 use self::relay::Relay;
 use self::strike::{Strike, Strikes};
 use crate::findings::Findings;
-use crate::shipped::{self, Flown};
 use outcome::target::Target;
 use view::table::{Table, cell};
 
@@ -70,9 +69,6 @@ pub struct FaultResults {
     pub own: Vec<OwnRows>,
     /// Process faults in lockstep and in real time.
     pub handling: Vec<FaultHandling>,
-    /// Flights over ground that cannot continue.
-    #[serde(serialize_with = "rows")]
-    pub brought_down: Flown,
     pub relays: Vec<Relay>,
     pub strikes: Strikes,
 }
@@ -115,7 +111,6 @@ impl FaultResults {
             paper,
             quiet: quiet.collect::<Result<_, _>>()?,
             handling,
-            brought_down: shipped::fly("brought-down")?,
             relays: Relay::fly_all(if quick { 1 } else { relay::ROUNDS }, interrupts)?,
             strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
         })
@@ -135,9 +130,7 @@ fn text(results: &FaultResults) -> String {
         text += &matrix(&format!("{controller}, in gusts: the same"), rows).text();
         text += &promises_of(controller, rows);
     }
-    text += &handling(&results.handling).text();
-    text.push('\n');
-    text + &brought_down(&results.brought_down).text()
+    text + &handling(&results.handling).text()
 }
 
 /// States how many of the promises that hold for our controller a controller of the user keeps.
@@ -194,24 +187,6 @@ fn outcome(row: &FaultFlight) -> String {
     }
 }
 
-fn rows<S: Serializer>(flown: &Flown, serializer: S) -> Result<S::Ok, S::Error> {
-    flown.flights.to_json().serialize(serializer)
-}
-
-fn brought_down(flown: &Flown) -> Table {
-    let cells = |row| {
-        let number = |column, digits| cell(Some(flown.number(row, column)), digits);
-        let [case, verdict, cause] = ["case", "verdict", "cause"].map(|column| flown.text(row, column).to_owned());
-        let touchdown = [("touchdown_s", 2), ("touchdown_tilt_deg", 1), ("touchdown_sink_mps", 2)];
-        [case, verdict, cause].into_iter().chain(touchdown.map(|(column, digits)| number(column, digits))).collect()
-    };
-    Table::new(
-        "Over ground, a fault at 20 s that stays: time of touchdown [s], tilt then [deg], sink rate just before [m/s]",
-        &["fault", "verdict", "cause", "touchdown", "tilt", "sink rate"],
-        (0..flown.flights.rows()).map(cells).collect(),
-    )
-}
-
 fn handling(rows: &[FaultHandling]) -> Table {
     let both = |row: &FaultHandling, of: fn(&Handling) -> Option<f64>| [of(&row.lockstep), of(&row.realtime)];
     let cells = |row: &FaultHandling| {
@@ -241,7 +216,6 @@ fn targets(results: &FaultResults) -> Vec<Target> {
     let other: Vec<&str> = other.map(|row| row.fault.as_str()).collect();
     let figure = format!("of {} process faults: restarts differ in real time", results.handling.len());
     targets.push(Target::none(figure, other.len()).noting(other.join(", ")));
-    targets.extend(results.brought_down.targets());
     targets.extend(results.relays.iter().flat_map(of_a_relay));
     targets.extend(in_real_time(results));
     targets

@@ -1,5 +1,5 @@
-//! `measure stress`: flies in real time through kills, swaps, live faults and load, judges each flight, and flies it again
-//! from its log, bit for bit.
+//! `measure stress`: flies in real time through kills, swaps, live faults and load, judges each flight, and flies it
+//! again from its log, bit for bit.
 //!
 //! | module | holds |
 //! |---|---|
@@ -70,7 +70,7 @@ pub struct StressArgs {
     /// Number of processes to kill in short flights; 0 = none
     #[arg(long, default_value_t = 1000)]
     pub kills: usize,
-    /// Number of long flights: of 20, 5 are disturbed by kills, a swap and live faults, 3 fly under stress-ng, 2 at 500 Hz
+    /// Long flights: of 20, 5 are disturbed by kills, a swap and live faults, 3 fly under stress-ng, 2 at 500 Hz
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(0..=1000))]
     pub replays: u16,
     /// Duration of each long flight

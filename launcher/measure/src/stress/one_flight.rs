@@ -74,7 +74,7 @@ pub struct StressFlight {
     pub again: Option<Again>,
 }
 
-/// What the log of a flight has, and the result of its replay.
+/// Content of the log of a flight, and the result of its replay.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Again {
     pub flown_s: f64,
@@ -157,7 +157,7 @@ impl StressFlight {
         self.log_defect = log.as_ref().map_or_else(|error| Some(format!("{error:#}")), |log| log.defect.clone());
         let log = log.unwrap_or_default();
         let given_up = log.events.iter().filter(|event| event.what == What::GivenUp);
-        self.given_up = given_up.map(|event| event.node.to_string()).collect();
+        self.given_up = given_up.map(|event| event.node.clone()).collect();
         let unrecorded_s =
             |state: &State| self.flown_s.map_or(0.0, |flown_s| flown_s - state.stamp.tick as f64 * SAMPLE_S);
         let end_ns = |state: &State| sent_ns(state) + (unrecorded_s(state) * 1e9).round() as u64;
