@@ -70,7 +70,7 @@ pub struct StressFlight {
     pub next_code: Option<i32>,
     /// Shared memory and processes left in the end.
     pub left: Vec<String>,
-    /// The flight, flown again; `None` for a short one that did not fly to its end.
+    /// The flight, flown again; `None` for a short one that does not end with exit code 0.
     pub again: Option<Again>,
 }
 
@@ -113,8 +113,8 @@ impl StressFlight {
         row.left = left(namespace);
         row.said = said(folder.path());
         row.read(&folder.path().join("run"), kills);
-        if row.code == Some(exit::FLOWN.into()) && row.log_defect.is_none() {
-            row.fly_again(folder)?;
+        if row.code == Some(exit::FLOWN.into()) {
+            row.fly_again(folder);
         }
         Ok(row)
     }
@@ -141,8 +141,7 @@ impl StressFlight {
         let code = Some(code.context("a flight did not end, and was killed")?);
         let mut row = Self { flight: number, kind, code, said: said(folder.path()), ..Self::default() };
         row.read(&folder.path().join("run"), vec![]);
-        row.fly_again(folder)
-            .with_context(|| format!("flight {number} left nothing to replay: {}", row.said.trim()))?;
+        row.fly_again(folder);
         Ok(Some(row))
     }
 
@@ -167,14 +166,14 @@ impl StressFlight {
         self.kills = kills.into_iter().map(|kill| kill.completed(&log, &holes)).collect();
     }
 
-    /// Flies the run in `folder` again. The folder of a flight whose replay differs is kept and named.
-    fn fly_again(&mut self, folder: tempfile::TempDir) -> anyhow::Result<()> {
-        let mut again = Again::of(&folder.path().join("run"))?;
+    /// Flies the run in `folder` again. The folder of a flight whose replay differs, or cannot be, is kept and named.
+    fn fly_again(&mut self, folder: tempfile::TempDir) {
+        let mut again = Again::of(&folder.path().join("run"))
+            .unwrap_or_else(|error| Again { differs: Some(format!("{error:#}")), ..Again::default() });
         if let Some(differs) = &mut again.differs {
             *differs = format!("{differs} (kept in {})", folder.keep().display());
         }
         self.again = Some(again);
-        Ok(())
     }
 }
 
