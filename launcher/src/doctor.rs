@@ -10,6 +10,7 @@ use contract::Scenario;
 use contract::exit;
 use contract::scenario::{Mode, Policy};
 use flight::duration::seconds;
+use flight::event::name;
 use flight::interrupts::catch_interrupts;
 use flight::provenance::{Host, host};
 use flight::stack::StartError;
@@ -138,7 +139,7 @@ fn text(report: &Report) -> String {
     for finding in &report.findings {
         let lines = finding.lines().join(&format!("\n{:COLUMN$}", ""));
         // Writing to a String never fails.
-        let _ = writeln!(text, "{:<8} {:<17} {lines}", finding.level.name(), finding.check);
+        let _ = writeln!(text, "{:<8} {:<17} {lines}", name(finding.level), finding.check);
     }
     let of = |level: Level| report.findings.iter().filter(move |finding| finding.level == level);
     let bad: Vec<&str> = of(Level::Bad).map(|finding| finding.check).collect();

@@ -16,10 +16,10 @@ use rustix::process::{Resource, getrlimit};
 use crate::beside::Beside;
 use crate::mavlink;
 use crate::mission;
+use crate::new::name;
 use crate::progress::Progress;
 use crate::vehicle;
 use crate::web::{self, TokenArgs};
-use flight::event::name;
 use flight::folder::Folder;
 use flight::guarded;
 use flight::hover::Hover;
@@ -39,7 +39,7 @@ use runtime::console::{eprint_line, print};
 use view::report;
 
 /// Arguments of `fly`.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub struct FlyArgs {
     /// Scenario file (TOML), or the name of a shipped scenario; without one: profile robust, trajectory survey, real
     /// time, 60 s
@@ -86,34 +86,10 @@ pub enum ModeArg {
     Inprocess,
 }
 
-impl From<ModeArg> for Mode {
-    fn from(mode: ModeArg) -> Self {
-        match mode {
-            ModeArg::Realtime => Self::Realtime,
-            ModeArg::Lockstep => Self::Lockstep,
-            ModeArg::Inprocess => Self::Inprocess,
-        }
-    }
-}
-
 impl FlyArgs {
     /// Returns the arguments of a flight with its log in the folder `out`.
     pub fn into_folder(out: PathBuf) -> Self {
-        let namespace = "default".to_owned();
-        let (out, token) = (Some(out), TokenArgs::default());
-        Self {
-            scenario: None,
-            mode: None,
-            set: vec![],
-            out,
-            json: false,
-            no_log: false,
-            namespace,
-            mavlink: None,
-            home: None,
-            web: None,
-            token,
-        }
+        Self { out: Some(out), namespace: "default".to_owned(), ..Self::default() }
     }
 }
 
@@ -221,10 +197,7 @@ fn write_report(run: &Path) -> anyhow::Result<()> {
 
 fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
     let mut overrides = args.set.clone();
-    if let Some(mode) = args.mode {
-        let mode = Mode::from(mode);
-        overrides.push(format!("run.mode={}", name(mode)));
-    }
+    overrides.extend(args.mode.map(|mode| format!("run.mode={}", name(&mode))));
     Ok(flight::settings::load(args.scenario.as_deref(), &overrides)?)
 }
 

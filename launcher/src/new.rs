@@ -62,7 +62,7 @@ fn write(path: &Path, text: &str) -> std::io::Result<()> {
 }
 
 /// Name of a value of the command line.
-fn name(value: &impl ValueEnum) -> String {
+pub fn name(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
 

@@ -13,7 +13,6 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use axum::extract::ws::{Message, WebSocket};
 use axum::http::{HeaderMap, header};
@@ -162,7 +161,6 @@ pub async fn serve(mut socket: WebSocket, hub: Arc<Hub>) {
         }
     }
     let mut subscriptions = Subscriptions::default();
-    let listener = Listener::new(hub);
     loop {
         let frames: Vec<Message> = tokio::select! {
             message = messages.recv() => match message {
@@ -171,11 +169,7 @@ pub async fn serve(mut socket: WebSocket, hub: Arc<Hub>) {
                 Err(RecvError::Closed) => break,
             },
             received = socket.recv() => match received {
-                Some(Ok(Message::Text(text))) => {
-                    let answers = subscriptions.take(&text, count, |channel| listener.hub.fixed(channel));
-                    listener.set(!subscriptions.0.is_empty());
-                    answers
-                }
+                Some(Ok(Message::Text(text))) => subscriptions.take(&text, count, |channel| hub.fixed(channel)),
                 Some(Ok(Message::Close(_)) | Err(_)) | None => break,
                 Some(Ok(_)) => continue, // messages of clients are not taken
             },
@@ -185,32 +179,6 @@ pub async fn serve(mut socket: WebSocket, hub: Arc<Hub>) {
                 return;
             }
         }
-    }
-}
-
-/// Counts a client among those for whom messages are encoded, while it has subscriptions.
-struct Listener {
-    hub: Arc<Hub>,
-    counts: std::cell::Cell<bool>,
-}
-
-impl Listener {
-    fn new(hub: Arc<Hub>) -> Self {
-        Self { hub, counts: std::cell::Cell::new(false) }
-    }
-
-    fn set(&self, wants: bool) {
-        match (self.counts.replace(wants), wants) {
-            (false, true) => _ = self.hub.listeners.fetch_add(1, Ordering::Relaxed),
-            (true, false) => _ = self.hub.listeners.fetch_sub(1, Ordering::Relaxed),
-            _ => {}
-        }
-    }
-}
-
-impl Drop for Listener {
-    fn drop(&mut self) {
-        self.set(false);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Frames on their way from the flight to the clients. A client that comes gets the newest frame of each kind first.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use axum::body::Bytes;
@@ -53,8 +53,6 @@ pub struct Hub {
     kept: Mutex<Kept>,
     frames: broadcast::Sender<Utf8Bytes>,
     pub messages: broadcast::Sender<Published>,
-    /// Number of clients that want messages; without any, none is encoded.
-    pub listeners: AtomicUsize,
     /// Number of orders that are being carried out.
     pub orders: AtomicUsize,
 }
@@ -73,7 +71,7 @@ struct Kept {
 impl Hub {
     pub fn new() -> Self {
         let (frames, messages) = (broadcast::Sender::new(QUEUE), broadcast::Sender::new(FOXGLOVE_QUEUE));
-        Self { kept: Mutex::default(), frames, messages, listeners: AtomicUsize::new(0), orders: AtomicUsize::new(0) }
+        Self { kept: Mutex::default(), frames, messages, orders: AtomicUsize::new(0) }
     }
 
     /// Sends a frame to all clients, and keeps it for those that come.
@@ -159,9 +157,9 @@ impl Hub {
         self.frames.receiver_count() > 0
     }
 
-    /// Returns whether any client wants messages of the ring.
+    /// Returns whether there is any client for messages of the ring; without one, none is encoded.
     pub fn has_listeners(&self) -> bool {
-        self.listeners.load(Ordering::Relaxed) > 0
+        self.messages.receiver_count() > 0
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {

@@ -21,11 +21,12 @@ use contract::scenario::{Mode, Scenario};
 use flight::guarded;
 use flight::log::Record;
 use flight::replay::{Disturbed, Recording, Script, without};
+use rayon::prelude::*;
 
 use crate::recorded::Recorded;
 pub use cost::{Cost, FlightCost};
 pub use work::Work;
-use work::{bursts, processors};
+use work::bursts;
 
 /// Costs of the disturbed ticks of a flight.
 #[derive(Debug, Clone)]
@@ -92,7 +93,7 @@ pub fn costs(recorded: &Recorded) -> Costs {
 }
 
 /// Flies `recording` again without any of its disturbed ticks; with `each` also once without every single one and every
-/// burst. `progress` is given the number of a flight that is done, counted from 1, and the number of flights.
+/// burst. `progress` is given the number of flights that are done, and of all.
 ///
 /// # Errors
 /// A flight cannot be flown to its end.
@@ -119,11 +120,14 @@ pub fn explain(
     let all: BTreeSet<u64> = disturbed.iter().map(|one| one.tick).collect();
     let wanted: Vec<&[Disturbed]> =
         if each { disturbed.chunks(1).chain(bursts.iter().copied()).collect() } else { vec![] };
-    let costs = in_parallel(&wanted, progress, |ticks| {
+    let done = AtomicUsize::new(0);
+    let cost = |ticks: &&[Disturbed]| {
         let ticks_undone = ticks.iter().map(|one| one.tick).collect();
         let without = FlightCost::flown(recording, without(recording, script, &ticks_undone))?;
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, wanted.len());
         Ok(Cost::new(ticks, scenario.sample_s(), &flight, &without))
-    })?;
+    };
+    let costs = wanted.par_iter().map(cost).collect::<anyhow::Result<Vec<Cost>>>()?;
     let (mut ticks, mut burst_costs): (Vec<Cost>, Vec<Cost>) =
         costs.into_iter().partition(|cost| cost.ticks.0 == cost.ticks.1);
     for costs in [&mut ticks, &mut burst_costs] {
@@ -156,33 +160,4 @@ pub fn explain(
         ticks,
         bursts: burst_costs,
     })
-}
-
-/// Applies `work` to each item, on all processors; returns the results in the order of the items.
-fn in_parallel<T: Sync, R: Send>(
-    items: &[T],
-    progress: impl Fn(usize, usize) + Sync,
-    work: impl Fn(&T) -> anyhow::Result<R> + Sync,
-) -> anyhow::Result<Vec<R>> {
-    let next = AtomicUsize::new(0);
-    let worker = || {
-        let mut done = vec![];
-        loop {
-            let i = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(i) else { return Ok::<_, anyhow::Error>(done) };
-            done.push((i, work(item)?));
-            progress(i + 1, items.len());
-        }
-    };
-    let threads = processors().min(items.len().max(1));
-    let results = std::thread::scope(|scope| {
-        let started: Vec<_> = (0..threads).map(|_| scope.spawn(worker)).collect();
-        let join = |thread: std::thread::ScopedJoinHandle<'_, _>| {
-            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        started.into_iter().map(join).collect::<anyhow::Result<Vec<_>>>()
-    })?;
-    let mut all: Vec<(usize, R)> = results.into_iter().flatten().collect();
-    all.sort_by_key(|(i, _)| *i);
-    Ok(all.into_iter().map(|(_, result)| result).collect())
 }

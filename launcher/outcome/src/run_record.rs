@@ -79,7 +79,7 @@ pub struct RunRecord {
     pub unobserved: u64,
     /// Faults, of the scenario and given in flight.
     pub faults: Vec<FaultRecord>,
-    /// Events, in order.
+    /// Events, in order; they are on the topic `/events` of flight.mcap and in `trefoil status --json` too.
     pub events: Vec<TimedEvent>,
     /// Messages refused, by node and cause.
     pub refused: Counts,

@@ -38,9 +38,9 @@ pub struct Summary {
     in_air: InAir,
     /// Time of the touchdown \[s\] and what was gathered before it, while the vehicle is landing.
     before_touch: Option<(f64, Box<InAir>)>,
-    touchdown: Touchdown,
-    reach: Reach,
-    on_ground_s: f64,
+    /// Extremes of the true motion and actuators, first touchdown after a flight, and time on the ground, all in the
+    /// metrics of these names; the others are of the flight in the air.
+    whole: Metrics,
     /// STATE and TRUTH, until both of a tick have come.
     joined: Samples,
     /// Answers that came before the sample of their tick, which says whether they count.
@@ -59,41 +59,6 @@ pub struct Summary {
     pub timing: Option<Timing>,
 }
 
-/// First touchdown after a flight: its time \[s\], vertical and horizontal speed one sample before \[m/s\], tilt
-/// \[deg\]; NaN before it.
-#[derive(Debug, Clone, Copy)]
-struct Touchdown {
-    s: f64,
-    sink_mps: f64,
-    drift_mps: f64,
-    tilt_deg: f64,
-}
-
-/// Extremes of the true motion and actuators in all of the flight, in the units of the metrics of these names.
-#[derive(Debug, Clone, Copy, Default)]
-struct Reach {
-    max_rate_radps: f64,
-    rotor_speed_min: f64,
-    rotor_speed_max: f64,
-    tilt_max_deg: f64,
-}
-
-impl Reach {
-    fn observe(&mut self, Truth { actual, actuators, .. }: &Truth) {
-        let largest = |before: f64, of: &[f64]| of.iter().fold(before, |max, value| max.max(value.abs()));
-        self.max_rate_radps = largest(self.max_rate_radps, &actual.rates_radps);
-        self.rotor_speed_max = largest(self.rotor_speed_max, &actuators.rotor_speed);
-        self.rotor_speed_min = actuators.rotor_speed.into_iter().fold(self.rotor_speed_min, f64::min);
-        self.tilt_max_deg = largest(self.tilt_max_deg, &[actuators.tilt_rad.to_degrees()]);
-    }
-}
-
-impl Default for Touchdown {
-    fn default() -> Self {
-        Self { s: f64::NAN, sink_mps: f64::NAN, drift_mps: f64::NAN, tilt_deg: f64::NAN }
-    }
-}
-
 impl Summary {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
@@ -101,9 +66,14 @@ impl Summary {
             sample_s: scenario.sample_s(),
             in_air: InAir::new(scenario),
             before_touch: None,
-            touchdown: Touchdown::default(),
-            reach: Reach { rotor_speed_min: f64::INFINITY, ..Reach::default() },
-            on_ground_s: 0.0,
+            whole: Metrics {
+                rotor_speed_min: f64::INFINITY,
+                touchdown_s: f64::NAN,
+                touchdown_sink_mps: f64::NAN,
+                touchdown_drift_mps: f64::NAN,
+                touchdown_tilt_deg: f64::NAN,
+                ..Metrics::default()
+            },
             joined: Samples::default(),
             early: vec![],
             samples: 0,
@@ -178,7 +148,7 @@ impl Summary {
         let truth = &sample.truth;
         let t = truth.tick as f64 * self.sample_s;
         self.touch(t, sample);
-        self.reach.observe(truth);
+        self.reach(truth);
         self.last = *sample;
         self.samples += 1;
         let status = self.status();
@@ -188,13 +158,13 @@ impl Summary {
                 (PlantStatus::Landing, None) => self.before_touch = Some((t, Box::new(self.in_air.clone()))),
                 (_, Some((since_s, before))) if stands(status) => {
                     self.in_air = *before;
-                    self.on_ground_s += t - since_s;
+                    self.whole.on_ground_s += t - since_s;
                 }
                 _ => {} // it flies again, or ends without having landed: all of it counts
             }
         }
         if stands(status) {
-            self.on_ground_s += self.sample_s;
+            self.whole.on_ground_s += self.sample_s;
         } else {
             let error = position_error_m(self.trajectory.at(t).position_m, truth);
             self.in_air.truth(t, truth, error);
@@ -227,29 +197,37 @@ impl Summary {
     fn touch(&mut self, t: f64, sample: &Sample) {
         let before = &self.last;
         let flew = self.samples > 0 && before.state.status == PlantStatus::Flying as u64;
-        if self.touchdown.s.is_nan() && flew && touches(&sample.state) {
+        if self.whole.touchdown_s.is_nan() && flew && touches(&sample.state) {
             let [north_mps, east_mps, _] = before.truth.actual.velocity_ned_mps();
-            self.touchdown = Touchdown {
-                s: t,
-                sink_mps: before.truth.actual.sink_mps(),
-                drift_mps: libm::hypot(north_mps, east_mps),
-                tilt_deg: sample.truth.actual.tilt_rad().to_degrees(),
-            };
+            self.whole.touchdown_s = t;
+            self.whole.touchdown_sink_mps = before.truth.actual.sink_mps();
+            self.whole.touchdown_drift_mps = libm::hypot(north_mps, east_mps);
+            self.whole.touchdown_tilt_deg = sample.truth.actual.tilt_rad().to_degrees();
         }
     }
 
+    /// Takes the extremes of the true motion and actuators in.
+    fn reach(&mut self, Truth { actual, actuators, .. }: &Truth) {
+        let largest = |before: f64, of: &[f64]| of.iter().fold(before, |max, value| max.max(value.abs()));
+        let whole = &mut self.whole;
+        whole.max_rate_radps = largest(whole.max_rate_radps, &actual.rates_radps);
+        whole.rotor_speed_max = largest(whole.rotor_speed_max, &actuators.rotor_speed);
+        whole.rotor_speed_min = actuators.rotor_speed.into_iter().fold(whole.rotor_speed_min, f64::min);
+        whole.tilt_max_deg = largest(whole.tilt_max_deg, &[actuators.tilt_rad.to_degrees()]);
+    }
+
     pub fn metrics(&self) -> Metrics {
-        let Reach { max_rate_radps, rotor_speed_min, rotor_speed_max, tilt_max_deg } = self.reach;
+        let whole = &self.whole;
         Metrics {
-            max_rate_radps,
-            rotor_speed_min,
-            rotor_speed_max,
-            tilt_max_deg,
-            touchdown_s: self.touchdown.s,
-            touchdown_sink_mps: self.touchdown.sink_mps,
-            touchdown_drift_mps: self.touchdown.drift_mps,
-            touchdown_tilt_deg: self.touchdown.tilt_deg,
-            on_ground_s: self.on_ground_s,
+            max_rate_radps: whole.max_rate_radps,
+            rotor_speed_min: whole.rotor_speed_min,
+            rotor_speed_max: whole.rotor_speed_max,
+            tilt_max_deg: whole.tilt_max_deg,
+            touchdown_s: whole.touchdown_s,
+            touchdown_sink_mps: whole.touchdown_sink_mps,
+            touchdown_drift_mps: whole.touchdown_drift_mps,
+            touchdown_tilt_deg: whole.touchdown_tilt_deg,
+            on_ground_s: whole.on_ground_s,
             ..self.in_air.metrics()
         }
     }

@@ -1,4 +1,4 @@
-//! docs/reference/commands.md and exit-codes.md, from the command line itself.
+//! docs/reference/commands.md, from the command line itself.
 
 use clap::{Arg, Command};
 
@@ -9,19 +9,21 @@ use crate::help::{EXITS, GROUPS, HELP, Help, command};
 
 const COMMANDS: &str = "# Commands
 
-This page is for users of the command line: every command with its arguments and examples. It is generated from the
-program; a test compares. `trefoil COMMAND --help` says the same. `trefoil man DIR` writes manual pages, and `trefoil
-completions SHELL` prints what a shell needs to complete commands and options:
+This page is for users of the command line and for scripts: every command with its arguments and examples, and its exit
+codes. It is generated from the program; a test compares. `trefoil COMMAND --help` says the same. `trefoil man DIR`
+writes manual pages, and `trefoil completions SHELL` prints what a shell needs to complete commands and options:
 
 ```sh
 trefoil completions bash > ~/.local/share/bash-completion/completions/trefoil
 ```
 ";
 
-const CODES: &str = "# Exit codes
+const CODES: &str = "
+## Exit codes
 
-This page is for scripts that run `trefoil`. It is generated from the program; a test compares. Nothing that failed ends
-with 0.
+Nothing that failed ends with 0. Any command has the code 130 in a shell if Ctrl-C ends it, and at least 3 if its output
+cannot be printed.
+
 ";
 
 /// Returns a text of clap in one line.
@@ -86,20 +88,14 @@ fn the_page_of_commands_is_generated() {
         let found = help.command.split(' ').try_fold(&whole, |command, name| command.find_subcommand(name));
         describe(&mut page, found.expect("help is on a command"), help);
     }
-    is_generated("docs/reference/commands.md", &page);
-}
-
-#[test]
-fn the_page_of_exit_codes_is_generated() {
-    let mut page = format!("{CODES}\n{}", head(&["code", "meaning"]));
+    page += &format!("{CODES}{}", head(&["code", "meaning"]));
     EXITS.iter().for_each(|(code, meaning)| page += &row(&[&code.to_string(), meaning]));
-    page += "\n## By command\n\nAny command has the code 130 in a shell if Ctrl-C ends it, and at least 3 if its output cannot be printed.\n\n";
-    page += &head(&["command", "codes"]);
+    page += &format!("\n{}", head(&["command", "codes"]));
     for help in HELP {
         let codes = help.exit_codes().iter().map(|(code, meaning)| format!("**{code}** {meaning}")).collect::<Vec<_>>();
         page += &row(&[&format!("`{}`", help.command), &codes.join("; ")]);
     }
-    is_generated("docs/reference/exit-codes.md", &page);
+    is_generated("docs/reference/commands.md", &page);
 }
 
 /// Commands that users see and that do something, by their words.

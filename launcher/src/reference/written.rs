@@ -1,4 +1,4 @@
-//! docs/reference/run-json.md and events.md: what a flight writes.
+//! docs/reference/run-json.md: what a flight writes.
 
 use super::is_generated;
 use super::page::{Field, Object, head, meanings, objects, row, text, type_of};
@@ -9,13 +9,6 @@ This page is for users who read the record of a flight by a program. It is gener
 [`run_record.rs`](../../launcher/outcome/src/run_record.rs); a test compares. `trefoil schema run` prints the JSON Schema
 ([`run.json`](../schema/run.json)). `[]` stands for each element of a list, `*` for each name, such as that of a node. Fields
 may be added within a version (`provenance.schema_version`); a reader ignores those that it does not know.
-";
-
-const EVENTS: &str = "# Events
-
-This page is for users who read the events of a flight: in the table `events` of run.json, on the topic `/events` of
-`flight.mcap` ([log](log.md)), and in `trefoil status --json`. It is generated from
-[`event.rs`](../../launcher/flight/src/event.rs); a test compares.
 ";
 
 const HEADS: [&str; 3] = ["field", "type", "meaning"];
@@ -33,24 +26,11 @@ fn form(object: &Object) -> Vec<(String, String)> {
 }
 
 #[test]
-fn the_pages_of_run_json_and_of_events_are_generated() {
+fn the_page_of_run_json_is_generated() {
     let schema = outcome::run_record::schema();
-    let (mut run, mut events, mut seen) = (RUN.to_owned(), EVENTS.to_owned(), vec![]);
-    let mut told = vec![];
+    let (mut run, mut seen, mut told) = (RUN.to_owned(), vec![], vec![]);
     for object in objects(&schema).iter().filter(|object| !object.fields.is_empty()) {
         let title = if object.key.is_empty() { "Top of the file".to_owned() } else { format!("`{}`", object.key) };
-        if object.key == "events[]" {
-            run += &format!("\n## {title}\n\n{} [Events](events.md) lists the fields.\n", object.about);
-            let is_kind = |field: &Field| field.key == "events[].what";
-            let (kinds, mut others): (Vec<Field>, Vec<Field>) = object.fields.iter().cloned().partition(is_kind);
-            others.iter_mut().for_each(|field| field.key = field.key.replace("events[].", ""));
-            events += "\n## Kinds\n\nThe field `what` says what happened.\n";
-            let kinds = meanings(&kinds, &mut vec![]);
-            events += kinds.split_once(":\n").map_or("", |(_, list)| list);
-            events += "\n## Fields\n\n";
-            events += &rows(&others, &mut vec![]);
-            continue;
-        }
         run += &format!("\n## {title}\n\n{}\n\n", object.about);
         let form = form(object);
         if let Some((_, first)) = seen.iter().find(|(other, _)| *other == form) {
@@ -61,7 +41,6 @@ fn the_pages_of_run_json_and_of_events_are_generated() {
         }
     }
     is_generated("docs/reference/run-json.md", &run);
-    is_generated("docs/reference/events.md", &events);
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! Amount of work to undo every disturbed tick of a flight: a flight for each, as long as the flight.
 
-use std::num::NonZero;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -65,7 +64,7 @@ impl Work {
     pub fn describe(&self) -> String {
         let Self { disturbed, flights, replay_s, sample_s, first_tick, last_tick } = self;
         let (ticks, length_s) = (disturbed.len(), (last_tick - first_tick) as f64 * sample_s);
-        let wall_s = *flights as f64 * replay_s / processors() as f64;
+        let wall_s = *flights as f64 * replay_s / rayon::current_num_threads() as f64;
         format!("{ticks} disturbed ticks: {flights} flights of {length_s:.2} s, about {wall_s:.0} s of work here")
     }
 }
@@ -73,9 +72,4 @@ impl Work {
 /// Returns each run of several consecutive disturbed ticks.
 pub fn bursts(disturbed: &[Disturbed]) -> impl Iterator<Item = &[Disturbed]> {
     disturbed.chunk_by(|one, next| one.tick + 1 == next.tick).filter(|burst| burst.len() > 1)
-}
-
-/// Number of flights that go on at a time.
-pub fn processors() -> usize {
-    std::thread::available_parallelism().map_or(1, NonZero::get)
 }
