@@ -93,12 +93,8 @@ pub fn pin_all(scenario: &mut Scenario) -> Result<(), ScenarioError> {
 /// As for [`pin`].
 pub fn pin_swap(run: &Scenario, swap: &mut Swap) -> Result<(), ScenarioError> {
     let name = swap.node.name();
-    let Some(topic) = swap.node.topic() else {
-        let exec = swap.exec.clone().unwrap_or_default();
-        return pin(&mut NodeSettings { exec, ..NodeSettings::default() }, name);
-    };
     let own = candidate(run, swap)?;
-    let before = own.node.of(topic);
+    let before = own.node.of(swap.node.topic());
     let mut pinned = before.clone();
     pin(&mut pinned, name)?;
     if pinned.sha256 != before.sha256 {
@@ -141,7 +137,7 @@ pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError>
 /// Returns the nodes that are libraries in a flight of `scenario`, from the beginning and then by its swaps, each with
 /// its settings.
 pub fn libraries(scenario: &Scenario) -> Vec<(Topic, Scenario)> {
-    let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node.topic()?, candidate(scenario, swap).ok()?)));
+    let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node.topic(), candidate(scenario, swap).ok()?)));
     let own = scenario.node.libraries().map(|topic| (topic, scenario.clone()));
     own.chain(swapped.filter(|(topic, own)| own.node.of(*topic).kind() == ProgramKind::Library)).collect()
 }

@@ -6,9 +6,8 @@
 //! recorder 2 -> flight.2.mcap        /
 //! ```
 //!
-//! A recorder that takes over already records when the one before closes its file, so that no message is missing in
-//! between. If a recorder dies, the launcher writes its last moments, and what is sent until the next one records
-//! ([`Rest`]). No node notices either.
+//! If a recorder dies, the launcher writes its last moments, and what is sent until the next one records ([`Rest`]). No
+//! node notices.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::Read;
@@ -18,7 +17,6 @@ use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
 use contract::Scenario;
-use contract::scenario::{NodeSettings, SwapNode};
 use contract::topic::Topic;
 use runtime::console::eprint_line;
 use runtime::realtime::ControlPage;
@@ -37,8 +35,6 @@ use ring::roles::role::{Action, Now, Policy, Role, RoleInput};
 pub struct Archive {
     pub role: Role,
     started: Instant,
-    /// `true` for each swap that has begun.
-    begun: Vec<bool>,
     path: PathBuf,
     /// Outcome that each recorder with the role reported at its end, by epoch.
     outcomes: BTreeMap<u32, LogOutcome>,
@@ -57,7 +53,6 @@ impl Archive {
         Self {
             role: Role::new(RECORDER, Policy::recorder(&scenario.supervision)),
             started: Instant::now(),
-            begun: vec![],
             path: path.into(),
             outcomes: BTreeMap::new(),
             count: Count::default(),
@@ -78,7 +73,7 @@ impl Archive {
     /// Starts the first recorder, which is active at once.
     pub fn start(&self, run: &mut Run) -> anyhow::Result<()> {
         run.page.recorder.assign(0, |_| Assignment { active: 1, standby: 0 });
-        self.spawn(run, 1, None)
+        self.spawn(run, 1)
     }
 
     /// Handles the end of the recorder that is child number `i`, whether it was asked to end or not.
@@ -100,15 +95,6 @@ impl Archive {
             .extend(self.role.starting().filter(|epoch| run.page.recorder.ready.get() == *epoch).map(RoleInput::Ready));
         let (recorded, watched) = (run.page.recorded.count(), run.page.watched.count());
         inputs.push(RoleInput::Progress { done: recorded.into(), samples: watched.into(), excused_ns: 0 });
-        let swaps = &run.scenario.swap;
-        self.begun.resize(swaps.len(), false);
-        let from = |i: &usize| swaps[*i].ticks(run.scenario.sample_s()).from;
-        let ours = |i: &usize| swaps[*i].node == SwapNode::Recorder && !self.begun[*i];
-        let first = (0..swaps.len()).filter(ours).min_by_key(from);
-        if let Some(swap) = first.filter(|i| tick >= from(i) && !self.role.is_busy() && !self.role.given_up()) {
-            self.begun[swap] = true;
-            inputs.push(RoleInput::SwapRequested(swap));
-        }
         for input in inputs {
             self.on(run, tick, input);
         }
@@ -163,8 +149,8 @@ impl Archive {
         while let Some(input) = inputs.pop_front() {
             for action in self.role.on(now, input) {
                 match action {
-                    Action::Spawn(epoch, origin) => {
-                        if let Err(error) = self.spawn(run, epoch, origin) {
+                    Action::Spawn(epoch, _) => {
+                        if let Err(error) = self.spawn(run, epoch) {
                             let why = format!("{error:#}");
                             eprint_line(&format!("error: {why}"));
                             inputs.push_back(RoleInput::NotStarted(epoch, why));
@@ -185,7 +171,7 @@ impl Archive {
                         }
                     }
                     Action::Report(event) => run.events.push(event),
-                    Action::Standby(_) => {} // a recorder is not compared with another
+                    Action::Standby(_) => {} // a recorder has no candidates
                 }
             }
         }
@@ -195,12 +181,8 @@ impl Archive {
         }
     }
 
-    fn spawn(&self, run: &mut Run, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
-        let swap = origin.and_then(|i| run.scenario.swap.get(i));
-        let exec = swap.and_then(|swap| swap.exec.clone()).unwrap_or_default();
-        let program = NodeSettings { exec, ..NodeSettings::default() };
-        let (log, program) = (self.part(epoch), Some(&program));
-        run.children.spawn(&SpawnRequest { epoch, log: Some(&log), program, ..SpawnRequest::default() })
+    fn spawn(&self, run: &mut Run, epoch: u32) -> anyhow::Result<()> {
+        run.children.spawn(&SpawnRequest { epoch, log: Some(&self.part(epoch)), ..SpawnRequest::default() })
     }
 
     /// Returns the file that the recorder `epoch` is to write.
@@ -276,8 +258,11 @@ mod tests {
             let (reads, _writes) = said(&LogOutcome { records: 7, ..LogOutcome::default() });
             archive.keep(epoch, reads);
         }
-        for swap in 1..newest as usize {
-            archive.role.on(Now { ns: 0, tick: 0 }, RoleInput::SwapRequested(swap));
+        for _ in 1..newest {
+            let now = Now { ns: 0, tick: 0 };
+            let active = archive.role.newest();
+            archive.role.on(now, RoleInput::Exited(active));
+            archive.role.on(Now { ns: archive.role.due_ns().unwrap(), ..now }, RoleInput::Tick);
         }
         archive
     }
