@@ -16,6 +16,7 @@ use rustix::fs::{Access, access};
 use sha2::{Digest, Sha256};
 
 use crate::guarded;
+use crate::libraries;
 
 /// Libraries that were tried by this process, each with node and settings.
 static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
@@ -118,27 +119,13 @@ pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError>
     Ok(())
 }
 
-/// Returns the nodes that are libraries in a flight of `scenario`, from the beginning and then by its swaps, each with
-/// its settings.
-pub fn libraries(scenario: &Scenario) -> Vec<(Topic, Scenario)> {
-    let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node.topic(), candidate(scenario, swap).ok()?)));
-    let own = scenario.node.libraries().map(|topic| (topic, scenario.clone()));
-    own.chain(swapped.filter(|(topic, own)| own.node.of(*topic).kind() == ProgramKind::Library)).collect()
-}
-
-/// Returns the files of the libraries in a flight of `scenario`, each with its hash.
-pub fn files(scenario: &Scenario) -> BTreeSet<(String, String)> {
-    let all = libraries(scenario).into_iter();
-    all.map(|(topic, own)| own.node.of(topic).clone()).map(|program| (program.exec, program.sha256)).collect()
-}
-
 /// Checks that all libraries of a flight of `scenario` can be loaded into one process, if the flight is in process.
 ///
 /// # Errors
 /// One of them would get a file of another, or fails beside it.
 pub fn check_together(scenario: &Scenario) -> Result<(), ScenarioError> {
-    let files = files(scenario);
-    let env: BTreeMap<String, String> = guarded::env_of(scenario);
+    let files = libraries::files(scenario);
+    let env: BTreeMap<String, String> = libraries::env_of(scenario);
     let what = format!("{files:?} {env:?}");
     let is_known = || TRIED.lock().is_ok_and(|tried| tried.contains(&what));
     if scenario.run.mode != Mode::Inprocess || files.len() < 2 || is_known() {

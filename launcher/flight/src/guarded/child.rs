@@ -14,8 +14,8 @@ use rustix::process::{Signal, getpid, set_child_subreaper, set_parent_process_de
 use super::frames::{Answer, End, Request, Work};
 use super::surroundings::Surroundings;
 use crate::inprocess;
+use crate::libraries;
 use crate::log::{Memory, Record};
-use crate::programs;
 
 /// Words after which the parent is woken.
 const WAKE_AFTER_WORDS: usize = 1 << 13;
@@ -89,7 +89,7 @@ fn carry_out(Request { work, scenario, .. }: &Request, sender: &RefCell<Sender>)
             foreign::try_out(topic, scenario).map(|()| End::Tried)
         }
         Work::Try { node: None } => {
-            let mut all = programs::libraries(scenario).into_iter();
+            let mut all = libraries::all(scenario).into_iter();
             all.try_for_each(|(topic, own)| foreign::try_out(topic, &own)).map(|()| End::Tried)
         }
     }

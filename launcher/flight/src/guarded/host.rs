@@ -15,9 +15,9 @@ use runtime::realtime::{SharedPipes, die_with_parent, now_ns};
 use super::frames::{Answer, End, Request, Work};
 use crate::event::{Event, What};
 use crate::inprocess::Flown;
+use crate::libraries;
 use crate::log::{Memory, Record};
 use crate::own_program;
-use crate::programs;
 use crate::stack::Ended;
 use crate::stack::children::kill;
 use crate::strays::Mark;
@@ -68,7 +68,7 @@ impl Host {
     /// Returns whether the child has the libraries of `scenario`, and no others, and the environment that they shall
     /// have.
     pub fn suits(&self, scenario: &Scenario) -> bool {
-        self.env == env_of(scenario) && self.libraries == programs::files(scenario)
+        self.env == libraries::env_of(scenario) && self.libraries == libraries::files(scenario)
     }
 
     /// Returns whether the child waits for a flight.
@@ -208,12 +208,6 @@ pub(super) fn in_words(status: ExitStatus) -> String {
         Some(signal) => format!("crashed: {}", name(signal)),
         None => format!("ended its process with exit code {}", status.code().unwrap_or_default()),
     }
-}
-
-/// Variables that the scenario gives to the processes of libraries; all are of one process here.
-pub fn env_of(scenario: &Scenario) -> BTreeMap<String, String> {
-    let of_library = |topic| scenario.node.of(topic).env.clone();
-    scenario.node.libraries().flat_map(of_library).collect()
 }
 
 /// Makes the result of a flight that its library has ended after `tick`.

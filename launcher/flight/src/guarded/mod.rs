@@ -40,10 +40,9 @@ pub use child::serve;
 pub use command::{command, exit_code};
 
 use crate::inprocess::{self, Flown};
+use crate::libraries;
 use crate::log::{Memory, Record};
-use crate::programs;
 use host::Host;
-pub use host::env_of;
 
 /// Most children of a thread that wait; beyond them the one that has waited longest ends.
 const MOST_IDLE: usize = 8;
@@ -68,14 +67,14 @@ pub fn fly(
     watch: impl FnMut(&Record) -> bool,
     remember: impl FnMut(&Memory),
 ) -> Result<Flown, SessionError> {
-    if programs::libraries(scenario).is_empty() {
+    if libraries::all(scenario).is_empty() {
         return inprocess::ring(scenario, with_checksums)?.fly(watch, remember);
     }
     let idle = IDLE.with_borrow_mut(|idle| {
         let suits = idle.iter().position(|host| host.suits(scenario));
         suits.map(|at| idle.remove(at))
     });
-    let mut host = idle.map_or_else(|| Host::start(env_of(scenario), programs::files(scenario)), Ok)?;
+    let mut host = idle.map_or_else(|| Host::start(libraries::env_of(scenario), libraries::files(scenario)), Ok)?;
     let flown = host.fly(scenario, with_checksums, watch, remember)?;
     if host.is_idle() {
         IDLE.with_borrow_mut(|idle| {
