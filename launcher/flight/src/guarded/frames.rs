@@ -21,13 +21,13 @@ const TEXT: u64 = MEMORY + 1;
 const KIND_SHIFT: u32 = 32;
 const FLIGHT_SHIFT: u32 = 40;
 
-/// What a child is asked to do with the libraries of a scenario.
+/// Work of a child with the libraries of a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Work {
     Fly {
         with_checksums: bool,
     },
-    /// To load the library of this node, or those of all nodes, and to have them answer to a few samples.
+    /// Loads the library of this node, or those of all nodes, and lets them answer to a few samples.
     Try {
         node: Option<String>,
     },

@@ -116,7 +116,7 @@ impl Host {
         Ok(lost_flight(scenario, tick, &lost))
     }
 
-    /// Has the child try the library of `node`, or all libraries of `scenario`; returns why they cannot be flown.
+    /// Lets the child try the library of `node`, or all libraries of `scenario`; returns why they cannot be flown.
     pub fn try_out(mut self, scenario: &Scenario, node: Option<Topic>, limit: Duration) -> Result<(), String> {
         let work = Work::Try { node: node.map(|topic| topic.publisher().to_owned()) };
         let request = Request { flight: self.flight, work, scenario: scenario.clone() };

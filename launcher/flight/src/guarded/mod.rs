@@ -56,8 +56,8 @@ thread_local! {
 /// Longest time that a library may take to be loaded and to answer to a few samples.
 const TRIAL_LIMIT: Duration = Duration::from_secs(10);
 
-/// Flies `scenario` to its end, or until `watch`, which gets every message, returns false; `remember` gets the memory of
-/// every node, every ten seconds.
+/// Flies `scenario` to its end, or until `watch`, which gets every message, returns false; `remember` gets the memory
+/// of every node, every ten seconds.
 ///
 /// # Errors
 /// Something derived from `scenario` does not exist ([`inprocess::ring`]), or no child can be started.
