@@ -1,30 +1,18 @@
-//! Recorders that are swapped, die or stand still: the flight goes on, and of its log nothing is missing that was not
-//! said to be.
+//! Recorders that die or stand still: the flight goes on, and of its log nothing is missing that was not said to be.
 
 use contract::message::Message;
 use contract::stamp::delivery;
 use flight::log::{self, Log};
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use crate::harness::{Flight, Outcome, fly, launcher, namespace, shared_memory_of, wait_until};
+use crate::harness::{Flight, Outcome, launcher, namespace, shared_memory_of, wait_until};
 use crate::processes::{kill, process_of, processes_named, processes_of, wait_until_it_flies};
-
-/// Messages that come twice, out of order, bent and old.
-const FAULTS: &str = "fault=[\
-    {at_s=0.2, target=\"reference\", kind=\"duplicate\"}, {at_s=0.4, for_s=0.2, target=\"state\", kind=\"reorder\"}, \
-    {at_s=0.7, for_s=0.6, target=\"controls\", kind=\"corrupt\"}, {at_s=0.9, for_s=0.3, target=\"state\", kind=\"stale\"}]";
 
 /// Reads the log of a flight, which must be whole.
 fn log_of(outcome: &Outcome) -> Log {
     let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
     assert!(log.complete(), "{:?}", log.defect);
     log
-}
-
-/// Sender, content and tick of each message, in the order of the log: all of a message but the times it took.
-fn sent<M: Message>(messages: &[M]) -> Vec<(u64, u64, u64, u64, [u64; 4])> {
-    let stamps = messages.iter().map(Message::stamp);
-    stamps.map(|stamp| (stamp.epoch, stamp.sequence, stamp.tick, stamp.delivery, stamp.inputs)).collect()
 }
 
 /// Epoch, event, and time of what happened to the recorder.
@@ -35,51 +23,6 @@ fn events(run: &Value) -> Vec<(u64, String, f64)> {
         (event["epoch"].as_u64().expect("an epoch"), what, event["at_s"].as_f64().expect("a time"))
     };
     all.map(told).collect()
-}
-
-#[test]
-fn in_lockstep_the_log_is_the_same_with_and_without_swaps() {
-    let flown = |swaps: &str| {
-        let settings = ["--set", "run.duration_s=1.5", "--set", FAULTS, "--set", swaps];
-        let outcome = fly(&[&["scenarios/faults/hover-gusts.toml", "--mode", "lockstep"], &settings[..]].concat());
-        assert_eq!(outcome.code(), Some(0), "{swaps}: {}", outcome.stderr);
-        assert_eq!(outcome.run()["log"]["dropped"], 0, "{swaps}");
-        outcome
-    };
-    let plain = flown("swap=[]");
-    let swapped = flown(
-        "swap=[{at_s=0.0, node=\"recorder\"}, {at_s=0.5, node=\"recorder\"}, {at_s=0.8, node=\"recorder\", exec=\"false\", may_fail=true}, \
-         {at_s=1.0, node=\"recorder\"}]",
-    );
-    assert_eq!(plain.state_hash(), swapped.state_hash());
-    let (one, other) = (log_of(&plain), log_of(&swapped));
-    assert_eq!(sent(&one.states), sent(&other.states));
-    assert_eq!(sent(&one.references), sent(&other.references));
-    assert_eq!(sent(&one.controls), sent(&other.controls));
-    assert_eq!(sent(&one.actuators), sent(&other.actuators));
-    assert!(one.truths == other.truths);
-    let story = [
-        (2, "started", 0.0),
-        (2, "took-over", 0.0),
-        (3, "started", 0.5),
-        (3, "took-over", 0.5),
-        (4, "started", 0.8),
-        (4, "died", 0.8),
-        (4, "rejected", 0.8),
-        (5, "started", 1.0),
-        (5, "took-over", 1.0),
-    ];
-    assert_eq!(events(&swapped.run()), story.map(|(epoch, what, at_s)| (epoch, what.to_owned(), at_s)));
-    let logged: Vec<_> = other.events.iter().map(|event| (event.epoch, json!(event.what))).collect();
-    assert_eq!(logged, story.map(|(epoch, what, _)| (epoch as u32, json!(what))));
-}
-
-/// `trefoil swap` of the recorder of a stack; its exit code, and what it says.
-fn swap(namespace: &str, more: &[&str]) -> (Option<i32>, String) {
-    let mut command = launcher();
-    command.args(["swap", "recorder", "--namespace", namespace]).args(more);
-    let output = command.output().expect("swap runs");
-    (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
 }
 
 /// Every message of each epoch once, and none missing.
@@ -96,48 +39,6 @@ fn check_whole<M: Message>(messages: &[M]) {
 fn check_truths(log: &log::Log) {
     let (states, truths) = (log.states.iter().map(|state| state.stamp.tick), log.truths.iter().map(|truth| truth.tick));
     assert!(states.eq(truths), "{} and {}", log.states.len(), log.truths.len());
-}
-
-#[test]
-fn in_real_time_nothing_is_lost_by_swaps() {
-    let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=2.5"]);
-    wait_until_it_flies(&ns);
-    for epoch in [2, 3] {
-        let (code, said) = swap(&ns, &[]);
-        assert!(code == Some(0) && said.contains(&format!("recorder epoch {epoch} took-over")), "{code:?} {said}");
-    }
-    let (code, said) = swap(&ns, &["--exec", "/bin/false", "--may-fail"]);
-    assert!(code == Some(1) && said.contains("recorder epoch 4 rejected"), "{code:?} {said}");
-    let outcome = flight.finish();
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
-    let log = log_of(&outcome);
-    check_whole(&log.states);
-    check_whole(&log.references);
-    check_whole(&log.controls);
-    check_whole(&log.actuators);
-    check_truths(&log);
-    assert!(log.states.len() > 100, "{}", log.states.len());
-    assert_eq!(outcome.run()["log"]["dropped"], 0);
-    let files = std::fs::read_dir(&outcome.out).expect("a folder").flatten().map(|entry| entry.file_name());
-    assert_eq!(files.filter(|name| name.to_string_lossy().contains("mcap")).count(), 1);
-    let scenario = outcome.out.join("scenario.toml");
-    let check = launcher().arg("check").arg(scenario).output().expect("check runs");
-    assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stderr));
-    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
-}
-
-#[test]
-fn without_a_log_there_is_no_recorder_to_replace() {
-    let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "realtime", "--no-log"]);
-    wait_until("the swap is refused", || {
-        let swap = launcher().args(["swap", "recorder", "--namespace", &ns]).output().expect("swap runs");
-        swap.status.code() == Some(2)
-            && String::from_utf8_lossy(&swap.stderr).contains("no recorder runs in this flight")
-    });
-    kill("-INT", &[flight.child.id() as i32]);
-    assert_eq!(flight.finish().code(), Some(130));
 }
 
 #[test]
@@ -159,41 +60,6 @@ fn a_dead_recorder_is_replaced_and_nothing_dies_with_it() {
     assert_eq!(run["log"]["dropped"], 0);
     assert_eq!(log.tick_by_tick().count(), 5 * 12_001);
     assert!(log.complete() && !outcome.out.join("flight.1.rest.mcap").exists());
-}
-
-#[test]
-fn programs_that_do_not_record_are_rejected_and_nothing_is_missing() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let script = |name: &str, text: &str| {
-        let script = folder.path().join(name);
-        std::fs::write(&script, text).expect("a script can be written");
-        let mode = std::os::unix::fs::PermissionsExt::from_mode(0o700);
-        std::fs::set_permissions(&script, mode).expect("it can be made a program");
-        script.to_str().expect("its path is text").to_owned()
-    };
-    let cannot_start = script("cannot-start", "#!/no/such/interpreter\n");
-    let never_ready = script("never-ready", "#!/bin/sh\nexec sleep 100\n");
-    // The last is our own program, then one that is still waited for when the flight ends, or was killed.
-    let programs = ["/bin/false", "/bin/true", &cannot_start, "", &never_ready];
-    let swap = |(i, program): (usize, &&str)| {
-        let exec = if program.is_empty() { String::new() } else { format!(", exec={program:?}") };
-        format!("{{at_s={}, node=\"recorder\"{exec}}}", i + 1)
-    };
-    let swaps = format!("swap=[{}]", programs.iter().enumerate().map(swap).collect::<Vec<_>>().join(", "));
-    let ns = namespace();
-    let outcome = Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=40.0", "--set", &swaps]).finish();
-
-    assert_eq!(outcome.code(), Some(1), "one could not be tried: {}", outcome.stderr);
-    let run = outcome.run();
-    let all = events(&run).into_iter().map(|(_, what, _)| what);
-    let endings: Vec<String> = all.filter(|what| !["started", "died", "hung"].contains(&&**what)).collect();
-    assert!(endings.join(" ").starts_with("rejected rejected not-started rejected took-over"), "{}", run["events"]);
-    assert_eq!(run["log"]["dropped"], 0);
-    let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
-    assert!(log.complete());
-    assert!(log.states.iter().map(|state| state.stamp.tick).eq(0..=4000));
-    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
-    assert_eq!(processes_of(&ns), Vec::<i32>::new());
 }
 
 #[test]

@@ -13,7 +13,7 @@ use runtime::realtime::{reset_signals, tell_of_crashes};
 
 use flight::shipped::Kind;
 use flight::stack::{StartError, check_memory};
-use flight::{guarded, nodes, programs, recorder, settings, strays};
+use flight::{guarded, nodes, recorder, settings, strays};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::report;
@@ -111,13 +111,7 @@ enum Command {
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
     },
-    /// Load a library as a node, and have it answer to a few samples (the launcher starts this before a flight)
-    #[command(hide = true)]
-    TryLibrary {
-        /// plant, guidance, attitude-mpc or mixer; or `all`, one after the other
-        node: String,
-    },
-    /// Fly with libraries for the launcher that starts this, one flight after the other
+    /// Try libraries, or fly with them, for the launcher that starts this
     #[command(hide = true)]
     FlyGuarded,
     /// Serve the page of one flight, for the launcher that starts this
@@ -186,7 +180,6 @@ fn run() -> ExitCode {
             Ok(exit::FLOWN)
         }
         Command::Man(args) => manual::man(&args, help::command::<Cli>()).map(|()| exit::FLOWN),
-        Command::TryLibrary { node } => Ok(programs::try_library(&node)),
         Command::FlyGuarded => guarded::serve().map_err(Into::into),
         Command::ServePage => web::serve_page(),
         Command::Node { name, namespace, epoch, settings, log } => {

@@ -226,11 +226,11 @@ fn fly_inprocess(
         }
         interrupts.load(Ordering::Relaxed) == 0
     };
-    let flown = guarded::fly_remembering(scenario, watch, |memory| {
+    let flown = guarded::fly(scenario, true, watch, |memory| {
         if let Some(log) = &log {
             log.borrow_mut().write_memory(memory);
         }
-    });
+    })?;
     let wall = started.elapsed();
     flown.failures.iter().for_each(|why| eprint_line(why));
     let mut how = Circumstances::from(flown);

@@ -27,14 +27,11 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Arguments of `swap`.
 #[derive(clap::Args)]
-#[command(after_help = "A recorder has neither settings nor a trial: it takes over as soon as it records, and --set, \
---standby, --watch and --bounds are refused for it. The flight itself ends with 1 if the candidate does not stay, unless \
---may-fail was given.")]
+#[command(after_help = "The flight itself ends with 1 if the candidate does not stay, unless --may-fail was given.")]
 pub struct SwapArgs {
-    /// guidance, attitude-mpc, mixer or recorder
+    /// guidance, attitude-mpc or mixer
     pub node: String,
-    /// Another program; it is started as PROGRAM --namespace NAME --epoch N --settings FILE, a recorder with --log FILE
-    /// instead of --settings
+    /// Another program; it is started as PROGRAM --namespace NAME --epoch N --settings FILE
     #[arg(long, value_name = "PATH")]
     pub exec: Option<String>,
     /// A setting of the candidate, on top of the run's, value in TOML: --set attitude.law=lqr

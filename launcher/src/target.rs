@@ -1,7 +1,7 @@
 //! The flying stack that a command is for, and its description in the answer.
 
 use anyhow::{Context, bail, ensure};
-use flight::control::view::{phase, settings, time_s};
+use flight::control::view::{phase, time_s};
 use runtime::domain::Domain;
 
 /// Argument that selects a flying stack.
@@ -36,7 +36,7 @@ fn check_only(names: &[String]) -> anyhow::Result<()> {
 
 /// Describes a flight for the answers to commands: its scenario, namespace and process, and the time it has flown.
 pub fn describe(domain: &Domain) -> String {
-    let name = settings(domain).map_or("a flight".into(), |scenario| format!("'{}'", scenario.name));
+    let name = domain.scenario().map_or("a flight".into(), |scenario| format!("'{}'", scenario.name));
     let pid = domain.launcher_pid().map_or(String::new(), |pid| format!(", process {pid}"));
     let stands = match (phase(domain), time_s(domain)) {
         (Some("flying"), Some(time_s)) => format!(", flying for {time_s:.2} s"),

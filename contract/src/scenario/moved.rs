@@ -116,6 +116,7 @@ pub const MOVED: &[(Kind, &str, Now)] = &[
     (Value, "fault.kind = \"shm-removed\"", Gone(A_TEST)),
     (Key, "swap.shadow_s", Name("swap.standby_s")),
     (Key, "swap.bounds.accord", Name("swap.bounds.similarity")),
+    (Value, "swap.node = \"recorder\"", Gone("a recorder is not swapped; kill it, and another continues the log")),
     (Command, "swap --shadow", Name("swap --standby")),
     (Command, "trace", Name("export --to perfetto --worst")),
     (Command, "export fmu", Name("export --to fmu")),

@@ -5,14 +5,13 @@
 //!  + standby_s  the candidate becomes active, if it kept within its bounds; the old process goes on as the standby
 //!  + watch_s    the old process ends; if the candidate left its bounds before, the old process became active again
 //! ```
-//!
-//! A recorder has no trial: the old one ends as soon as the candidate records. A swap of it with `set`, `standby_s`,
-//! `watch_s` or `bounds` is refused.
 
 use schemars::JsonSchema;
+use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Topic;
+use crate::scenario::moved::{self, Kind};
 use crate::scenario::words::named;
 
 /// One `[[swap]]`.
@@ -24,8 +23,8 @@ pub struct Swap {
     pub at_s: f64,
     /// The node whose process is replaced.
     pub node: SwapNode,
-    /// Program of the candidate, started as `PROGRAM --namespace NAME --epoch N --settings FILE`, a recorder with
-    /// `--log FILE` instead of settings; absent = the launcher's own.
+    /// Program of the candidate, started as `PROGRAM --namespace NAME --epoch N --settings FILE`; absent = the
+    /// launcher's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
     /// Settings of the candidate, each as after `--set`, on top of the run's.
@@ -90,8 +89,6 @@ pub enum SwapNode {
     AttitudeMpc,
     /// The control allocation.
     Mixer,
-    /// The process that writes the log.
-    Recorder,
 }
 
 /// Ticks at which the stages of a swap begin.
@@ -113,7 +110,7 @@ impl Swap {
         Self { at_s, node, exec: None, set: vec![], standby_s, watch_s, bounds, may_fail: false }
     }
 
-    /// Ticks of the swap of a node at a sample time \[s\]. The candidate is on standby for at least one tick.
+    /// Ticks of the swap at a sample time \[s\]. The candidate is on standby for at least one tick.
     pub fn ticks(&self, sample_s: f64) -> SwapTicks {
         let ticks = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
         let from = ticks(self.at_s);
@@ -131,29 +128,32 @@ impl Swap {
 }
 
 impl SwapNode {
-    /// Topic that the node publishes; `None` for the recorder.
-    pub fn topic(self) -> Option<Topic> {
+    /// Topic that the node publishes.
+    pub fn topic(self) -> Topic {
         match self {
-            Self::Plant => Some(Topic::State),
-            Self::Guidance => Some(Topic::Reference),
-            Self::AttitudeMpc => Some(Topic::Controls),
-            Self::Mixer => Some(Topic::Actuators),
-            Self::Recorder => None,
+            Self::Plant => Topic::State,
+            Self::Guidance => Topic::Reference,
+            Self::AttitudeMpc => Topic::Controls,
+            Self::Mixer => Topic::Actuators,
         }
     }
 
     /// Name as the file spells it.
     pub fn name(self) -> &'static str {
-        self.topic().map_or("recorder", Topic::publisher)
+        self.topic().publisher()
     }
 }
 
 impl<'de> Deserialize<'de> for SwapNode {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         use SwapNode as N;
-        let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer, N::Recorder].map(|node| (node, node.name()));
+        let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer].map(|node| (node, node.name()));
+        let word = String::deserialize(from)?;
+        if let Some(moved) = moved::find(Kind::Value, &format!("swap.node = {word:?}")) {
+            return Err(D::Error::custom(moved.title));
+        }
         // The plant is read, so that the check can refuse it with the reason, but it is not offered.
-        named(&String::deserialize(from)?, &all, &["guidance", "attitude-mpc", "mixer", "recorder"])
+        named(&word, &all, &["guidance", "attitude-mpc", "mixer"])
     }
 }
 

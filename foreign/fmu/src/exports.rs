@@ -343,6 +343,21 @@ pub unsafe extern "C" fn fmi3DoStep(
     unsafe { with(handle, step) }
 }
 
+/// Writes `saved` to the state that `state` points to, or to a new one if that is NULL.
+///
+/// # Safety
+/// `state` is NULL, or points to NULL or to a state of this FMU.
+unsafe fn give(state: *mut *mut Saved, saved: Saved) -> Result<(), String> {
+    // SAFETY: the caller says so.
+    let state = unsafe { state.as_mut() }.ok_or("no place for the state")?;
+    // SAFETY: a state of this FMU is a box that was given away.
+    match unsafe { state.as_mut() } {
+        Some(old) => *old = saved,
+        None => *state = Box::into_raw(Box::new(saved)),
+    }
+    Ok(())
+}
+
 /// Stores the state, in a state that was given or a new one.
 ///
 /// # Safety
@@ -350,19 +365,8 @@ pub unsafe extern "C" fn fmi3DoStep(
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut Saved) -> Status {
-    let get = |handle: &mut Handle| {
-        // SAFETY: the caller says so.
-        let state = unsafe { state.as_mut() }.ok_or("no place for the state")?;
-        let saved = handle.instance.state();
-        // SAFETY: a state of this FMU is a box that was given away.
-        match unsafe { state.as_mut() } {
-            Some(old) => *old = saved,
-            None => *state = Box::into_raw(Box::new(saved)),
-        }
-        Ok(())
-    };
     // SAFETY: the caller says so.
-    unsafe { with(handle, get) }
+    unsafe { with(handle, |handle| give(state, handle.instance.state())) }
 }
 
 /// Sets a stored state.
@@ -448,14 +452,7 @@ pub unsafe extern "C" fn fmi3DeserializeFMUState(
 ) -> Status {
     let read = |handle: &mut Handle| {
         // SAFETY: the caller says so.
-        let (state, bytes) = unsafe { (state.as_mut().ok_or("no place for the state")?, given(bytes, count)) };
-        let saved = handle.instance.deserialise(bytes)?;
-        // SAFETY: a state of this FMU is a box that was given away.
-        match unsafe { state.as_mut() } {
-            Some(old) => *old = saved,
-            None => *state = Box::into_raw(Box::new(saved)),
-        }
-        Ok(())
+        unsafe { give(state, handle.instance.deserialise(given(bytes, count))?) }
     };
     // SAFETY: the caller says so.
     unsafe { with(handle, read) }

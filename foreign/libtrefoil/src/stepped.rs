@@ -162,7 +162,7 @@ fn check(scenario: &Scenario, topic: Topic) -> Result<(), Failure> {
         let program = format!("`node.{name}.exec` has no effect: the caller is {name}; remove it, or be another node");
         return Err(Failure::of_usage(program));
     }
-    if scenario.swap.iter().any(|swap| swap.node.topic() == Some(topic)) {
+    if scenario.swap.iter().any(|swap| swap.node.topic() == topic) {
         let swap = format!("a `[[swap]]` of {name} replaces the caller; remove it, or be another node");
         return Err(Failure::of_usage(swap));
     }

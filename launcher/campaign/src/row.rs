@@ -10,11 +10,12 @@
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use contract::Scenario;
 use contract::message::Sample;
 use flight::event::TimedEvent;
 use flight::guarded;
+use flight::inprocess::changes_messages;
 use flight::log::Record;
 use flight::settings;
 use outcome::happenings::Happenings;
@@ -143,14 +144,13 @@ fn try_to_fly(
     }
     let mut summary = Summary::unlogged(scenario);
     let mut was_stopped = false;
-    let how = guarded::fly_unlogged(scenario, |record| {
+    let watch = |record: &Record| {
         summary.observe(record);
         watch(record);
         was_stopped = !go_on();
         !was_stopped
-    })
-    .map_err(|error| anyhow!(error))?
-    .into();
+    };
+    let how = guarded::fly(scenario, changes_messages(scenario), watch, |_| {})?.into();
     if was_stopped {
         return Ok(None);
     }

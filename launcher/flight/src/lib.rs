@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`settings`] | the settings of a flight, checked before it |
 //! | [`shipped`] | scenarios and campaigns that are part of the program |
+//! | `libraries` | which nodes of a flight are libraries |
 //! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`inprocess`] | the ring in one thread |
@@ -43,6 +44,7 @@ pub mod guarded;
 pub mod hover;
 pub mod inprocess;
 pub mod interrupts;
+mod libraries;
 mod limits;
 pub mod log;
 pub mod nodes;

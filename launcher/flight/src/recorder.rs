@@ -66,7 +66,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     // From now on the recorder survives the launcher, because it has a log to close.
     set_parent_process_death_signal(None)?;
     loop {
-        let closing = page.phase.count() >= phase::CLOSE || role.active() > epoch || getppid() != launcher;
+        let closing = page.phase.count() >= phase::CLOSE || getppid() != launcher;
         let mut newest = 0;
         let count = observers.drain(|record| {
             if record.is_intact() {

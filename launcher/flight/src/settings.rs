@@ -51,7 +51,7 @@ fn of_swap(swap: &Swap, error: &ScenarioError) -> ScenarioError {
 /// The program cannot be flown, or there is no controller for its settings.
 pub fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
     let of_swap = |error| of_swap(swap, &error);
-    let Some(topic) = swap.node.topic() else { return Ok(()) };
+    let topic = swap.node.topic();
     let own = candidate(scenario, swap)?;
     programs::check_one(&own, topic).map_err(of_swap)?;
     match own.node.of(topic).kind() {

@@ -165,7 +165,7 @@ impl Stack {
                 break ended;
             }
             self.requests.tell_recorder(&mut self.run);
-            self.requests.answer_one(&mut self.run, self.archive.as_ref());
+            self.requests.answer_one(&mut self.run);
             tick(&self.run.scenario.fault);
             self.run.children.sleep(self.requests.server.sources(), self.run.driver.due());
         };
@@ -240,7 +240,7 @@ impl Stack {
                 let why = || format!("after {} s {name} is not ready", JOIN_LIMIT.as_secs());
                 return Err(StartError::Lost(self.absent().map_or_else(why, |topic| self.not_joined(topic))).into());
             }
-            self.requests.answer_one(&mut self.run, self.archive.as_ref());
+            self.requests.answer_one(&mut self.run);
             std::thread::sleep(Duration::from_millis(1));
         }
     }

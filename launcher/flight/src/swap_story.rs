@@ -1,7 +1,7 @@
 //! The swaps of a flight, read from its events: how each began, how it ended, and whether its candidate stayed.
 
 use contract::Scenario;
-use contract::scenario::{Swap, SwapNode};
+use contract::scenario::Swap;
 
 use crate::event::{Event, What};
 
@@ -37,9 +37,9 @@ impl<'a> SwapStory<'a> {
     }
 }
 
-/// Returns whether the candidate of this event stays: it is kept, or is a recorder, which has no trial, and took over.
+/// Returns whether the candidate of this event stays.
 pub fn stayed(event: &Event) -> bool {
-    event.what == if event.node == SwapNode::Recorder.name() { What::TookOver } else { What::Kept }
+    event.what == What::Kept
 }
 
 /// A swap of the settings whose candidate did not stay.
@@ -109,7 +109,6 @@ mod tests {
         assert_eq!(told("mixer", &before), None, "another swap's");
         let begun = [&before[..], &[(4, Started, Some(1)), (1, Died, None), (4, TookOver, None)]].concat();
         assert_eq!(told("mixer", &begun), None);
-        assert_eq!(told("recorder", &begun), Some(TookOver));
         let over = [&begun[..], &[(4, Returned, None), (5, Started, Some(2)), (5, Kept, None)]].concat();
         assert_eq!(told("mixer", &over), Some(Returned));
         assert_eq!(told("mixer", &[&begun[..], &[(5, GivenUp, None)]].concat()), Some(GivenUp));
@@ -118,22 +117,14 @@ mod tests {
     #[test]
     fn a_swap_fails_unless_its_candidate_stayed() {
         let swap = |node: &str, at_s: f64| format!("{{at_s={at_s}, node='{node}'}}");
-        let swaps = [
-            swap("mixer", 1.0),
-            swap("guidance", 1.0),
-            swap("attitude-mpc", 1.0),
-            swap("recorder", 1.0),
-            swap("mixer", 9.0),
-        ];
+        let swaps = [swap("mixer", 1.0), swap("guidance", 1.0), swap("attitude-mpc", 1.0), swap("mixer", 9.0)];
         let scenario = load(None, &[format!("swap=[{}]", swaps.join(", "))]).unwrap();
         let events = [
             event("mixer", (2, Started, Some(0))),
             event("guidance", (2, Started, Some(1))),
             event("attitude-mpc", (2, Started, Some(2))),
-            event("recorder", (2, Started, Some(3))),
             event("guidance", (2, Rejected, None)).because("no answer at 1.02 s"),
             event("mixer", (2, TookOver, None)),
-            event("recorder", (2, TookOver, None)),
             event("mixer", (2, Kept, None)),
         ];
         let told: Vec<String> = FailedSwap::all(&scenario, &events).iter().map(FailedSwap::describe).collect();

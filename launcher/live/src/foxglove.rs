@@ -57,7 +57,7 @@ impl Encoder {
     pub fn on_record(&mut self, record: &Record, hub: &Hub) {
         let derived = self.scene.on_record(record);
         if hub.has_listeners() {
-            log::encode(record, self.sample_ns, publish_to(hub));
+            hub.publish(self.of_log(record.kind(), record.tick(), log::encode(record)));
             for derived in derived {
                 hub.publish(self.published(derived));
             }
@@ -66,19 +66,20 @@ impl Encoder {
 
     /// Publishes an event.
     pub fn on_event(&mut self, event: &Event, hub: &Hub) {
-        log::encode_event(event, self.sample_ns, publish_to(hub));
+        hub.publish(self.of_log(Record::KINDS, event.tick, log::encode_event(event)));
         let derived = self.scene.on_event(event);
         hub.publish(self.published(derived));
+    }
+
+    /// Makes the message of `tick` on a channel of the log.
+    fn of_log(&self, channel: usize, tick: u64, bytes: Vec<u8>) -> Published {
+        Published { channel, log_time_ns: tick.saturating_mul(self.sample_ns), bytes: bytes.into() }
     }
 
     fn published(&self, derived: Derived) -> Published {
         let Derived { channel, time_ns, bytes } = derived;
         Published { channel: self.before_view + channel as usize, log_time_ns: time_ns, bytes: bytes.into() }
     }
-}
-
-fn publish_to(hub: &Hub) -> impl FnMut(usize, u64, Vec<u8>) {
-    |channel, log_time_ns, bytes| hub.publish(Published { channel, log_time_ns, bytes: bytes.into() })
 }
 
 /// Lists the channels, each at its number.

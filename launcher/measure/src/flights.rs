@@ -27,11 +27,13 @@ pub fn survival() -> Bounds {
 /// Flies `scenario` to its end by one thread; `watch` is given every message.
 pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Verdict) {
     let mut summary = Summary::new(scenario);
-    let flown = guarded::fly(scenario, |record| {
+    let watch = |record: &Record| {
         summary.observe(record);
         watch(record);
         true
-    });
+    };
+    let flown = guarded::fly(scenario, true, watch, |_| {});
+    let flown = flown.unwrap_or_else(|error| panic!("cannot fly a checked scenario in process: {error}"));
     let verdict = Verdict::of(&summary, scenario, &flown.into());
     (summary, verdict)
 }

@@ -136,13 +136,14 @@ pub fn explain(
     let mut alone = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
     alone.run.mode = Mode::Inprocess;
     let fly = |each: &mut dyn FnMut(&Record)| {
-        guarded::fly(&alone, |record| {
+        let watch = |record: &Record| {
             let is_known = record.tick() <= *last_tick;
             if is_known {
                 each(record);
             }
             is_known
-        });
+        };
+        guarded::fly(&alone, true, watch, |_| {})?;
         Ok(())
     };
     // This flight always begins at tick 0, so it cannot be compared with a part of the recorded flight.

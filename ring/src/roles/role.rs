@@ -105,10 +105,6 @@ pub struct Policy {
     pub hang_ns: u64,
     /// Samples without an answer after which the active process hangs, if `hang_ns` has passed too.
     pub hang_ticks: u64,
-    /// `true` if a candidate is compared with the active process before it takes over.
-    pub tried: bool,
-    /// `true` if a program that fails is followed by the program before it.
-    pub falls_back: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -159,10 +155,10 @@ pub struct Role {
     restart_at_ns: Option<u64>,
     held_until_ns: u64,
     failures_ns: Vec<u64>,
-    /// Processes that this role has killed, or that leave by themselves when the next one has taken over.
+    /// Processes that this role has killed.
     expected_exits: Vec<u32>,
-    /// Programs that were active for good, by their swaps, the newest last.
-    origins: Vec<Option<usize>>,
+    /// Swap whose program and settings a restart has: that of the newest candidate that was kept.
+    origin: Option<usize>,
     progress: Progress,
     given_up: bool,
 }
@@ -178,8 +174,6 @@ impl Policy {
             // One period less than `HANG_TICKS` samples take, because progress is seen late too.
             hang_ns: ns(settings.hang_ms).max(sample_ns * (HANG_TICKS - 1)),
             hang_ticks: HANG_TICKS,
-            tried: true,
-            falls_back: false,
         }
     }
 
@@ -188,11 +182,11 @@ impl Policy {
         Self { restart_ns: vec![], hang_ns: PLANT_HANG_NS, hang_ticks: 0, ..Self::node(settings, sample_ns) }
     }
 
-    /// Returns the policy of the recorder: a disk may be slow, and a recorder has no answers to compare.
+    /// Returns the policy of the recorder: a disk may be slow.
     pub fn recorder(settings: &Supervision) -> Self {
         let node = Self::node(settings, 0);
         let start_limit_ns = node.start_limit_ns.max(RECORDER_START_NS);
-        Self { start_limit_ns, hang_ns: RECORDER_HANG_NS, hang_ticks: 1, tried: false, falls_back: true, ..node }
+        Self { start_limit_ns, hang_ns: RECORDER_HANG_NS, hang_ticks: 1, ..node }
     }
 }
 
@@ -212,7 +206,7 @@ impl Role {
             held_until_ns: 0,
             failures_ns: vec![],
             expected_exits: vec![],
-            origins: vec![None],
+            origin: None,
             progress: Progress::default(),
             given_up: false,
         }
@@ -329,7 +323,7 @@ impl Role {
         let Some(Starting { worker, candidate, .. }) = self.starting.take_if(|s| s.worker.epoch == epoch) else {
             return;
         };
-        if candidate && self.policy.tried {
+        if candidate {
             self.standby = Some(worker);
             self.contest = Some(Contest { candidate: epoch, old: self.active(), handed_over: false });
             out.push(Action::Standby(epoch));
@@ -342,10 +336,7 @@ impl Role {
 
     fn activated(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
         if let Some(pending) = self.pending.take_if(|pending| pending.epoch == epoch) {
-            // Only a recorder takes over without a trial while the process before it lives; that one leaves by itself.
-            self.expected_exits.extend(self.active.map(|before| before.epoch));
             self.active = Some(pending);
-            self.trust(pending.origin);
         } else if self.standby.is_some_and(|standby| standby.epoch == epoch) {
             std::mem::swap(&mut self.active, &mut self.standby);
         } else {
@@ -382,7 +373,7 @@ impl Role {
     fn lost(&mut self, now: Now, epoch: u32, why: &str, out: &mut Vec<Action>) {
         out.push(Action::Vacate(epoch));
         let is = |worker: &mut Worker| worker.epoch == epoch;
-        let was_active = self.active.take_if(is).is_some();
+        self.active.take_if(is);
         self.standby.take_if(is);
         self.pending.take_if(is);
         if let Some(starting) = self.starting.take_if(|starting| starting.worker.epoch == epoch)
@@ -399,8 +390,6 @@ impl Role {
             } else if contest.old == Some(epoch) {
                 contest.old = None; // the trial goes on without it
             }
-        } else if was_active && self.policy.falls_back && self.origins.len() > 1 {
-            self.origins.pop();
         }
         self.fill(now, epoch, out);
     }
@@ -468,7 +457,7 @@ impl Role {
         self.report(now, candidate, what, Some(why), out);
         let leaves = if what == What::Kept { old } else { Some(candidate) };
         if what == What::Kept {
-            self.trust(self.active.and_then(|active| active.origin));
+            self.origin = self.active.and_then(|active| active.origin);
         }
         let Some(leaves) = leaves else { return };
         self.kill(leaves, out);
@@ -509,19 +498,12 @@ impl Role {
     /// Starts another process: the candidate of `swap`, or without one the program that was last active for good.
     fn spawn(&mut self, now: Now, swap: Option<usize>, out: &mut Vec<Action>) {
         self.newest += 1;
-        let origin = swap.or(self.origins.last().copied().flatten());
+        let origin = swap.or(self.origin);
         let worker = Worker { epoch: self.newest, origin };
         self.starting = Some(Starting { worker, since_ns: now.ns, candidate: swap.is_some() });
         let started = Event::new(now.tick, self.name, worker.epoch, What::Started);
         out.push(Action::Report(Event { origin, ..started.begins(swap) }));
         out.push(Action::Spawn(worker.epoch, origin));
-    }
-
-    /// Notes that the program of `origin` is active for good; restarts use it.
-    fn trust(&mut self, origin: Option<usize>) {
-        if self.origins.last() != Some(&origin) {
-            self.origins.push(origin);
-        }
     }
 
     fn kill(&mut self, epoch: u32, out: &mut Vec<Action>) {

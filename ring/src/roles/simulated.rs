@@ -93,8 +93,8 @@ impl Simulated {
         }
         for (i, swap) in self.scenario.swap.clone().iter().enumerate() {
             let begins = swap.ticks(self.scenario.sample_s()).from == tick;
-            if let Some(topic) = swap.node.topic().filter(|_| begins) {
-                self.on(topic, now, RoleInput::SwapRequested(i));
+            if begins {
+                self.on(swap.node.topic(), now, RoleInput::SwapRequested(i));
             }
         }
         let nodes = &self.nodes;

@@ -15,26 +15,28 @@ pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
     for (i, swap) in scenario.swap.iter().enumerate() {
         check_sizes(swap, found);
         idle::check_begin("swap", swap.at_s, swap.ticks(scenario.sample_s()).from, scenario, found);
-        if !check_node(scenario, swap, found) {
+        if swap.node == SwapNode::Plant {
+            let what =
+                "the plant cannot be swapped: it is the vehicle, and there is no second one to take over from it";
+            found.require(
+                false,
+                &KEYS,
+                what.into(),
+                "guidance, attitude-mpc, mixer; to fly another plant, start it with the run",
+            );
             continue;
         }
         let mut others = scenario.swap[..i].iter().filter(|other| other.node == swap.node);
-        let (from, until) = span(swap, scenario);
-        let apart = |(other_from, other_until)| other_until < from || until < other_from;
+        let ticks = |swap: &Swap| swap.ticks(scenario.sample_s());
+        let apart = |other: SwapTicks, own: SwapTicks| other.until < own.from || own.until < other.from;
         found.require(
-            others.all(|other| apart(span(other, scenario))),
+            others.all(|other| apart(ticks(other), ticks(swap))),
             &KEYS,
             format!("two swaps of {} at once", swap.node.name()),
             "one after the other: from `at_s` to `at_s` + `standby_s` + `watch_s` the node is taken",
         );
         check_candidate(scenario, swap, candidate(scenario, swap), found);
     }
-}
-
-/// First and last tick on which the node is taken by the swap; a recorder has no trial, so both are the same.
-fn span(swap: &Swap, scenario: &Scenario) -> (u64, u64) {
-    let SwapTicks { from, until, .. } = swap.ticks(scenario.sample_s());
-    (from, if swap.node == SwapNode::Recorder { from } else { until })
 }
 
 fn check_sizes(swap: &Swap, found: &mut Found) {
@@ -59,30 +61,6 @@ fn check_sizes(swap: &Swap, found: &mut Found) {
     );
 }
 
-/// Returns whether the node can be swapped at all.
-fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
-    let inprocess = scenario.run.mode == Mode::Inprocess;
-    let plain = || Swap { exec: swap.exec.clone(), may_fail: swap.may_fail, ..Swap::new(swap.node, swap.at_s) };
-    let refusal = match swap.node {
-        SwapNode::Plant => Some((
-            "the plant cannot be swapped: it is the vehicle, and there is no second one to take over from it",
-            "guidance, attitude-mpc, mixer, recorder; to fly another plant, start it with the run",
-        )),
-        SwapNode::Recorder if inprocess => {
-            Some(("in process there is no recorder to swap", "`run.mode` = \"lockstep\" or \"realtime\""))
-        }
-        SwapNode::Recorder if *swap != plain() => Some((
-            "the recorder has neither settings nor a trial",
-            "a swap of the recorder without `set`, `standby_s`, `watch_s` and `bounds`",
-        )),
-        _ => None,
-    };
-    if let Some((what, allowed)) = refusal {
-        found.require(false, &["swap", "run.mode"], what.into(), allowed);
-    }
-    refusal.is_none()
-}
-
 /// Checks the candidate's own settings.
 fn check_candidate(scenario: &Scenario, swap: &Swap, own: Result<Scenario, ScenarioError>, found: &mut Found) {
     let own = match own {
@@ -105,9 +83,10 @@ fn check_candidate(scenario: &Scenario, swap: &Swap, own: Result<Scenario, Scena
     let topic = swap.node.topic();
     let clocked = scenario.run.mode == Mode::Realtime;
     for fault in &own.fault {
-        let of_itself = fault.target.process() == topic && matches!(fault.kind, FaultKind::Slow | FaultKind::Exit)
-            || fault.target.process() == topic && fault.kind == FaultKind::Hog && clocked;
-        let of_its_word = fault.target.topic() == topic;
+        let of_itself = fault.target.process() == Some(topic)
+            && matches!(fault.kind, FaultKind::Slow | FaultKind::Exit)
+            || fault.target.process() == Some(topic) && fault.kind == FaultKind::Hog && clocked;
+        let of_its_word = fault.target.topic() == Some(topic);
         let of_its_solver = fault.target == FaultTarget::Mpc && swap.node == SwapNode::AttitudeMpc;
         found.require(
             of_itself || of_its_word || of_its_solver,

@@ -1,9 +1,6 @@
 //! State of a flying stack as `status` and the live page show it, read without joining the stack.
 
-use contract::Scenario;
 use contract::message::mixer_flags;
-use contract::scenario;
-use contract::scenario::file::{self, MAX_TEXT_BYTES};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase as phases};
 use serde_json::{Value, json};
@@ -15,7 +12,7 @@ use crate::log::Record;
 /// read are absent.
 pub fn view(domain: &Domain) -> Value {
     let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });
-    if let Some(scenario) = settings(domain) {
+    if let Ok(scenario) = domain.scenario() {
         view["name"] = json!(scenario.name);
         view["mode"] = json!(scenario.run.mode);
         view["profile"] = json!(scenario.profile);
@@ -48,12 +45,6 @@ pub fn rung(record: &Record) -> &'static str {
     rungs.iter().find(|(flag, _)| actuators.flags & flag != 0).map_or("on demand", |(_, name)| name)
 }
 
-/// Reads the settings of the flight; `None` if it is only starting, or has ended.
-pub fn settings(domain: &Domain) -> Option<Scenario> {
-    let text = file::read_text(&domain.file("scenario.toml"), MAX_TEXT_BYTES).ok()?;
-    scenario::from_merged(&text, "settings").ok()
-}
-
 /// Returns the phase of the flight: starting, flying or ending; `None` without a control page.
 pub fn phase(domain: &Domain) -> Option<&'static str> {
     let page = ControlPage::open(&domain.file("page")).ok()?;
@@ -67,5 +58,5 @@ pub fn phase(domain: &Domain) -> Option<&'static str> {
 /// Returns the simulated time of the flight \[s\]; `None` if control page or settings cannot be read.
 pub fn time_s(domain: &Domain) -> Option<f64> {
     let page = ControlPage::open(&domain.file("page")).ok()?;
-    Some(f64::from(page.watched.count()) / f64::from(settings(domain)?.run.rate_hz))
+    Some(f64::from(page.watched.count()) / f64::from(domain.scenario().ok()?.run.rate_hz))
 }

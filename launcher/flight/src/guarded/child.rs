@@ -5,14 +5,16 @@ use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
+use contract::Topic;
 use contract::exit;
 use runtime::error::{SessionError, words_of_panic};
 use runtime::realtime::{SharedPipes, WordPipe, die_of_crashes, now_ns};
 use rustix::process::{Signal, getpid, set_child_subreaper, set_parent_process_death_signal};
 
-use super::frames::{Answer, End, Request};
+use super::frames::{Answer, End, Request, Work};
 use super::surroundings::Surroundings;
-use crate::inprocess::{self, Flown};
+use crate::inprocess;
+use crate::libraries;
 use crate::log::{Memory, Record};
 
 /// Words after which the parent is woken.
@@ -54,8 +56,8 @@ pub fn serve() -> io::Result<u8> {
         let flight = request.as_ref().map_or(0, |request| request.flight);
         let sender = RefCell::new(Sender { pipe: &pipes.answers, flight, words: vec![], unseen: 0 });
         let end = match request {
-            Ok(request) => match catch_unwind(AssertUnwindSafe(|| fly(&request, &sender))) {
-                Ok(Ok(flown)) => End::of(flown),
+            Ok(request) => match catch_unwind(AssertUnwindSafe(|| carry_out(&request, &sender))) {
+                Ok(Ok(end)) => end,
                 Ok(Err(error)) => End::Refused(error.to_string()),
                 Err(panic) => End::Panicked(words_of_panic(&*panic).to_owned()),
             },
@@ -71,16 +73,26 @@ pub fn serve() -> io::Result<u8> {
     }
 }
 
-fn fly(request: &Request, sender: &RefCell<Sender>) -> Result<Flown, SessionError> {
-    let watch = |record: &Record| {
-        sender.borrow_mut().record(record);
-        true
-    };
-    if request.logged {
-        let remember = |memory: &Memory| sender.borrow_mut().memory(memory);
-        return Ok(inprocess::fly_remembering(&request.scenario, watch, remember));
+fn carry_out(Request { work, scenario, .. }: &Request, sender: &RefCell<Sender>) -> Result<End, SessionError> {
+    match work {
+        Work::Fly { with_checksums } => {
+            let watch = |record: &Record| {
+                sender.borrow_mut().record(record);
+                true
+            };
+            let ring = inprocess::ring(scenario, *with_checksums)?;
+            Ok(End::of(ring.fly(watch, |memory| sender.borrow_mut().memory(memory))?))
+        }
+        Work::Try { node: Some(name) } => {
+            let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
+            let topic = topic.ok_or_else(|| SessionError::UnknownNode(name.clone()))?;
+            foreign::try_out(topic, scenario).map(|()| End::Tried)
+        }
+        Work::Try { node: None } => {
+            let mut all = libraries::all(scenario).into_iter();
+            all.try_for_each(|(topic, own)| foreign::try_out(topic, &own)).map(|()| End::Tried)
+        }
     }
-    inprocess::fly_unlogged(&request.scenario, watch)
 }
 
 impl Sender<'_> {

@@ -21,13 +21,24 @@ const TEXT: u64 = MEMORY + 1;
 const KIND_SHIFT: u32 = 32;
 const FLIGHT_SHIFT: u32 = 40;
 
-/// Flight to be flown.
+/// Work of a child with the libraries of a scenario.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Work {
+    Fly {
+        with_checksums: bool,
+    },
+    /// Loads the library of this node, or those of all nodes, and lets them answer to a few samples.
+    Try {
+        node: Option<String>,
+    },
+}
+
+/// Flight to be flown, or trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// Number of the flight among those of the child, which every answer repeats.
     pub flight: u16,
-    /// Messages have checksums, because they are logged.
-    pub logged: bool,
+    pub work: Work,
     pub scenario: Scenario,
 }
 
@@ -52,6 +63,8 @@ pub enum End {
         refused: Vec<[u32; Refusal::ALL.len()]>,
         failures: Vec<String>,
     },
+    /// The libraries have answered.
+    Tried,
     /// The flight cannot be flown.
     Refused(String),
     /// The launcher's own code has panicked.
@@ -71,7 +84,8 @@ impl End {
 
 impl Request {
     pub fn to_words(&self) -> Vec<u64> {
-        text_frame(self.flight, &format!("{}\n{}", self.logged, to_toml(&self.scenario)))
+        let work = serde_json::to_string(&self.work).expect("a flag and text");
+        text_frame(self.flight, &format!("{work}\n{}", to_toml(&self.scenario)))
     }
 
     /// Takes a request from the beginning of `words`; `None` if it is not complete.
@@ -83,9 +97,10 @@ impl Request {
         let request = || -> Result<Self, String> {
             let text = if kind == TEXT { text_of(&body) } else { None };
             let text = text.ok_or("no request")?;
-            let (logged, settings) = text.split_once('\n').ok_or("a request without settings")?;
+            let (work, settings) = text.split_once('\n').ok_or("a request without settings")?;
+            let work = serde_json::from_str(work).map_err(|e| e.to_string())?;
             let scenario = scenario::from_merged(settings, "settings of the flight").map_err(|e| e.to_string())?;
-            Ok(Self { flight, logged: logged == "true", scenario })
+            Ok(Self { flight, work, scenario })
         };
         Some(request())
     }
@@ -199,7 +214,8 @@ mod tests {
 
     #[test]
     fn a_request_is_taken_when_it_is_complete() {
-        let request = Request { flight: u16::MAX, logged: true, scenario: Scenario::default() };
+        let work = Work::Try { node: Some("mixer".into()) };
+        let request = Request { flight: u16::MAX, work, scenario: Scenario::default() };
         let words = request.to_words();
         let mut part = words[..words.len() - 1].to_vec();
         assert!(Request::take(&mut part).is_none());

@@ -12,12 +12,12 @@ use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::realtime::{SharedPipes, die_with_parent, now_ns};
 
-use super::frames::{Answer, End, Request};
+use super::frames::{Answer, End, Request, Work};
 use crate::event::{Event, What};
 use crate::inprocess::Flown;
+use crate::libraries;
 use crate::log::{Memory, Record};
 use crate::own_program;
-use crate::programs;
 use crate::stack::Ended;
 use crate::stack::children::kill;
 use crate::strays::Mark;
@@ -50,16 +50,15 @@ struct Loss {
 }
 
 impl Host {
-    /// Starts a child that can fly `scenario`. What its libraries print goes to the launcher's stderr.
-    pub fn start(scenario: &Scenario) -> Result<Self, SessionError> {
+    /// Starts a child for these `libraries`, with these variables. What it prints goes to the launcher's stderr.
+    pub fn start(env: BTreeMap<String, String>, libraries: BTreeSet<(String, String)>) -> Result<Self, SessionError> {
         let start = || -> io::Result<Self> {
             let (pipes, file) = SharedPipes::create()?;
-            let env = env_of(scenario);
             let mut command = own_program();
             command.arg("fly-guarded").envs(&env).process_group(0);
             command.stdin(file).stdout(io::stderr()).stderr(Stdio::inherit());
             die_with_parent(&mut command);
-            let (mark, libraries) = (Mark::on(&mut command), programs::files(scenario));
+            let mark = Mark::on(&mut command);
             let child = command.spawn()?;
             Ok(Self { child, mark, pipes, flight: 0, env, libraries, words: vec![], taken: 0, is_idle: true })
         };
@@ -69,7 +68,7 @@ impl Host {
     /// Returns whether the child has the libraries of `scenario`, and no others, and the environment that they shall
     /// have.
     pub fn suits(&self, scenario: &Scenario) -> bool {
-        self.env == env_of(scenario) && self.libraries == programs::files(scenario)
+        self.env == libraries::env_of(scenario) && self.libraries == libraries::files(scenario)
     }
 
     /// Returns whether the child waits for a flight.
@@ -77,21 +76,21 @@ impl Host {
         self.is_idle
     }
 
-    /// Lets the child fly `scenario`, with checksums if the flight is `logged`; gives `watch` every message, until it
-    /// returns false.
+    /// Lets the child fly `scenario`; gives `watch` every message, until it returns false.
     ///
     /// # Errors
     /// The flight cannot be flown.
     pub fn fly(
         &mut self,
-        logged: bool,
         scenario: &Scenario,
+        with_checksums: bool,
         mut watch: impl FnMut(&Record) -> bool,
         mut remember: impl FnMut(&Memory),
     ) -> Result<Flown, SessionError> {
         self.is_idle = false;
         self.flight = self.flight.wrapping_add(1);
-        let request = Request { flight: self.flight, logged, scenario: scenario.clone() };
+        let work = Work::Fly { with_checksums };
+        let request = Request { flight: self.flight, work, scenario: scenario.clone() };
         let limit_s = scenario.supervision.wall_limit_s;
         let limit = (limit_s > 0.0).then(|| Duration::from_secs_f64(limit_s));
         let mut tick = 0;
@@ -115,6 +114,23 @@ impl Host {
             },
         };
         Ok(lost_flight(scenario, tick, &lost))
+    }
+
+    /// Lets the child try the library of `node`, or all libraries of `scenario`; returns why they cannot be flown.
+    pub fn try_out(mut self, scenario: &Scenario, node: Option<Topic>, limit: Duration) -> Result<(), String> {
+        let work = Work::Try { node: node.map(|topic| topic.publisher().to_owned()) };
+        let request = Request { flight: self.flight, work, scenario: scenario.clone() };
+        match self.send(&request.to_words()).and_then(|()| self.next(Some(limit))) {
+            Ok(Answer::End(End::Tried, _)) => Ok(()),
+            Ok(Answer::End(End::Refused(why), _)) => Err(why),
+            Err(Loss { what: What::Hung, .. }) => {
+                Err(format!("it did not load and answer within {} s", limit.as_secs()))
+            }
+            Err(Loss { why, .. }) | Ok(Answer::End(End::Panicked(why), _)) => {
+                Err(format!("it ended the process that tried it ({why})"))
+            }
+            Ok(_) => Err("it has damaged the memory of its process".into()),
+        }
     }
 
     fn send(&mut self, mut words: &[u64]) -> Result<(), Loss> {
@@ -194,12 +210,6 @@ pub(super) fn in_words(status: ExitStatus) -> String {
     }
 }
 
-/// Variables that the scenario gives to the processes of libraries; all are of one process here.
-fn env_of(scenario: &Scenario) -> BTreeMap<String, String> {
-    let of_library = |topic| scenario.node.of(topic).env.clone();
-    scenario.node.libraries().flat_map(of_library).collect()
-}
-
 /// Makes the result of a flight that its library has ended after `tick`.
 fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> Flown {
     let names: Vec<&str> = scenario.node.libraries().map(Topic::publisher).collect();
@@ -218,6 +228,7 @@ fn whole(end: End) -> Result<Flown, SessionError> {
         }
         End::Refused(why) => Err(SessionError::InChild(why)),
         End::Panicked(said) => panic!("{said}"),
+        End::Tried => unreachable!("a flight was asked for"),
     }
 }
 

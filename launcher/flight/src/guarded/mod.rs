@@ -11,7 +11,8 @@
 //!
 //! Messages come through memory that both processes share, so none is lost with the child, and a flight is not slower
 //! by a system call for each. What a library changes in its process (limits, variables, working directory, signals), or
-//! leaves running, ends with the flight: the next one then has a new child.
+//! leaves running, ends with the flight: the next one then has a new child. Before any flight a library is tried in a
+//! child of its own ([`try_out`]).
 //!
 //! | module | holds |
 //! |---|---|
@@ -28,7 +29,10 @@ mod host;
 mod surroundings;
 
 use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
+use contract::Topic;
 use contract::scenario::Scenario;
 use runtime::error::SessionError;
 
@@ -36,8 +40,8 @@ pub use child::serve;
 pub use command::{command, exit_code};
 
 use crate::inprocess::{self, Flown};
+use crate::libraries;
 use crate::log::{Memory, Record};
-use crate::programs;
 use host::Host;
 
 /// Most children of a thread that wait; beyond them the one that has waited longest ends.
@@ -49,52 +53,29 @@ thread_local! {
     static IDLE: RefCell<Vec<Host>> = const { RefCell::new(vec![]) };
 }
 
-/// Flies as [`inprocess::fly`] does.
-pub fn fly(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Flown {
-    fly_remembering(scenario, watch, |_| {})
-}
+/// Longest time that a library may take to be loaded and to answer to a few samples.
+const TRIAL_LIMIT: Duration = Duration::from_secs(10);
 
-/// Flies as [`inprocess::fly_remembering`] does.
-pub fn fly_remembering(
-    scenario: &Scenario,
-    watch: impl FnMut(&Record) -> bool,
-    remember: impl FnMut(&Memory),
-) -> Flown {
-    if !has_library(scenario) {
-        return inprocess::fly_remembering(scenario, watch, remember);
-    }
-    let flown = fly_in_child(scenario, true, watch, remember);
-    flown.unwrap_or_else(|error| panic!("cannot fly a checked scenario in process: {error}"))
-}
-
-/// Flies as [`inprocess::fly_unlogged`] does.
+/// Flies `scenario` to its end, or until `watch`, which gets every message, returns false; `remember` gets the memory
+/// of every node, every ten seconds.
 ///
 /// # Errors
-/// As there, or no child can be started.
-pub fn fly_unlogged(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Result<Flown, SessionError> {
-    if !has_library(scenario) {
-        return inprocess::fly_unlogged(scenario, watch);
-    }
-    fly_in_child(scenario, false, watch, |_| {})
-}
-
-/// Returns whether a node is a library, from the beginning or by a swap.
-fn has_library(scenario: &Scenario) -> bool {
-    !programs::libraries(scenario).is_empty()
-}
-
-fn fly_in_child(
+/// Something derived from `scenario` does not exist ([`inprocess::ring`]), or no child can be started.
+pub fn fly(
     scenario: &Scenario,
-    logged: bool,
+    with_checksums: bool,
     watch: impl FnMut(&Record) -> bool,
     remember: impl FnMut(&Memory),
 ) -> Result<Flown, SessionError> {
+    if libraries::all(scenario).is_empty() {
+        return inprocess::ring(scenario, with_checksums)?.fly(watch, remember);
+    }
     let idle = IDLE.with_borrow_mut(|idle| {
         let suits = idle.iter().position(|host| host.suits(scenario));
         suits.map(|at| idle.remove(at))
     });
-    let mut host = idle.map_or_else(|| Host::start(scenario), Ok)?;
-    let flown = host.fly(logged, scenario, watch, remember)?;
+    let mut host = idle.map_or_else(|| Host::start(libraries::env_of(scenario), libraries::files(scenario)), Ok)?;
+    let flown = host.fly(scenario, with_checksums, watch, remember)?;
     if host.is_idle() {
         IDLE.with_borrow_mut(|idle| {
             idle.push(host);
@@ -103,4 +84,11 @@ fn fly_in_child(
         });
     }
     Ok(flown)
+}
+
+/// Tries the library of `node` in a child with the variables `env`, or without a node all libraries of `scenario` side
+/// by side; returns why they cannot be flown. What they print goes to the launcher's stderr.
+pub fn try_out(scenario: &Scenario, node: Option<Topic>, env: BTreeMap<String, String>) -> Result<(), String> {
+    let host = Host::start(env, BTreeSet::new());
+    host.map_err(|error| error.to_string())?.try_out(scenario, node, TRIAL_LIMIT)
 }

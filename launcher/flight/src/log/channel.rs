@@ -3,8 +3,7 @@
 use contract::Topic;
 use contract::message::{Payload, Truth};
 
-use super::{EVENTS, MEMORY, Record, schema};
-use crate::event::Event;
+use super::{EVENTS, MEMORY, schema};
 use crate::foxglove;
 
 /// One channel, encoded as protobuf.
@@ -40,18 +39,4 @@ pub fn view_channels() -> Vec<Channel> {
         publisher: "launcher",
     };
     foxglove::Channel::ALL.map(channel).into()
-}
-
-/// Passes the messages that the log has for `record` to `each`: index of the channel, log time \[ns\], bytes.
-pub fn encode(record: &Record, sample_ns: u64, mut each: impl FnMut(usize, u64, Vec<u8>)) {
-    let mut bytes = vec![];
-    schema::encode(record, &mut bytes);
-    each(record.kind(), record.tick().saturating_mul(sample_ns), bytes);
-}
-
-/// Passes the messages that the log has for `event` to `each`, as [`encode`] does.
-pub fn encode_event(event: &Event, sample_ns: u64, mut each: impl FnMut(usize, u64, Vec<u8>)) {
-    let mut bytes = vec![];
-    schema::encode_event(event, &mut bytes);
-    each(Record::KINDS, event.tick.saturating_mul(sample_ns), bytes);
 }

@@ -256,7 +256,7 @@ fn gather(
     parts.iter().map(read).collect()
 }
 
-/// Counts how often each of the newest messages was seen: two recorders of a flight work side by side for seconds.
+/// Counts how often each of the newest messages was seen: a recorder and the launcher write side by side for seconds.
 #[derive(Default)]
 struct Recent {
     times: HashMap<Identity, u32>,
@@ -264,7 +264,7 @@ struct Recent {
 }
 
 impl Recent {
-    /// Messages that are remembered: more than two recorders receive side by side.
+    /// Messages that are remembered: more than both of them have.
     const MOST: usize = 200_000;
 
     /// Counts a message, and returns how often it was seen, this time included.

@@ -27,7 +27,7 @@ mod schema;
 mod tests;
 mod write;
 
-pub use channel::{Channel, channels, encode, encode_event, view_channels};
+pub use channel::{Channel, channels, view_channels};
 pub use index::{ALL, Span};
 pub use join::{join, memories, part, read_parts, rest, stream};
 pub use lz4::Lz4;
@@ -38,7 +38,7 @@ pub use ring::memory::Memory;
 pub use ring::record::Record;
 pub use ring::samples::Samples;
 pub(crate) use ring::with_message;
-pub use schema::{Column, columns, fields, status_name, words};
+pub use schema::{Column, columns, encode, encode_event, fields, status_name, words};
 pub use write::LogWriter;
 
 /// Name of the metadata record that holds the scenario, and its key there.

@@ -137,38 +137,31 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 /// Reads the log at `path` without its messages: `each` gets those of the `span` one by one, in the order of writing,
 /// with what was read before them, which includes the scenario and the origin of the log.
 pub fn read_in_order(path: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
-    walk(path, &Wanted::Messages(span), |log, found, data| {
-        if let Found::Message(kind) = found {
-            each(log, &schema::decode(kind, data)?);
+    walk(path, &Wanted::Messages(span), |log, found| {
+        if let Found::Message(record) = found {
+            each(log, record);
         }
-        Ok(())
     })
 }
 
 /// Reads the snapshots in the `span` of the log at `path`, up to a defect; `each` gets them with what was read before.
 pub fn read_memories(path: &Path, span: Span, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
-    let read = walk(path, &Wanted::Memories(span), |log, found, data| {
-        if let Found::Memory = found {
-            each(log, schema::decode_memory(data).context("what a node remembers cannot be read")?);
+    let read = walk(path, &Wanted::Memories(span), |log, found| {
+        if let Found::Memory(memory) = found {
+            each(log, memory);
         }
-        Ok(())
     });
     read.map(drop)
 }
 
-/// Kinds of records that are passed on to the caller.
-enum Found {
-    /// Message of a [kind](Record::kind).
-    Message(usize),
-    Memory,
+/// Record that is passed on to the caller.
+enum Found<'a> {
+    Message(&'a Record),
+    Memory(Memory),
 }
 
-/// Reads what is `wanted` of the log at `path`; `each` gets the bytes of each record found, with what was read before.
-fn walk(
-    path: &Path,
-    wanted: &Wanted,
-    each: impl FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>,
-) -> anyhow::Result<Log> {
+/// Reads what is `wanted` of the log at `path`; `each` gets each record found, with what was read before.
+fn walk(path: &Path, wanted: &Wanted, each: impl FnMut(&Log, Found)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
     let (file, size) = files::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = Parts::of(file, size, wanted).with_context(cannot_read)?;
@@ -232,7 +225,7 @@ struct Contents<'a, F> {
     memory: Option<u16>,
 }
 
-impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<'_, F> {
+impl<F: FnMut(&Log, Found)> Contents<'_, F> {
     /// Takes in one record; irrelevant kinds are not parsed.
     fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
         if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
@@ -265,11 +258,12 @@ impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<'_, F> {
                 if let Some(&kind) = self.channels.get(&header.channel_id) {
                     ensure!(self.has_scenario, "a message stands before the scenario");
                     if matches!(self.wanted, Wanted::Messages(span) if span.contains(&header.log_time)) {
-                        (self.each)(&self.log, Found::Message(kind), &data)?;
+                        (self.each)(&self.log, Found::Message(&schema::decode(kind, &data)?));
                     }
                 } else if self.memory == Some(header.channel_id) {
                     if matches!(self.wanted, Wanted::Memories(span) if span.contains(&header.log_time)) {
-                        (self.each)(&self.log, Found::Memory, &data)?;
+                        let memory = schema::decode_memory(&data).context("what a node remembers cannot be read")?;
+                        (self.each)(&self.log, Found::Memory(memory));
                     }
                 } else if self.events == Some(header.channel_id) {
                     ensure!(self.log.events.len() < MAX_EVENTS, "it has more than {MAX_EVENTS} events");

@@ -40,17 +40,15 @@ pub const MEMORY: &str = "trefoil.v1.Memory";
 pub const MESSAGES: [&str; Record::KINDS] =
     ["trefoil.v1.State", "trefoil.v1.Reference", "trefoil.v1.Controls", "trefoil.v1.Actuators", "trefoil.v1.Truth"];
 
-/// Replaces the content of `buffer` by the record's bytes; allocates only if the buffer must grow.
-pub fn encode(record: &Record, buffer: &mut Vec<u8>) {
-    buffer.clear();
+/// Returns the bytes of a message.
+pub fn encode(record: &Record) -> Vec<u8> {
     match *record {
-        Record::State(message) => wire::State::from(message).encode(buffer),
-        Record::Reference(message) => wire::Reference::from(message).encode(buffer),
-        Record::Controls(message) => wire::Controls::from(message).encode(buffer),
-        Record::Actuators(message) => wire::Actuators::from(message).encode(buffer),
-        Record::Truth(message) => wire::Truth::from(message).encode(buffer),
+        Record::State(message) => wire::State::from(message).encode_to_vec(),
+        Record::Reference(message) => wire::Reference::from(message).encode_to_vec(),
+        Record::Controls(message) => wire::Controls::from(message).encode_to_vec(),
+        Record::Actuators(message) => wire::Actuators::from(message).encode_to_vec(),
+        Record::Truth(message) => wire::Truth::from(message).encode_to_vec(),
     }
-    .expect("a vector grows as needed");
 }
 
 /// Reads a message of a [kind](Record::kind).
@@ -64,9 +62,8 @@ pub fn decode(kind: usize, bytes: &[u8]) -> Result<Record, DecodeError> {
     })
 }
 
-/// Replaces the content of `buffer` by the event's bytes.
-pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
-    buffer.clear();
+/// Returns the bytes of an event.
+pub fn encode_event(event: &Event) -> Vec<u8> {
     let Event { tick, ref node, epoch, what, ref why, swap, origin, by, ref fault } = *event;
     let [swap, origin] = [swap, origin].map(|swap| swap.map(|swap| swap as u64));
     let by = by.map(|Sender { pid, user }| wire::Sender { pid, user });
@@ -84,8 +81,7 @@ pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
         fault_number,
         fault,
     }
-    .encode(buffer)
-    .expect("a vector grows as needed");
+    .encode_to_vec()
 }
 
 pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
@@ -103,14 +99,11 @@ pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
     Ok(Event { tick, node, epoch, what, why, swap, origin, by, fault })
 }
 
-/// Replaces the content of `buffer` by the snapshot's bytes.
-pub fn encode_memory(memory: &Memory, buffer: &mut Vec<u8>) {
-    buffer.clear();
+/// Returns the bytes of a snapshot.
+pub fn encode_memory(memory: &Memory) -> Vec<u8> {
     let Memory { tick, topic, origin: Origin { epoch, done }, words } = memory;
     let (tick, epoch, done, words) = (*tick, *epoch, *done, words.clone());
-    wire::Memory { tick, node: topic.publisher().into(), epoch, done, words }
-        .encode(buffer)
-        .expect("a vector grows as needed");
+    wire::Memory { tick, node: topic.publisher().into(), epoch, done, words }.encode_to_vec()
 }
 
 pub fn decode_memory(bytes: &[u8]) -> anyhow::Result<Memory> {

@@ -40,8 +40,6 @@ pub struct LogWriter {
     memory: u16,
     /// Sample time \[ns\].
     sample_ns: u64,
-    /// Bytes of one message.
-    buffer: Vec<u8>,
     /// Bytes of messages in the open chunk, and its newest log time.
     open_bytes: usize,
     newest_ns: u64,
@@ -79,7 +77,6 @@ impl LogWriter {
             events,
             memory,
             sample_ns,
-            buffer: Vec::new(),
             open_bytes: 0,
             newest_ns: 0,
             whole_bytes: 0,
@@ -96,9 +93,8 @@ impl LogWriter {
     }
 
     /// Writes the bytes of a message of an own channel, with its simulated time \[ns\].
-    pub fn write_encoded(&mut self, channel_id: u16, log_time: u64, bytes: Vec<u8>) -> anyhow::Result<()> {
-        self.buffer = bytes;
-        self.append(&MessageHeader { channel_id, sequence: 0, log_time, publish_time: 0 })
+    pub fn write_encoded(&mut self, channel_id: u16, log_time: u64, bytes: &[u8]) -> anyhow::Result<()> {
+        self.append(&MessageHeader { channel_id, sequence: 0, log_time, publish_time: 0 }, bytes)
     }
 
     pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
@@ -106,42 +102,34 @@ impl LogWriter {
             Record::Truth(truth) => (truth.sequence, 0),
             _ => record.stamped().map_or((0, 0), |(topic, stamp)| (stamp.sequence, stamp.publish_ns[topic as usize])),
         };
-        schema::encode(record, &mut self.buffer);
-        self.append(&MessageHeader {
+        let header = MessageHeader {
             channel_id: self.channels[record.kind()],
             sequence: sequence as u32,
-            log_time: record.tick().saturating_mul(self.sample_ns),
+            log_time: self.log_time(record.tick()),
             publish_time,
-        })
+        };
+        self.append(&header, &schema::encode(record))
     }
 
     pub fn write_event(&mut self, event: &Event) -> anyhow::Result<()> {
-        schema::encode_event(event, &mut self.buffer);
-        self.append(&MessageHeader {
-            channel_id: self.events,
-            sequence: 0,
-            log_time: event.tick.saturating_mul(self.sample_ns),
-            publish_time: 0,
-        })
+        self.write_encoded(self.events, self.log_time(event.tick), &schema::encode_event(event))
     }
 
     /// Writes the snapshot of a node.
     pub fn write_memory(&mut self, memory: &Memory) -> anyhow::Result<()> {
-        schema::encode_memory(memory, &mut self.buffer);
-        self.append(&MessageHeader {
-            channel_id: self.memory,
-            sequence: 0,
-            log_time: memory.tick.saturating_mul(self.sample_ns),
-            publish_time: 0,
-        })
+        self.write_encoded(self.memory, self.log_time(memory.tick), &schema::encode_memory(memory))
     }
 
-    fn append(&mut self, header: &MessageHeader) -> anyhow::Result<()> {
+    fn log_time(&self, tick: u64) -> u64 {
+        tick.saturating_mul(self.sample_ns)
+    }
+
+    fn append(&mut self, header: &MessageHeader, bytes: &[u8]) -> anyhow::Result<()> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
-        if let Err(error) = mcap.write_to_known_channel(header, &self.buffer) {
+        if let Err(error) = mcap.write_to_known_channel(header, bytes) {
             return Err(self.give_up(plain(error)));
         }
-        self.open_bytes += self.buffer.len();
+        self.open_bytes += bytes.len();
         self.newest_ns = self.newest_ns.max(header.log_time);
         if self.open_bytes >= CHUNK_BYTES || self.flushed.elapsed() >= FLUSH_PERIOD { self.flush() } else { Ok(()) }
     }

@@ -36,7 +36,7 @@ pub trait Driver {
     fn on(&mut self, scenario: &Scenario, topic: Topic, input: RoleInput) -> Vec<Order>;
 
     /// Returns `Ok` if a swap may be ordered now, else the reason why not.
-    fn may_swap(&self, topic: Option<Topic>) -> Result<(), String>;
+    fn may_swap(&self, topic: Topic) -> Result<(), String>;
 
     /// Adds fault `number`, or changes it to `fault`. Lockstep ignores it: there only the scenario has faults.
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}

@@ -147,7 +147,7 @@ impl Driver for Lockstep {
         vec![]
     }
 
-    fn may_swap(&self, _topic: Option<Topic>) -> Result<(), String> {
+    fn may_swap(&self, _topic: Topic) -> Result<(), String> {
         Err("a lockstep flight is to repeat: write the swap into its scenario".into())
     }
 

@@ -140,8 +140,8 @@ impl Driver for Realtime {
         for (i, swap) in scenario.swap.iter().enumerate() {
             // Tick 0 is also the tick before the first sample.
             let is_due = tick > 0 && tick >= swap.ticks(scenario.sample_s()).from && !self.begun[i];
-            let has_room = |topic: &Topic| !self.nodes[*topic as usize].role.has_candidate();
-            if let Some(topic) = swap.node.topic().filter(|_| is_due).filter(has_room) {
+            let topic = swap.node.topic();
+            if is_due && !self.nodes[topic as usize].role.has_candidate() {
                 self.begun[i] = true;
                 orders.extend(self.on(scenario, topic, RoleInput::SwapRequested(i)));
             }
@@ -159,8 +159,8 @@ impl Driver for Realtime {
         orders
     }
 
-    fn may_swap(&self, topic: Option<Topic>) -> Result<(), String> {
-        topic.map_or(Ok(()), |topic| self.nodes[topic as usize].role.may_swap())
+    fn may_swap(&self, topic: Topic) -> Result<(), String> {
+        self.nodes[topic as usize].role.may_swap()
     }
 
     fn due(&self) -> Instant {

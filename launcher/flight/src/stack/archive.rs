@@ -6,11 +6,10 @@
 //! recorder 2 -> flight.2.mcap        /
 //! ```
 //!
-//! A recorder that takes over already records when the one before closes its file, so that no message is missing in
-//! between. If a recorder dies, the launcher writes its last moments, and what is sent until the next one records
-//! ([`Rest`]). No node notices either.
+//! If a recorder dies, the launcher writes its last moments, and what is sent until the next one records ([`Rest`]). No
+//! node notices.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeSet, VecDeque};
 use std::io::Read;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
@@ -18,7 +17,6 @@ use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
 use contract::Scenario;
-use contract::scenario::{NodeSettings, SwapNode};
 use contract::topic::Topic;
 use runtime::console::eprint_line;
 use runtime::realtime::ControlPage;
@@ -37,11 +35,7 @@ use ring::roles::role::{Action, Now, Policy, Role, RoleInput};
 pub struct Archive {
     pub role: Role,
     started: Instant,
-    /// `true` for each swap that has begun.
-    begun: Vec<bool>,
     path: PathBuf,
-    /// Outcome that each recorder with the role reported at its end, by epoch.
-    outcomes: BTreeMap<u32, LogOutcome>,
     /// Newest stamps of the messages that the launcher has seen, to find gaps.
     count: Count,
     /// Messages sent, as far as `count` tells.
@@ -57,9 +51,7 @@ impl Archive {
         Self {
             role: Role::new(RECORDER, Policy::recorder(&scenario.supervision)),
             started: Instant::now(),
-            begun: vec![],
             path: path.into(),
-            outcomes: BTreeMap::new(),
             count: Count::default(),
             sent: 0,
             rest: Rest::new(scenario),
@@ -78,18 +70,12 @@ impl Archive {
     /// Starts the first recorder, which is active at once.
     pub fn start(&self, run: &mut Run) -> anyhow::Result<()> {
         run.page.recorder.assign(0, |_| Assignment { active: 1, standby: 0 });
-        self.spawn(run, 1, None)
+        self.spawn(run, 1)
     }
 
     /// Handles the end of the recorder that is child number `i`, whether it was asked to end or not.
     pub fn exited(&mut self, run: &mut Run, i: usize, tick: u64) {
-        let Process { epoch, child, .. } = &mut run.children.all[i];
-        let epoch = *epoch;
-        // A recorder that was never ready has written nothing.
-        if let Some(stdout) = child.stdout.take().filter(|_| self.role.starting() != Some(epoch)) {
-            self.keep(epoch, stdout);
-        }
-        self.on(run, tick, RoleInput::Exited(epoch));
+        self.on(run, tick, RoleInput::Exited(run.children.all[i].epoch));
     }
 
     /// Supervises the recorder. The flight is worth more than its log, whose loss is told at the end.
@@ -100,15 +86,6 @@ impl Archive {
             .extend(self.role.starting().filter(|epoch| run.page.recorder.ready.get() == *epoch).map(RoleInput::Ready));
         let (recorded, watched) = (run.page.recorded.count(), run.page.watched.count());
         inputs.push(RoleInput::Progress { done: recorded.into(), samples: watched.into(), excused_ns: 0 });
-        let swaps = &run.scenario.swap;
-        self.begun.resize(swaps.len(), false);
-        let from = |i: &usize| swaps[*i].ticks(run.scenario.sample_s()).from;
-        let ours = |i: &usize| swaps[*i].node == SwapNode::Recorder && !self.begun[*i];
-        let first = (0..swaps.len()).filter(ours).min_by_key(from);
-        if let Some(swap) = first.filter(|i| tick >= from(i) && !self.role.is_busy() && !self.role.given_up()) {
-            self.begun[swap] = true;
-            inputs.push(RoleInput::SwapRequested(swap));
-        }
         for input in inputs {
             self.on(run, tick, input);
         }
@@ -126,23 +103,23 @@ impl Archive {
     /// Waits until the log is closed, and returns its outcome. All nodes must have left.
     pub fn close(mut self, run: &mut Run, interrupts: &AtomicU32) -> LogOutcome {
         self.look(run, run.page.plant_tick()); // a recorder that is ready takes over now
-        let untold = run.events.len() - run.children.told;
+        let (untold, active) = (run.events.len() - run.children.told, run.page.recorder.active());
+        let mut last = None;
         for Process { epoch, child, .. } in run.children.all.iter_mut().filter(|process| process.topic.is_none()) {
             let starts = self.role.starting() == Some(*epoch);
             wait(child, RECORDER, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
-            if let Some(stdout) = child.stdout.take().filter(|_| !starts) {
-                self.keep(*epoch, stdout);
+            if *epoch == active {
+                last = child.stdout.take().and_then(outcome_on);
             }
         }
         let on_topics = Topic::ALL.map(|topic| run.page.role(topic).sent_by_all.get());
         let sent = on_topics.into_iter().chain([run.page.truths_sent.get()]).map(u64::from).sum();
-        let active = run.page.recorder.active();
         // After giving up, the rest of the last recorder is written already, and messages sent since are not recorded.
-        if !self.outcomes.contains_key(&active) && !self.role.given_up() {
+        if last.is_none() && !self.role.given_up() {
             self.write_rest(run);
         }
         self.rest.finish();
-        self.outcome(active, &run.scenario, &run.events, untold, sent)
+        self.outcome(last, &run.scenario, &run.events, untold, sent)
     }
 
     /// Begins to write the messages that the last active recorder did not.
@@ -163,8 +140,8 @@ impl Archive {
         while let Some(input) = inputs.pop_front() {
             for action in self.role.on(now, input) {
                 match action {
-                    Action::Spawn(epoch, origin) => {
-                        if let Err(error) = self.spawn(run, epoch, origin) {
+                    Action::Spawn(epoch, _) => {
+                        if let Err(error) = self.spawn(run, epoch) {
                             let why = format!("{error:#}");
                             eprint_line(&format!("error: {why}"));
                             inputs.push_back(RoleInput::NotStarted(epoch, why));
@@ -185,7 +162,7 @@ impl Archive {
                         }
                     }
                     Action::Report(event) => run.events.push(event),
-                    Action::Standby(_) => {} // a recorder is not compared with another
+                    Action::Standby(_) => {} // a recorder has no candidates
                 }
             }
         }
@@ -195,12 +172,8 @@ impl Archive {
         }
     }
 
-    fn spawn(&self, run: &mut Run, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
-        let swap = origin.and_then(|i| run.scenario.swap.get(i));
-        let exec = swap.and_then(|swap| swap.exec.clone()).unwrap_or_default();
-        let program = NodeSettings { exec, ..NodeSettings::default() };
-        let (log, program) = (self.part(epoch), Some(&program));
-        run.children.spawn(&SpawnRequest { epoch, log: Some(&log), program, ..SpawnRequest::default() })
+    fn spawn(&self, run: &mut Run, epoch: u32) -> anyhow::Result<()> {
+        run.children.spawn(&SpawnRequest { epoch, log: Some(&self.part(epoch)), ..SpawnRequest::default() })
     }
 
     /// Returns the file that the recorder `epoch` is to write.
@@ -208,35 +181,36 @@ impl Archive {
         log::part(&self.path, epoch)
     }
 
-    /// Keeps the outcome that the recorder `epoch`, which has ended, wrote to `stdout`.
-    fn keep(&mut self, epoch: u32, stdout: impl Read + AsFd) {
-        self.outcomes.extend(outcome_on(stdout).map(|outcome| (epoch, outcome)));
-    }
-
-    /// Joins the files of all recorders, which have ended, `active` last, and returns the outcome of the log. `untold`
-    /// of the `events` did not reach a recorder; the processes have sent `sent` messages.
-    fn outcome(mut self, active: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
+    /// Joins the files of all recorders, which have ended, and returns the outcome of the log; the `last` recorder has
+    /// told its own, unless it died. `untold` of the `events` did not reach a recorder; the processes have sent `sent`
+    /// messages.
+    fn outcome(
+        self,
+        last: Option<LogOutcome>,
+        scenario: &Scenario,
+        events: &[Event],
+        untold: usize,
+        sent: u64,
+    ) -> LogOutcome {
         let why = if self.role.given_up() {
             "no recorder was left for the flight"
         } else {
             "the recorder ended before it could close the log"
         };
-        let closed = self.outcomes.contains_key(&active);
         let rest = |epoch: u32| self.rests.contains(&epoch).then(|| log::rest(&self.path, epoch));
         let files = (1..=self.role.newest()).flat_map(|epoch| [Some(self.part(epoch)), rest(epoch)]);
         let files: Vec<PathBuf> = files.flatten().collect();
         if files.len() == 1 {
             let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
-            let last = self.outcomes.remove(&active).unwrap_or_else(lost);
+            let last = last.unwrap_or_else(lost);
             // Messages that never reached it leave no gap that it could have counted.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);
             return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }
-        let failed = self.outcomes.into_values().find_map(|outcome| outcome.error);
         match log::join(&files, scenario, events, self.sent) {
             Ok(outcome) => {
-                let lost = (!closed && outcome.dropped > 0).then(|| why.into());
-                LogOutcome { error: failed.or(lost), ..outcome }
+                let lost = || (outcome.dropped > 0).then(|| why.into());
+                LogOutcome { error: last.map_or_else(lost, |last| last.error), ..outcome }
             }
             Err(error) => LogOutcome { error: Some(format!("{error:#}")), ..LogOutcome::default() },
         }
@@ -273,11 +247,12 @@ mod tests {
         let mut archive = Archive::new(path, &Scenario::default());
         for epoch in 1..=newest {
             LogWriter::create(&archive.part(epoch), "", 10_000_000).unwrap().finish().unwrap();
-            let (reads, _writes) = said(&LogOutcome { records: 7, ..LogOutcome::default() });
-            archive.keep(epoch, reads);
         }
-        for swap in 1..newest as usize {
-            archive.role.on(Now { ns: 0, tick: 0 }, RoleInput::SwapRequested(swap));
+        for _ in 1..newest {
+            let now = Now { ns: 0, tick: 0 };
+            let active = archive.role.newest();
+            archive.role.on(now, RoleInput::Exited(active));
+            archive.role.on(Now { ns: archive.role.due_ns().unwrap(), ..now }, RoleInput::Tick);
         }
         archive
     }
@@ -295,7 +270,8 @@ mod tests {
         let path = folder.path().join("flight.mcap");
         let events = [Event::new(1, "mixer", 1, What::Died)];
         for (newest, records, dropped) in [(1, 7, 1), (2, 1, 0)] {
-            let outcome = archive(&path, newest).outcome(newest, &Scenario::default(), &events, 1, 0);
+            let last = Some(LogOutcome { records: 7, ..LogOutcome::default() });
+            let outcome = archive(&path, newest).outcome(last, &Scenario::default(), &events, 1, 0);
             assert_eq!(outcome, LogOutcome { records, dropped, ..LogOutcome::default() });
         }
     }
@@ -310,7 +286,6 @@ mod tests {
         };
         for (newest, has_rest) in [(1, false), (2, false), (1, true), (2, true)] {
             let mut archive = archive(&path, newest);
-            archive.outcomes.remove(&newest);
             (0..9).for_each(|tick| archive.observe(&state(tick)));
             if has_rest {
                 archive.rest.begin(&log::rest(&path, newest), &Scenario::default(), "this");
@@ -318,7 +293,7 @@ mod tests {
                 archive.observe(&state(9));
                 archive.rest.finish();
             }
-            let outcome = archive.outcome(newest, &Scenario::default(), &[], 0, 10);
+            let outcome = archive.outcome(None, &Scenario::default(), &[], 0, 10);
             let expected = if has_rest { (10, 0, None) } else { (0, if newest == 1 { 10 } else { 9 }, Some(CUT)) };
             assert_eq!((outcome.records, outcome.dropped, outcome.error.as_deref()), expected, "{newest}");
         }
@@ -326,7 +301,7 @@ mod tests {
         let never = Policy { restart_ns: vec![], ..Policy::recorder(&Scenario::default().supervision) };
         archive.role = Role::new(RECORDER, never);
         archive.role.on(Now { ns: 0, tick: 0 }, RoleInput::Exited(1));
-        let error = archive.outcome(0, &Scenario::default(), &[], 0, 0).error;
+        let error = archive.outcome(None, &Scenario::default(), &[], 0, 0).error;
         assert_eq!(error.as_deref(), Some("no recorder was left for the flight"));
     }
 

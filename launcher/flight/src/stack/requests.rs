@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 
 use contract::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
 use contract::guard::Refusal;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, SwapNode, check_fault, check_swaps};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, check_fault, check_swaps};
 use contract::topic::Topic;
 use runtime::domain::Domain;
 use runtime::realtime::{now_ns, phase};
 use serde_json::{Value, json};
 
-use super::archive::Archive;
 use super::end::refused;
 use super::run::Run;
 use super::swaps::settle;
@@ -37,9 +36,9 @@ impl Requests {
     }
 
     /// Answers one request, if there is any: the next waits until the processes have been looked at again.
-    pub fn answer_one(&mut self, run: &mut Run, archive: Option<&Archive>) {
+    pub fn answer_one(&mut self, run: &mut Run) {
         if let Some((request, reply)) = self.server.request() {
-            let done = self.answer(run, archive, request, reply.sender());
+            let done = self.answer(run, request, reply.sender());
             reply.send(&done.map_or_else(Response::Error, Response::Ok));
         }
     }
@@ -53,13 +52,7 @@ impl Requests {
     }
 
     /// Carries out `request`, which came from `sender`.
-    fn answer(
-        &mut self,
-        run: &mut Run,
-        archive: Option<&Archive>,
-        request: Request,
-        sender: Option<Sender>,
-    ) -> Result<Value, String> {
+    fn answer(&mut self, run: &mut Run, request: Request, sender: Option<Sender>) -> Result<Value, String> {
         match request {
             Request::Status => Ok(status(run)),
             Request::Events { since } => {
@@ -69,7 +62,7 @@ impl Requests {
             Request::Inject { fault } => inject(run, fault, sender),
             Request::Clear { target } => clear(run, target, sender),
             Request::Swap(swap) => {
-                let number = order_swap(run, archive, swap)?;
+                let number = order_swap(run, swap)?;
                 self.orderers.extend(sender.map(|sender| (number, sender)));
                 Ok(json!({ "swap": number, "since": run.events.len() }))
             }
@@ -203,14 +196,11 @@ fn note(run: &mut Run, number: usize, fault: &Fault, what: What, by: Option<Send
 }
 
 /// Orders a swap, to begin with the next sample but one, if it obeys the rules of the scenario; returns its number.
-fn order_swap(run: &mut Run, archive: Option<&Archive>, swap: Swap) -> Result<usize, String> {
+fn order_swap(run: &mut Run, swap: Swap) -> Result<usize, String> {
     if run.page.phase.count() != phase::GO {
         return Err("the stack is starting or ending".into());
     }
     run.driver.may_swap(swap.node.topic())?;
-    if swap.node == SwapNode::Recorder {
-        archive.ok_or("no recorder runs in this flight, so there is none to replace")?.role.may_swap()?;
-    }
     let swap = Swap { at_s: run.time_s(run.next_tick()), ..swap };
     let mut with_it = run.scenario.clone();
     settle(&mut with_it, &run.events);

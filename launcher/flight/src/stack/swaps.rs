@@ -5,7 +5,7 @@
 //! them.
 
 use contract::Scenario;
-use contract::scenario::{Swap, SwapNode};
+use contract::scenario::Swap;
 use contract::topic::Topic;
 
 use crate::event::{Event, What};
@@ -15,15 +15,14 @@ use crate::swap_story::SwapStory;
 pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     let (sample_s, rate_hz) = (scenario.sample_s(), f64::from(scenario.run.rate_hz));
     let swaps = &mut scenario.swap;
-    for (number, swap) in swaps.iter_mut().enumerate().filter(|(_, swap)| swap.node != SwapNode::Recorder) {
+    for (number, swap) in swaps.iter_mut().enumerate() {
         note(swap, number, events, rate_hz);
     }
     let mut in_order: Vec<&mut Swap> = swaps.iter_mut().collect();
     in_order.sort_by_key(|swap| swap.ticks(sample_s).from);
     let mut free = [0; Topic::COUNT];
     for swap in in_order {
-        let Some(topic) = swap.node.topic() else { continue };
-        let free = &mut free[topic as usize];
+        let free = &mut free[swap.node.topic() as usize];
         if swap.ticks(sample_s).from < *free {
             swap.at_s = *free as f64 / rate_hz;
         }
@@ -47,7 +46,7 @@ fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::{check_swaps, load};
+    use contract::scenario::{SwapNode, check_swaps, load};
 
     /// Returns the times of swaps of the mixer `at_s`, settled by the `events` (tick, epoch, what, swap).
     fn settled(at_s: &[f64], events: &[(u64, u32, What, Option<usize>)]) -> Vec<[f64; 3]> {

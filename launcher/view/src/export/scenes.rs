@@ -46,7 +46,7 @@ impl<'a> Scenes<'a> {
 
     fn derived(&mut self, derived: Vec<Derived>) -> anyhow::Result<()> {
         derived.into_iter().try_for_each(|Derived { channel, time_ns, bytes }| {
-            self.log.write_encoded(self.channels[channel as usize], time_ns, bytes)
+            self.log.write_encoded(self.channels[channel as usize], time_ns, &bytes)
         })
     }
 }

@@ -11,10 +11,8 @@ use super::*;
 
 const MS: u64 = 1_000_000;
 
-fn policy(tried: bool) -> Policy {
-    let settings = Supervision::default();
-    let policy = if tried { Policy::node(&settings, 10 * MS) } else { Policy::recorder(&settings) };
-    Policy { window_ns: 500 * MS, ..policy }
+fn policy() -> Policy {
+    Policy { window_ns: 500 * MS, ..Policy::node(&Supervision::default(), 10 * MS) }
 }
 
 fn now(ms: u64) -> Now {
@@ -35,7 +33,7 @@ fn done(actions: Vec<Action>) -> Vec<Action> {
 
 /// Returns a role whose active process ended at each of these times \[ms\]; the next one was ready and active at once.
 fn after_failures(ends_ms: &[u64]) -> Role {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     for end_ms in ends_ms {
         let active = role.active().expect("a process is active");
         role.on(now(*end_ms), RoleInput::Exited(active));
@@ -51,7 +49,7 @@ fn after_failures(ends_ms: &[u64]) -> Role {
 
 #[test]
 fn an_exit_is_followed_by_another_process() {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     let actions = role.on(now(100), RoleInput::Exited(1));
     assert_eq!(told(&actions), [(1, What::Died)]);
     assert_eq!(done(actions), [Action::Vacate(1)]);
@@ -79,7 +77,7 @@ fn waits_grow_and_the_fourth_failure_in_the_window_is_the_last() {
 
 #[test]
 fn a_fault_that_kills_keeps_the_program_from_being_started_until_it_is_over() {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     assert_eq!(role.on(now(100), RoleInput::Kill(400 * MS)), [Action::Signal(1, Signal::Kill)]);
     role.on(now(102), RoleInput::Exited(1));
     assert_eq!(role.due_ns(), Some(400 * MS));
@@ -89,7 +87,7 @@ fn a_fault_that_kills_keeps_the_program_from_being_started_until_it_is_over() {
 
 #[test]
 fn a_process_hangs_after_the_limit_if_samples_wait_for_it() {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     let progress = |done, samples| RoleInput::Progress { done, samples, excused_ns: 0 };
     role.on(now(42), progress(5, 5));
     assert_eq!(role.hangs_at_ns(10 * MS, 0), Some(70 * MS));
@@ -104,7 +102,7 @@ fn a_process_hangs_after_the_limit_if_samples_wait_for_it() {
 
 #[test]
 fn time_in_which_the_driver_did_not_run_counts_against_no_process() {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     let progress = |samples, excused_ns| RoleInput::Progress { done: 5, samples, excused_ns };
     role.on(now(42), progress(5, 0));
     assert_eq!(role.on(now(96), progress(10, 50 * MS)), []);
@@ -113,7 +111,7 @@ fn time_in_which_the_driver_did_not_run_counts_against_no_process() {
 
 #[test]
 fn a_process_that_is_not_ready_in_time_is_replaced() {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     role.on(now(100), RoleInput::Exited(1));
     role.on(now(100), RoleInput::Tick);
     let actions = role.on(now(1101), RoleInput::Tick);
@@ -127,7 +125,7 @@ fn a_process_that_is_not_ready_in_time_is_replaced() {
 
 /// Returns a role with a candidate on standby, epoch 2, that came with swap 7.
 fn contest() -> Role {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     assert_eq!(done(role.on(now(100), RoleInput::SwapRequested(7))), [Action::Spawn(2, Some(7))]);
     let actions = role.on(now(125), RoleInput::Ready(2));
     assert_eq!(told(&actions), [(2, What::OnStandby)]);
@@ -190,22 +188,11 @@ fn a_dead_candidate_returns_the_role_and_a_trial_goes_on_when_the_old_one_dies()
 
 #[test]
 fn a_candidate_that_is_not_ready_when_the_active_process_dies_is_not_waited_for() {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     role.on(now(100), RoleInput::SwapRequested(0));
     let actions = role.on(now(110), RoleInput::Exited(1));
     assert_eq!(told(&actions), [(1, What::Died), (2, What::Rejected)]);
     assert_eq!(done(role.on(now(110), RoleInput::Tick)), [Action::Spawn(3, None)]);
-}
-
-#[test]
-fn a_recorder_takes_over_when_it_is_ready_and_the_one_before_leaves_by_itself() {
-    let mut role = Role::new("recorder", policy(false));
-    role.on(now(100), RoleInput::SwapRequested(3));
-    assert_eq!(role.on(now(200), RoleInput::Ready(2)), [Action::Activate(2)]);
-    assert_eq!(told(&role.on(now(200), RoleInput::Activated(2))), [(2, What::TookOver)]);
-    assert_eq!(role.on(now(201), RoleInput::Exited(1)), [Action::Vacate(1)]);
-    role.on(now(300), RoleInput::Exited(2));
-    assert_eq!(done(role.on(now(300), RoleInput::Tick)), [Action::Spawn(3, None)], "the program before it follows");
 }
 
 #[test]
@@ -235,7 +222,7 @@ fn only_the_active_process_can_be_found_disconnected() {
 
 #[test]
 fn alone_busy_and_due_follow_the_state_of_the_role() {
-    let fresh = Role::new("mixer", policy(true));
+    let fresh = Role::new("mixer", policy());
     assert!(fresh.is_alone(1) && !fresh.is_alone(2) && !fresh.is_busy() && !fresh.has_candidate());
     assert_eq!((fresh.due_ns(), fresh.hangs_at_ns(10 * MS, 5 * MS)), (None, Some(25 * MS)));
     let mut swapping = fresh.clone();
@@ -266,8 +253,8 @@ fn a_ruling_that_does_not_fit_the_trial_changes_nothing() {
 }
 
 #[test]
-fn a_recorder_that_dies_before_any_swap_is_followed_by_its_own_program() {
-    let mut role = Role::new("recorder", policy(false));
+fn a_recorder_that_dies_is_followed_by_another() {
+    let mut role = Role::new("recorder", Policy::recorder(&policy_settings()));
     role.on(now(100), RoleInput::Exited(1));
     assert_eq!(done(role.on(now(100), RoleInput::Tick)), [Action::Spawn(2, None)]);
 }
@@ -285,7 +272,7 @@ fn the_exit_of_a_rejected_candidate_is_no_failure() {
 
 #[test]
 fn a_process_hangs_by_unanswered_samples_and_not_by_a_lack_of_samples() {
-    let mut role = Role::new("mixer", policy(true));
+    let mut role = Role::new("mixer", policy());
     let progress = |done, samples| RoleInput::Progress { done, samples, excused_ns: 0 };
     role.on(now(10), progress(5, 5));
     role.on(now(500), progress(5, 5));
@@ -337,8 +324,8 @@ const HAPPENINGS: [Happening; 13] = [
 ];
 
 impl World {
-    fn new(tried: bool) -> Self {
-        let role = Role::new("mixer", policy(tried));
+    fn new() -> Self {
+        let role = Role::new("mixer", policy());
         let (living, active) = (vec![1], Some(1));
         Self { role, ms: 0, living, active, standby: None, pending: None, refused: vec![], spawned: 1 }
     }
@@ -430,9 +417,9 @@ impl World {
 }
 
 /// Tries every sequence of up to `depth` happenings; returns the number of states seen.
-fn search(tried: bool, depth: usize) -> usize {
+fn search(depth: usize) -> usize {
     let mut seen = HashSet::new();
-    let mut open = VecDeque::from([(World::new(tried), vec![])]);
+    let mut open = VecDeque::from([(World::new(), vec![])]);
     while let Some((world, story)) = open.pop_front() {
         for happening in HAPPENINGS.into_iter().filter(|_| story.len() < depth) {
             let (mut next, story) = (world.clone(), [&story[..], &[happening]].concat());
@@ -448,16 +435,14 @@ fn search(tried: bool, depth: usize) -> usize {
 
 #[test]
 fn no_sequence_of_seven_happenings_breaks_a_promise() {
-    for tried in [true, false] {
-        let worlds = search(tried, 7);
-        assert!(worlds > 1000, "{worlds} states");
-    }
+    let worlds = search(7);
+    assert!(worlds > 1000, "{worlds} states");
 }
 
 proptest! {
     #[test]
-    fn no_long_sequence_breaks_a_promise(tried: bool, story in vec(select(HAPPENINGS.to_vec()), 0..200)) {
-        let mut world = World::new(tried);
+    fn no_long_sequence_breaks_a_promise(story in vec(select(HAPPENINGS.to_vec()), 0..200)) {
+        let mut world = World::new();
         for happening in story {
             world.happen(happening);
         }
@@ -472,7 +457,7 @@ proptest! {
 
     #[test]
     fn a_trial_ends(rulings in vec(select(vec![Ruling::HandOver, Ruling::Keep, Ruling::Reject, Ruling::Return]), 1..20)) {
-        let mut world = World::new(true);
+        let mut world = World::new();
         for happening in [Happening::Swap, Happening::Ready] {
             world.happen(happening);
         }

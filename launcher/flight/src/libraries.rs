@@ -1,0 +1,28 @@
+//! Libraries of a flight: which nodes have one, their files and their variables.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use contract::Topic;
+use contract::scenario::{ProgramKind, Scenario, candidate};
+
+/// Returns the nodes that are libraries in a flight of `scenario`, from the beginning and then by its swaps, each with
+/// its settings.
+pub fn all(scenario: &Scenario) -> Vec<(Topic, Scenario)> {
+    let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node.topic(), candidate(scenario, swap).ok()?)));
+    let own = scenario.node.libraries().map(|topic| (topic, scenario.clone()));
+    own.chain(swapped.filter(|(topic, own)| own.node.of(*topic).kind() == ProgramKind::Library)).collect()
+}
+
+/// Returns the files of the libraries in a flight of `scenario`, each with its hash.
+pub fn files(scenario: &Scenario) -> BTreeSet<(String, String)> {
+    let all = all(scenario).into_iter();
+    all.map(|(topic, own)| own.node.of(topic).clone())
+        .map(|program| (program.exec.clone(), program.sha256().into()))
+        .collect()
+}
+
+/// Variables that the scenario gives to the processes of libraries; all are of one process here.
+pub fn env_of(scenario: &Scenario) -> BTreeMap<String, String> {
+    let of_library = |topic| scenario.node.of(topic).env.clone();
+    scenario.node.libraries().flat_map(of_library).collect()
+}
