@@ -2,7 +2,7 @@
 
 use view::draw::{Axis, short};
 
-use crate::table::{Column, Table};
+use crate::table::Table;
 
 /// Largest number of different numbers that are shown one by one; more are divided into parts.
 const FEW: usize = 10;
@@ -51,7 +51,7 @@ impl Binned {
         let column = flights.column(key)?;
         let rows = 0..flights.rows();
         let title = title(key);
-        let is_number = matches!(column, Column::Int(_) | Column::Real(_));
+        let is_number = column.is_number();
         let (axis, is_divided, places) = if is_number {
             let values: Vec<_> = rows.map(|row| column.number(row)).collect();
             by_number(&title, &values, parts(values.iter().flatten().count()))
