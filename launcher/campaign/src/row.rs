@@ -16,6 +16,7 @@ use contract::message::Sample;
 use flight::event::TimedEvent;
 use flight::guarded;
 use flight::log::Record;
+use flight::programs::hex;
 use flight::settings;
 use outcome::happenings::Happenings;
 use outcome::judge::Verdict;
@@ -27,7 +28,6 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::columns::measured;
-use crate::hex::hex;
 use crate::limit::{self, Found, Limit};
 use crate::plan::{Flight, Plan};
 use crate::table::{Cell, Table};

@@ -5,6 +5,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, bail, ensure};
+use flight::programs::hex;
 use parquet::basic::Type as Physical;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
@@ -17,8 +18,6 @@ use toml::Value;
 pub use view::cells::{Cell, Kind};
 use view::cells::{properties, schema, write_group};
 use view::draw::short;
-
-use crate::hex::hex;
 
 /// Rows of a row group, which is compressed as one.
 const GROUP: usize = 1 << 16;
