@@ -65,6 +65,7 @@ const PICTURES: [Picture; 11] = [
     ("Ω₃", "speed unit", 50.0, "omega3", None),
     ("tilt μ", DEGREES, 2.0, "tilt", None),
 ];
+/// Unit of the angles.
 const DEGREES: &str = "deg";
 
 /// Flights side by side.

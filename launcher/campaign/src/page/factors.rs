@@ -15,6 +15,7 @@ pub const COLOURED: usize = 4;
 const DOTS: usize = 2000;
 /// Smallest number of values that have quartiles.
 const FEWEST: usize = 5;
+
 /// Returns the section; empty if nothing varies.
 pub fn section(page: &Page) -> String {
     let factors: Vec<Binned> = page.factors(parts);
