@@ -42,6 +42,7 @@ use anyhow::{Context, bail, ensure};
 use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
 use contract::scenario::{Given, any_table, find_programs, suggest};
 use flight::programs;
+use flight::programs::hex;
 use flight::shipped::{self, Kind, Shipped, advice, kind_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,7 +50,6 @@ use sha2::{Digest, Sha256};
 use toml::{Table, Value};
 
 use crate::compare::Compare;
-use crate::hex::hex;
 use crate::limit::Limit;
 use crate::named::Named;
 use crate::own_controller::OwnController;

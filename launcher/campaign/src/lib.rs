@@ -42,7 +42,6 @@ pub mod difference;
 pub mod evidence;
 pub mod file;
 pub mod folder;
-mod hex;
 pub mod layout;
 pub mod limit;
 pub mod local;

@@ -14,7 +14,7 @@ use toml::Value;
 use crate::file::{CASE, Campaign, SEED};
 use crate::random_faults::RandomFaults;
 use crate::sampling::{Points, Purpose, stream};
-use crate::table::{Cell, Kind};
+use crate::table::{Cell, Kind, cell_of};
 use crate::variation::{Factor, Values};
 
 /// Number of flights that are tried at most to find one that can be flown.
@@ -240,7 +240,7 @@ impl Plan {
     pub fn cells(&self, flight: &Flight) -> Vec<Cell> {
         let mut cells = vec![Cell::Int(flight.number as i64), Cell::Text(flight.controller.clone())];
         let others = self.campaign.factors.iter().zip(&flight.values).filter(|(factor, _)| factor.key != SEED);
-        cells.extend(others.map(|(factor, value)| factor.values.kind().cell(value)));
+        cells.extend(others.map(|(factor, value)| cell_of(factor.values.kind(), value)));
         cells.push(flight.seed.map_or(Cell::None, |seed| Cell::Int(seed as i64)));
         cells.extend(self.campaign.random_faults().into_iter().flat_map(|faults| faults.cells(&flight.faults)));
         cells

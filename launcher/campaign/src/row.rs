@@ -17,6 +17,7 @@ use flight::event::TimedEvent;
 use flight::guarded;
 use flight::inprocess::changes_messages;
 use flight::log::Record;
+use flight::programs::hex;
 use flight::settings;
 use outcome::happenings::Happenings;
 use outcome::judge::Verdict;
@@ -28,7 +29,6 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::columns::measured;
-use crate::hex::hex;
 use crate::limit::{self, Found, Limit};
 use crate::plan::{Flight, Plan};
 use crate::table::{Cell, Table};

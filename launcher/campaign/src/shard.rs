@@ -3,20 +3,18 @@
 //! The file names its program, campaign and number of shards. A file with others is refused: each flight counts once.
 
 use std::cell::Cell as Flag;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader};
 use std::ops::Range;
 use std::panic::{UnwindSafe, catch_unwind, set_hook, take_hook};
+use std::path::Path;
 use std::sync::{Once, OnceLock};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use contract::scenario::file::MAX_RESULTS_BYTES;
 use flight::dir::Dir;
+use flight::programs::sha256_of;
 use flight::provenance::BUILT_FROM;
-use sha2::{Digest, Sha256};
 
 use crate::columns;
-use crate::hex::hex;
 use crate::layout::Layout;
 use crate::limit;
 use crate::plan::Plan;
@@ -44,20 +42,7 @@ pub fn program() -> &'static str {
 
 /// Start of the SHA-256 of the running executable.
 fn own_digest() -> String {
-    let digest = || -> io::Result<String> {
-        let mut program = BufReader::with_capacity(1 << 16, File::open("/proc/self/exe")?);
-        let mut hash = Sha256::new();
-        loop {
-            let bytes = program.fill_buf()?;
-            if bytes.is_empty() {
-                return Ok(hex(&hash.finalize()[..8]));
-            }
-            hash.update(bytes);
-            let read = bytes.len();
-            program.consume(read);
-        }
-    };
-    digest().map_or("unknown".into(), |digest| format!("sha256 {digest}"))
+    sha256_of(Path::new("/proc/self/exe")).map_or("unknown".into(), |digest| format!("sha256 {}", &digest[..16]))
 }
 
 /// File name of a shard.

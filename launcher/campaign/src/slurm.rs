@@ -14,11 +14,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
 use flight::dir::Dir;
+use flight::programs::hex;
 use rustix::fs::FlockOperation;
 use sha2::{Digest, Sha256};
 
 use crate::folder::CampaignFolder;
-use crate::hex::hex;
 use crate::scheduler::{self, Said};
 
 /// Folder of the submitted script and of the logs of the tasks.

@@ -5,52 +5,30 @@
 use std::sync::Arc;
 
 use anyhow::{Context, bail, ensure};
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+use flight::programs::hex;
+use parquet::basic::Type as Physical;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::data_type::DataType;
 use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::Type;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use toml::Value;
+pub use view::cells::{Cell, Kind};
+use view::cells::{properties, schema, write_group};
 use view::draw::short;
-
-use crate::hex::hex;
 
 /// Rows of a row group, which is compressed as one.
 const GROUP: usize = 1 << 16;
 /// Key of the hash of the columns in the metadata of a file.
 const HASH: &str = "columns_sha256";
 
-/// Type of a column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    Bool,
-    Int,
-    Real,
-    Text,
-}
-
-/// One value of a column; `None` is stored as null.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
-    None,
-    Bool(bool),
-    Int(i64),
-    Real(f64),
-    Text(String),
-}
-
 /// Values of one column.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Column {
-    Bool(Vec<Option<bool>>),
-    Int(Vec<Option<i64>>),
-    Real(Vec<Option<f64>>),
-    Text(Vec<Option<String>>),
+pub struct Column {
+    kind: Kind,
+    cells: Vec<Cell>,
 }
 
 /// Named columns of the same length.
@@ -59,110 +37,48 @@ pub struct Table {
     pub columns: Vec<(String, Column)>,
 }
 
-impl Kind {
-    /// Converts a value of TOML to a cell for such a column; a value of another type becomes text.
-    pub fn cell(self, value: &Value) -> Cell {
-        match (self, value) {
-            (Self::Int, Value::Integer(n)) => Cell::Int(*n),
-            (Self::Real, Value::Integer(n)) => Cell::Real(*n as f64),
-            (Self::Real, Value::Float(x)) => Cell::Real(*x),
-            (Self::Bool, Value::Boolean(yes)) => Cell::Bool(*yes),
-            (_, Value::String(text)) => Cell::Text(text.clone()),
-            (_, other) => Cell::Text(other.to_string()),
-        }
-    }
-}
-
-impl Cell {
-    /// Returns whether a column of this kind accepts the cell.
-    pub fn is(&self, kind: Kind) -> bool {
-        matches!(
-            (self, kind),
-            (Self::None, _)
-                | (Self::Bool(_), Kind::Bool)
-                | (Self::Int(_), Kind::Int)
-                | (Self::Real(_), Kind::Real)
-                | (Self::Text(_), Kind::Text)
-        )
+/// Converts a value of TOML to a cell of a column of this kind; a value of another type becomes text.
+pub fn cell_of(kind: Kind, value: &Value) -> Cell {
+    match (kind, value) {
+        (Kind::Int, Value::Integer(n)) => Cell::Int(*n),
+        (Kind::Real, Value::Integer(n)) => Cell::Real(*n as f64),
+        (Kind::Real, Value::Float(x)) => Cell::Real(*x),
+        (Kind::Bool, Value::Boolean(yes)) => Cell::Bool(*yes),
+        (_, Value::String(text)) => Cell::Text(text.clone()),
+        (_, other) => Cell::Text(other.to_string()),
     }
 }
 
 impl Column {
-    fn new(kind: Kind) -> Self {
-        match kind {
-            Kind::Bool => Self::Bool(vec![]),
-            Kind::Int => Self::Int(vec![]),
-            Kind::Real => Self::Real(vec![]),
-            Kind::Text => Self::Text(vec![]),
-        }
-    }
-
-    fn kind(&self) -> Kind {
-        match self {
-            Self::Bool(_) => Kind::Bool,
-            Self::Int(_) => Kind::Int,
-            Self::Real(_) => Kind::Real,
-            Self::Text(_) => Kind::Text,
-        }
-    }
-
-    fn len(&self) -> usize {
-        match self {
-            Self::Bool(all) => all.len(),
-            Self::Int(all) => all.len(),
-            Self::Real(all) => all.len(),
-            Self::Text(all) => all.len(),
-        }
-    }
-
     /// Adds a cell. NaN is stored as null, and so is a cell of another kind.
     fn push(&mut self, cell: Cell) {
-        match (self, cell) {
-            (Self::Bool(all), Cell::Bool(yes)) => all.push(Some(yes)),
-            (Self::Int(all), Cell::Int(n)) => all.push(Some(n)),
-            (Self::Real(all), Cell::Real(x)) => all.push(Some(x).filter(|x| !x.is_nan())),
-            (Self::Text(all), Cell::Text(text)) => all.push(Some(text)),
-            (Self::Bool(all), _) => all.push(None),
-            (Self::Int(all), _) => all.push(None),
-            (Self::Real(all), _) => all.push(None),
-            (Self::Text(all), _) => all.push(None),
-        }
+        let is_nan = matches!(cell, Cell::Real(x) if x.is_nan());
+        self.cells.push(if is_nan || !cell.is(self.kind) { Cell::None } else { cell });
     }
 
-    fn append(&mut self, other: Self) -> anyhow::Result<()> {
-        match (self, other) {
-            (Self::Bool(all), Self::Bool(more)) => all.extend(more),
-            (Self::Int(all), Self::Int(more)) => all.extend(more),
-            (Self::Real(all), Self::Real(more)) => all.extend(more),
-            (Self::Text(all), Self::Text(more)) => all.extend(more),
-            _ => bail!("columns of different types"),
-        }
-        Ok(())
+    /// Returns whether the values are numbers.
+    pub fn is_number(&self) -> bool {
+        matches!(self.kind, Kind::Int | Kind::Real)
     }
 
     /// Returns the value of a row.
     pub fn cell(&self, row: usize) -> Cell {
-        match self {
-            Self::Bool(all) => all[row].map_or(Cell::None, Cell::Bool),
-            Self::Int(all) => all[row].map_or(Cell::None, Cell::Int),
-            Self::Real(all) => all[row].map_or(Cell::None, Cell::Real),
-            Self::Text(all) => all[row].clone().map_or(Cell::None, Cell::Text),
-        }
+        self.cells[row].clone()
     }
 
     /// Returns the number of a row; `None` for null and in columns of text or booleans.
     pub fn number(&self, row: usize) -> Option<f64> {
-        match self {
-            Self::Int(all) => all[row].map(|n| n as f64),
-            Self::Real(all) => all[row],
-            Self::Bool(_) | Self::Text(_) => None,
+        match self.cells[row] {
+            Cell::Int(n) => Some(n as f64),
+            Cell::Real(x) => Some(x),
+            _ => None,
         }
     }
 
     /// Returns the text of a row; empty for null and in columns of other kinds.
     pub fn text(&self, row: usize) -> &str {
-        match self {
-            Self::Text(all) => all[row].as_deref().unwrap_or_default(),
+        match &self.cells[row] {
+            Cell::Text(text) => text,
             _ => "",
         }
     }
@@ -179,26 +95,30 @@ impl Column {
     }
 
     fn hash(&self, hash: &mut Sha256) {
-        let mut one = |value: Option<&[u8]>| {
-            hash.update(value.map_or(u64::MAX, |bytes| bytes.len() as u64).to_le_bytes());
-            hash.update(value.unwrap_or_default());
+        let mut one = |length: u64, bytes: &[u8]| {
+            hash.update(length.to_le_bytes());
+            hash.update(bytes);
         };
-        match self {
-            Self::Bool(all) => all.iter().for_each(|yes| one(yes.map(|yes| [u8::from(yes)]).as_ref().map(|b| &b[..]))),
-            Self::Int(all) => all.iter().for_each(|n| one(n.map(i64::to_le_bytes).as_ref().map(|b| &b[..]))),
-            Self::Real(all) => all.iter().for_each(|x| one(x.map(f64::to_le_bytes).as_ref().map(|b| &b[..]))),
-            Self::Text(all) => all.iter().for_each(|text| one(text.as_deref().map(str::as_bytes))),
+        for cell in &self.cells {
+            match cell {
+                Cell::None => one(u64::MAX, &[]),
+                Cell::Bool(yes) => one(1, &[u8::from(*yes)]),
+                Cell::Int(n) => one(8, &n.to_le_bytes()),
+                Cell::Real(x) => one(8, &x.to_le_bytes()),
+                Cell::Text(text) => one(text.len() as u64, text.as_bytes()),
+            }
         }
     }
 }
 
 impl Table {
     pub fn new(columns: &[(String, Kind)]) -> Self {
-        Self { columns: columns.iter().map(|(name, kind)| (name.clone(), Column::new(*kind))).collect() }
+        let column = |(name, kind): &(String, Kind)| (name.clone(), Column { kind: *kind, cells: vec![] });
+        Self { columns: columns.iter().map(column).collect() }
     }
 
     pub fn rows(&self) -> usize {
-        self.columns.first().map_or(0, |(_, column)| column.len())
+        self.columns.first().map_or(0, |(_, column)| column.cells.len())
     }
 
     /// Adds a row; cells absent at the end are null.
@@ -211,9 +131,12 @@ impl Table {
 
     /// Adds the rows of a table; an error if its columns differ.
     pub fn append(&mut self, other: Self) -> anyhow::Result<()> {
-        ensure!(self.names().eq(other.names()), "tables with different columns");
+        let kinds = |table: &Self| table.columns.iter().map(|(_, column)| column.kind).collect::<Vec<_>>();
+        let is_same = self.names().eq(other.names()) && kinds(self) == kinds(&other);
+        ensure!(is_same, "tables with different columns");
         let pairs = self.columns.iter_mut().zip(other.columns);
-        pairs.into_iter().try_for_each(|((_, column), (_, more))| column.append(more))
+        pairs.for_each(|((_, column), (_, more))| column.cells.extend(more.cells));
+        Ok(())
     }
 
     /// Returns the rows as objects.
@@ -251,47 +174,16 @@ impl Table {
 
     /// Writes a Parquet file with `words` as key-value metadata.
     pub fn to_parquet(&self, words: &[(&str, String)]) -> anyhow::Result<Vec<u8>> {
-        let field = |(name, column): &(String, Column)| {
-            let (physical, logical) = match column.kind() {
-                Kind::Bool => (Physical::BOOLEAN, None),
-                Kind::Int => (Physical::INT64, None),
-                Kind::Real => (Physical::DOUBLE, None),
-                Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
-            };
-            let field = Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL);
-            field.with_logical_type(logical).build().map(Arc::new)
-        };
-        let fields = self.columns.iter().map(field).collect::<Result<Vec<_>, _>>()?;
-        let schema = Type::group_type_builder("flights").with_fields(fields).build()?;
+        let columns = self.columns.iter().map(|(name, column)| (name.as_str(), column.kind));
+        let schema = schema("flights", columns)?;
         let own = [(HASH, self.hash())];
         let words = words.iter().chain(&own).map(|(key, word)| KeyValue::new((*key).to_owned(), word.clone()));
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::LZ4_RAW)
-            .set_created_by("trefoil".into())
-            .set_key_value_metadata(Some(words.collect()));
-        let mut writer = SerializedFileWriter::new(vec![], Arc::new(schema), Arc::new(properties.build()))?;
+        let properties = properties().set_key_value_metadata(Some(words.collect())).build();
+        let mut writer = SerializedFileWriter::new(vec![], schema, Arc::new(properties))?;
         for from in (0..self.rows()).step_by(GROUP) {
             let rows = from..self.rows().min(from + GROUP);
-            let mut group = writer.next_row_group()?;
-            for (_, column) in &self.columns {
-                let mut written = group.next_column()?.context("a column of the schema")?;
-                macro_rules! write {
-                    ($type:ty, $values:expr, $of:expr) => {{
-                        let levels: Vec<i16> =
-                            $values[rows.clone()].iter().map(|value| i16::from(value.is_some())).collect();
-                        let values: Vec<_> = $values[rows.clone()].iter().flatten().map($of).collect();
-                        written.typed::<$type>().write_batch(&values, Some(&levels), None)?;
-                    }};
-                }
-                match column {
-                    Column::Bool(all) => write!(BoolType, all, |yes| *yes),
-                    Column::Int(all) => write!(Int64Type, all, |n| *n),
-                    Column::Real(all) => write!(DoubleType, all, |x| *x),
-                    Column::Text(all) => write!(ByteArrayType, all, |text| ByteArray::from(text.as_str())),
-                }
-                written.close()?;
-            }
-            group.close()?;
+            let columns = self.columns.iter().map(|(_, column)| (column.kind, &column.cells[rows.clone()]));
+            write_group(&mut writer, columns)?;
         }
         Ok(writer.into_inner()?)
     }
@@ -325,18 +217,15 @@ impl Table {
             let group = reader.get_row_group(group)?;
             let rows = usize::try_from(group.metadata().num_rows())?;
             for (i, (_, column)) in table.columns.iter_mut().enumerate() {
-                match (column, group.get_column_reader(i)?) {
-                    (Column::Bool(all), ColumnReader::BoolColumnReader(read)) => all.extend(values(read, rows)?),
-                    (Column::Int(all), ColumnReader::Int64ColumnReader(read)) => all.extend(values(read, rows)?),
-                    (Column::Real(all), ColumnReader::DoubleColumnReader(read)) => all.extend(values(read, rows)?),
-                    (Column::Text(all), ColumnReader::ByteArrayColumnReader(read)) => {
-                        let text = |bytes: ByteArray| bytes.as_utf8().map(str::to_owned);
-                        for value in values(read, rows)? {
-                            all.push(value.map(text).transpose()?);
-                        }
+                column.cells.extend(match group.get_column_reader(i)? {
+                    ColumnReader::BoolColumnReader(read) => cells(read, rows, |yes| Ok(Cell::Bool(yes))),
+                    ColumnReader::Int64ColumnReader(read) => cells(read, rows, |n| Ok(Cell::Int(n))),
+                    ColumnReader::DoubleColumnReader(read) => cells(read, rows, |x| Ok(Cell::Real(x))),
+                    ColumnReader::ByteArrayColumnReader(read) => {
+                        cells(read, rows, |text| Ok(Cell::Text(text.as_utf8()?.to_owned())))
                     }
                     _ => bail!("a column of another type than its own"),
-                }
+                }?);
             }
         }
         let hash = words.iter().find(|(key, _)| key == HASH).map(|(_, hash)| hash.as_str());
@@ -345,8 +234,12 @@ impl Table {
     }
 }
 
-/// Reads all values of a column of `rows` rows.
-fn values<T: DataType>(mut column: ColumnReaderImpl<T>, rows: usize) -> anyhow::Result<Vec<Option<T::T>>> {
+/// Reads all values of a column of `rows` rows as cells.
+fn cells<T: DataType>(
+    mut column: ColumnReaderImpl<T>,
+    rows: usize,
+    cell: impl Fn(T::T) -> anyhow::Result<Cell>,
+) -> anyhow::Result<Vec<Cell>> {
     let (mut levels, mut values) = (vec![], vec![]);
     let mut read = 0;
     while read < rows {
@@ -355,10 +248,9 @@ fn values<T: DataType>(mut column: ColumnReaderImpl<T>, rows: usize) -> anyhow::
         read += records;
     }
     let mut values = values.into_iter();
-    levels
-        .iter()
-        .map(|level| if *level == 0 { Ok(None) } else { values.next().map(Some).context("too few values") })
-        .collect()
+    let of_level =
+        |level: &i16| if *level == 0 { Ok(Cell::None) } else { cell(values.next().context("too few values")?) };
+    levels.iter().map(of_level).collect()
 }
 
 #[cfg(test)]

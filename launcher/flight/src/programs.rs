@@ -139,9 +139,9 @@ fn find(name: &str, kind: ProgramKind) -> Option<PathBuf> {
 }
 
 /// Computes the SHA-256 of a file, in hexadecimal digits.
-fn sha256_of(path: &Path) -> io::Result<String> {
+pub fn sha256_of(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
-    let mut file = BufReader::new(File::open(path)?);
+    let mut file = BufReader::with_capacity(1 << 16, File::open(path)?);
     loop {
         let part = file.fill_buf()?;
         if part.is_empty() {
@@ -151,8 +151,13 @@ fn sha256_of(path: &Path) -> io::Result<String> {
         let length = part.len();
         file.consume(length);
     }
-    Ok(hash.finalize().iter().fold(String::new(), |mut digits, byte| {
+    Ok(hex(&hash.finalize()))
+}
+
+/// Formats bytes in hexadecimal.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut digits, byte| {
         let _ = write!(digits, "{byte:02x}"); // writing to a string does not fail
         digits
-    }))
+    })
 }

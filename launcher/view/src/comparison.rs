@@ -12,25 +12,23 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use contract::Scenario;
-use contract::message::Truth;
 use contract::scenario::Mode;
 use contract::topic::NODES;
 use flight::event::name;
-use flight::log::Record;
 use hdrhistogram::Histogram;
 
 use crate::draw::{self, FlightColumns, Plot, STYLE, Series, TimePlots, escape};
+use crate::report::columns::Columns;
 use crate::report::sections::{METRICS, Shown};
 use crate::settings;
 use crate::table::Table;
-use crate::thinning::Thinned;
 use outcome::bounds::bounds;
 use outcome::metrics::Metrics;
 use outcome::percentiles::percentiles;
 use outcome::recorded::{Part, Recorded};
-use outcome::ticks::{Joined, LoggedTick};
+use outcome::ticks::Joined;
 use outcome::timing::Timing;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 pub use align::Align;
 
@@ -50,77 +48,25 @@ fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
     std::iter::once(first).chain(titles.iter().copied()).collect()
 }
 
-/// Plot of every flight: label, unit, least range, column, the quantity at a tick, and the mission's column beside it.
-type Picture = (&'static str, &'static str, f64, &'static str, Quantity, Option<&'static str>);
-type Quantity = fn(&LoggedTick) -> Option<f64>;
+/// Plot of every flight: label, unit, least range, column, and the mission's column beside it.
+type Picture = (&'static str, &'static str, f64, &'static str, Option<&'static str>);
 
 /// NED and body axes; angles in degrees, rotor speeds in the paper's unit.
 const PICTURES: [Picture; 11] = [
-    ("position error", "m", 0.02, "error", |tick| tick.distance_m(), None),
-    ("north", "m", 0.5, "x", |tick| Some(truth(tick)?.actual.position_m[0]), Some("x_wanted")),
-    ("east", "m", 0.5, "y", |tick| Some(truth(tick)?.actual.position_m[1]), Some("y_wanted")),
-    ("down", "m", 0.5, "z", |tick| Some(truth(tick)?.actual.position_m[2]), Some("z_wanted")),
-    ("roll φ", "deg", 1.0, "phi", |tick| Some(truth(tick)?.actual.attitude_rad[0].to_degrees()), None),
-    ("pitch θ", "deg", 1.0, "theta", |tick| Some(truth(tick)?.actual.attitude_rad[1].to_degrees()), None),
-    ("yaw ψ", "deg", 1.0, "psi", |tick| Some(truth(tick)?.actual.attitude_rad[2].to_degrees()), None),
-    ("Ω₁", "speed unit", 50.0, "omega1", |tick| Some(truth(tick)?.actuators.rotor_speed[0]), None),
-    ("Ω₂", "speed unit", 50.0, "omega2", |tick| Some(truth(tick)?.actuators.rotor_speed[1]), None),
-    ("Ω₃", "speed unit", 50.0, "omega3", |tick| Some(truth(tick)?.actuators.rotor_speed[2]), None),
-    ("tilt μ", "deg", 2.0, "tilt", |tick| Some(truth(tick)?.actuators.tilt_rad.to_degrees()), None),
+    ("position error", "m", 0.02, "error", None),
+    ("north", "m", 0.5, "x", Some("x_wanted")),
+    ("east", "m", 0.5, "y", Some("y_wanted")),
+    ("down", "m", 0.5, "z", Some("z_wanted")),
+    ("roll φ", DEGREES, 1.0, "phi", None),
+    ("pitch θ", DEGREES, 1.0, "theta", None),
+    ("yaw ψ", DEGREES, 1.0, "psi", None),
+    ("Ω₁", "speed unit", 50.0, "omega1", None),
+    ("Ω₂", "speed unit", 50.0, "omega2", None),
+    ("Ω₃", "speed unit", 50.0, "omega3", None),
+    ("tilt μ", DEGREES, 2.0, "tilt", None),
 ];
-/// Columns of the position that the mission asks for.
-const WANTED: [&str; 3] = ["x_wanted", "y_wanted", "z_wanted"];
-
-fn truth(tick: &LoggedTick) -> Option<&Truth> {
-    tick.of.truth.as_ref()
-}
-
-/// Course of a flight, gathered tick by tick: each picture's quantity, and the position that the mission asks for.
-struct Course {
-    joined: Joined,
-    quantities: [Thinned; PICTURES.len()],
-    wanted: [Thinned; 3],
-    end_s: f64,
-}
-
-impl Course {
-    fn new(scenario: &Scenario) -> Self {
-        let (quantities, wanted) = Default::default();
-        Self { joined: Joined::new(scenario, 0), quantities, wanted, end_s: 0.0 }
-    }
-
-    fn observe(&mut self, record: &Record) {
-        let Self { joined, quantities, wanted, end_s } = self;
-        joined.observe(record, |tick| push(tick, quantities, wanted, end_s));
-    }
-
-    /// Takes in the remaining ticks.
-    fn finish(&mut self) {
-        let Self { joined, quantities, wanted, end_s } = self;
-        joined.finish(|tick| push(tick, quantities, wanted, end_s));
-    }
-}
-
-fn push(tick: &LoggedTick, quantities: &mut [Thinned], wanted: &mut [Thinned], end_s: &mut f64) {
-    for (series, (.., quantity, _)) in quantities.iter_mut().zip(PICTURES) {
-        series.push(quantity(tick).map_or(f32::NAN, |value| value as f32));
-    }
-    wanted.iter_mut().zip(tick.wanted_m).for_each(|(series, wanted_m)| series.push(wanted_m as f32));
-    *end_s = tick.time_s();
-}
-
-impl Course {
-    /// Encodes the columns; those of the mission only if it is to be drawn. The time is moved by `shift_s`.
-    fn columns(&self, scenario: &Scenario, with_mission: bool, shift_s: f64) -> FlightColumns {
-        let of = |series: &Thinned| draw::column(series.values());
-        let quantities = PICTURES.iter().zip(&self.quantities).map(|((_, _, _, name, ..), series)| (*name, series));
-        let wanted = WANTED.into_iter().zip(&self.wanted).filter(|_| with_mission);
-        let columns: Map<String, Value> =
-            quantities.chain(wanted).map(|(name, series)| (name.to_owned(), of(series))).collect();
-        let dt_s = self.quantities[0].step() * scenario.sample_s();
-        FlightColumns { rows: self.quantities[0].values().len(), begin_s: shift_s, dt_s, columns }
-    }
-}
+/// Unit of the angles.
+const DEGREES: &str = "deg";
 
 /// Flights side by side.
 pub struct Comparison {
@@ -134,7 +80,7 @@ struct Flight {
     /// Name in the comparison, which no other flight has.
     title: String,
     recorded: Recorded,
-    course: Course,
+    columns: Columns,
     /// Settings, with what was ordered while it flew.
     scenario: Scenario,
     /// Time that is drawn as zero \[s\].
@@ -145,6 +91,13 @@ impl Flight {
     /// Returns the timing of the nodes; `None` unless the flight was in real time, because otherwise nothing is late.
     fn timing(&self) -> Option<&Timing> {
         self.recorded.summary.timing.as_ref().filter(|_| self.scenario.run.mode == Mode::Realtime)
+    }
+
+    /// Encodes the columns of the pictures; those of the mission only if it is to be drawn.
+    fn encoded(&self, with_mission: bool) -> FlightColumns {
+        let flown = PICTURES.iter().map(|(_, unit, _, name, _)| (*name, *unit == DEGREES));
+        let wanted = PICTURES.iter().filter_map(|(.., wanted)| *wanted).filter(|_| with_mission);
+        self.columns.encoded(flown.chain(wanted.map(|name| (name, false))), -self.zero_s, self.scenario.sample_s())
     }
 
     /// Name, mode and end of the flight.
@@ -171,17 +124,19 @@ impl Comparison {
     /// # Errors
     /// A flight cannot be read, is named twice, or has no such instant.
     pub fn read(runs: &[PathBuf], align: Option<&Align>) -> anyhow::Result<Self> {
-        let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Course)> {
-            let mut course = None;
+        let begin = |scenario: &Scenario| (Joined::new(scenario, 0), Columns::new(scenario, 0));
+        let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Columns)> {
+            let mut gathered = None;
             let recorded = Recorded::read_each(run, Part::ALL, |scenario, record| {
-                course.get_or_insert_with(|| Course::new(scenario)).observe(record);
+                let (joined, columns) = gathered.get_or_insert_with(|| begin(scenario));
+                joined.observe(record, |tick| columns.observe(tick));
             })?;
-            let mut course = course.unwrap_or_else(|| Course::new(&recorded.scenario));
-            course.finish();
-            Ok((recorded, course))
+            let (mut joined, mut columns) = gathered.unwrap_or_else(|| begin(&recorded.scenario));
+            joined.finish(|tick| columns.observe(tick));
+            Ok((recorded, columns))
         };
         let read = runs.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
-        let place = |(recorded, _): &(Recorded, Course)| -> anyhow::Result<Place> {
+        let place = |(recorded, _): &(Recorded, Columns)| -> anyhow::Result<Place> {
             let path = recorded.path.canonicalize();
             let path = path.with_context(|| format!("cannot find {}", recorded.path.display()))?;
             Ok((recorded.run.name.clone(), path))
@@ -195,9 +150,9 @@ impl Comparison {
         let records: Vec<_> = read.iter().map(|(recorded, _)| &recorded.run).collect();
         let titles = titles(&places);
         let zeros_s = align.map_or(Ok(vec![0.0; read.len()]), |align| align.zeros_s(&titles, &records))?;
-        let flight = |(((recorded, course), title), zero_s): (((Recorded, Course), String), f64)| {
+        let flight = |(((recorded, columns), title), zero_s): (((Recorded, Columns), String), f64)| {
             let scenario = recorded.flown();
-            Flight { title, recorded, course, scenario, zero_s }
+            Flight { title, recorded, columns, scenario, zero_s }
         };
         let flights = read.into_iter().zip(titles).zip(zeros_s).map(flight).collect();
         Ok(Self { flights, aligned: align.map(Align::describe) })
@@ -295,9 +250,7 @@ impl Comparison {
         let draws_mission = |i: usize| self.mission_drawn_from(i) == i;
         let several_missions = (0..self.flights.len()).filter(|i| draws_mission(*i)).count() > 1;
         let flights = self.flights.iter().enumerate();
-        let columns =
-            |(i, flight): (usize, &Flight)| flight.course.columns(&flight.scenario, draws_mission(i), -flight.zero_s);
-        let plot = |&(label, unit, span, column, _, wanted): &Picture| {
+        let plot = |&(label, unit, span, column, wanted): &Picture| {
             let of_flights = flights.clone().map(|(i, flight)| Series::new(&flight.title, column, i, i));
             let of_missions = flights.clone().filter(|(i, _)| draws_mission(*i)).filter_map(|(i, flight)| {
                 let name = if several_missions { format!("mission of {}", flight.title) } else { "mission".to_owned() };
@@ -324,7 +277,7 @@ impl Comparison {
             .map(|(flight, happened)| (flight.title.as_str(), happened, -flight.zero_s))
             .collect();
         let plots = TimePlots {
-            flights: flights.clone().map(columns).collect(),
+            flights: flights.clone().map(|(i, flight)| flight.encoded(draws_mission(i))).collect(),
             happened: draw::happened(&happened),
             lines: json!({ "error": self.flights.iter().filter_map(bound).collect::<Value>() }),
             plots: PICTURES.iter().map(plot).collect(),
@@ -350,7 +303,8 @@ impl Comparison {
             one.scenario.mission == other.scenario.mission && one.zero_s == other.zero_s
         };
         let longest = (0..self.flights.len()).filter(same).rev();
-        longest.max_by(|a, b| self.flights[*a].course.end_s.total_cmp(&self.flights[*b].course.end_s)).unwrap_or(i)
+        let flown_s = |flight: &usize| self.flights[*flight].recorded.summary.time_s();
+        longest.max_by(|a, b| flown_s(a).total_cmp(&flown_s(b))).unwrap_or(i)
     }
 }
 

@@ -7,6 +7,7 @@
 //! | [`explain`] | the costs of late, lost and missing messages |
 //! | [`table`] | tables as aligned text and as HTML |
 //! | [`targets`] | verdicts on targets as a table |
+//! | [`cells`] | tables of data: their cells, and their columns in Parquet |
 //! | [`cycle`] | times of one cycle of a node |
 //! | [`thinning`] | long series reduced to what a picture can show |
 //! | [`draw`] | HTML and pictures, for every page |
@@ -16,6 +17,7 @@
 
 #![allow(missing_docs)]
 
+pub mod cells;
 pub mod comparison;
 pub mod cycle;
 pub mod draw;

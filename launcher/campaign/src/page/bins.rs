@@ -2,7 +2,7 @@
 
 use view::draw::{Axis, short};
 
-use crate::table::{Column, Table};
+use crate::table::Table;
 
 /// Largest number of different numbers that are shown one by one; more are divided into parts.
 const FEW: usize = 10;
@@ -14,7 +14,7 @@ const PARTS: [usize; 2] = [8, 2];
 const PER_CELL: usize = 20;
 
 /// Suffix of a key, and the unit that it stands for.
-const UNITS: [(&str, &str); 16] = [
+const UNITS: [(&str, &str); 18] = [
     ("m", "m"),
     ("s", "s"),
     ("ms", "ms"),
@@ -23,6 +23,8 @@ const UNITS: [(&str, &str); 16] = [
     ("deg", "°"),
     ("dps", "°/s"),
     ("mps", "m/s"),
+    ("mps2", "m/s²"),
+    ("rad", "rad"),
     ("radps", "rad/s"),
     ("kg", "kg"),
     ("kgm2", "kg m²"),
@@ -33,15 +35,13 @@ const UNITS: [(&str, &str); 16] = [
     ("wh", "Wh"),
 ];
 
-/// Factor with the place of each flight on its axis.
+/// Factor with the entry of its axis that each flight is in.
 pub struct Binned {
     pub key: String,
     pub axis: Axis,
     /// `true` if the values are numbers.
     pub is_number: bool,
-    /// `true` if the entries are parts of a range.
-    pub is_divided: bool,
-    places: Vec<Option<f64>>,
+    bins: Vec<Option<usize>>,
 }
 
 impl Binned {
@@ -51,8 +51,8 @@ impl Binned {
         let column = flights.column(key)?;
         let rows = 0..flights.rows();
         let title = title(key);
-        let is_number = matches!(column, Column::Int(_) | Column::Real(_));
-        let (axis, is_divided, places) = if is_number {
+        let is_number = column.is_number();
+        let (axis, bins) = if is_number {
             let values: Vec<_> = rows.map(|row| column.number(row)).collect();
             by_number(&title, &values, parts(values.iter().flatten().count()))
         } else {
@@ -60,21 +60,16 @@ impl Binned {
             let mut entries = words.clone();
             entries.sort();
             entries.dedup();
-            let places = words.iter().map(|word| entries.binary_search(word).ok().map(|i| i as f64 + 0.5)).collect();
-            (Axis::of_values(&title, entries), false, places)
+            let bins = words.iter().map(|word| entries.binary_search(word).ok()).collect();
+            (Axis::of_values(&title, entries), bins)
         };
         let some = 2..=if is_number { FEW } else { WORDS };
-        some.contains(&axis.entries.len()).then(|| Self { key: key.to_owned(), axis, is_number, is_divided, places })
+        some.contains(&axis.entries.len()).then(|| Self { key: key.to_owned(), axis, is_number, bins })
     }
 
-    /// Place of a flight on the axis; `None` if it has no value.
-    pub fn place(&self, row: usize) -> Option<f64> {
-        self.places[row]
-    }
-
-    /// Entry of the axis that a flight is in.
+    /// Entry of the axis that a flight is in; `None` if it has no value.
     pub fn bin(&self, row: usize) -> Option<usize> {
-        self.places[row].map(|place| (place as usize).min(self.axis.entries.len() - 1))
+        self.bins[row]
     }
 }
 
@@ -104,7 +99,7 @@ pub fn unit(key: &str) -> Option<&'static str> {
 }
 
 /// Returns the part of a key that ends with a unit, the part without the unit, and the unit.
-fn split(key: &str) -> Option<(&str, &str, &'static str)> {
+pub fn split(key: &str) -> Option<(&str, &str, &'static str)> {
     let of_unit = |name: &str| UNITS.iter().find(|(end, _)| *end == name).map(|(_, unit)| *unit);
     key.split('.').find_map(|part| {
         let (name, end) = part.rsplit_once('_')?;
@@ -112,18 +107,17 @@ fn split(key: &str) -> Option<(&str, &str, &'static str)> {
     })
 }
 
-/// Returns the axis of some values, whether it is divided into parts, and the places of the values.
-fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, bool, Vec<Option<f64>>) {
+/// Returns the axis of some values, and the entries that they are in.
+fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, Vec<Option<usize>>) {
     let mut sorted: Vec<f64> = values.iter().flatten().copied().collect();
     sorted.sort_by(f64::total_cmp);
     let mut distinct = sorted.clone();
     distinct.dedup();
     if distinct.len() <= FEW {
-        let place =
-            |value: f64| distinct.binary_search_by(|other| other.total_cmp(&value)).ok().map(|i| i as f64 + 0.5);
+        let bin = |value: f64| distinct.binary_search_by(|other| other.total_cmp(&value)).ok();
         let entries = distinct.iter().map(|value| short(*value)).collect();
-        let places = values.iter().map(|value| value.and_then(place)).collect();
-        return (Axis::of_values(title, entries), false, places);
+        let bins = values.iter().map(|value| value.and_then(bin)).collect();
+        return (Axis::of_values(title, entries), bins);
     }
     let (low, high, median) = (sorted[0], sorted[sorted.len() - 1], sorted[sorted.len() / 2]);
     // A log-uniform distribution has its median at the geometric mean of the ends.
@@ -135,8 +129,10 @@ fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, bool, 
     let edge = |i: usize| if is_log { low * libm::exp(part * i as f64) } else { low + part * i as f64 };
     let edges: Vec<f64> = (0..=parts).map(edge).collect();
     let edges = if is_log { edges.iter().map(|edge| short(*edge)).collect() } else { alike(&edges, part) };
-    let places = values.iter().map(|value| value.map(|value| on_axis(value) / part)).collect();
-    (Axis::of_parts(title, &edges), true, places)
+    // The largest value lies at the end of the last part.
+    let bin = |value: f64| ((on_axis(value) / part) as usize).min(parts - 1);
+    let bins = values.iter().map(|value| value.map(bin)).collect();
+    (Axis::of_parts(title, &edges), bins)
 }
 
 /// Returns first edge, width and number of the most parts with round edges that cover a range; `None` if all such parts
@@ -182,7 +178,7 @@ mod tests {
     #[test]
     fn few_values_are_shown_one_by_one_and_many_as_parts_of_their_range() {
         let few = binned([3.0, 1.0, 3.0]).unwrap();
-        assert_eq!((ticks(&few), few.places.clone()), (vec!["1", "3"], vec![Some(1.5), Some(0.5), Some(1.5)]));
+        assert_eq!((ticks(&few), few.bins.clone()), (vec!["1", "3"], vec![Some(1), Some(0), Some(1)]));
         let many = binned((0..=80).map(f64::from)).unwrap();
         assert_eq!(ticks(&many), ["0", "10", "20", "30", "40", "50", "60", "70", "80"]);
         assert_eq!(many.axis.entries[1], "10 to 20");

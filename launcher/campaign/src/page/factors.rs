@@ -1,7 +1,7 @@
 //! Section "Factors": share passed and position error over each factor.
 
 use statrs::statistics::{Data, OrderStatistics};
-use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, legend, map, short};
+use view::draw::{self, Axis, Dots, MapCell, Quartiles, legend, map, short};
 
 use super::bins::{Binned, parts};
 use super::data::Page;
@@ -15,9 +15,6 @@ pub const COLOURED: usize = 4;
 const DOTS: usize = 2000;
 /// Smallest number of values that have quartiles.
 const FEWEST: usize = 5;
-/// Number of windows of a running median side by side, and smallest number of values in one.
-const WINDOWS: usize = 10;
-const IN_WINDOW: usize = 15;
 
 /// Returns the section; empty if nothing varies.
 pub fn section(page: &Page) -> String {
@@ -28,36 +25,27 @@ pub fn section(page: &Page) -> String {
     let plots: String = factors.iter().map(|factor| one(page, factor)).collect();
     let (mapped, plotted): (Vec<&Binned>, Vec<&Binned>) = factors.iter().partition(|factor| has_rows(page, factor));
     let dots = chosen(page.rows()).filter(|row| page.passed[*row].is_some()).count();
-    let sentences = [
-        (
-            !plotted.is_empty(),
-            format!(
-                "Plots have at the left the share passed with 95 % intervals, and at the right the {} of {dots} flights; an \
-                 arrow at the upper end is one far above all others.",
+    let mut words = vec![];
+    if !plotted.is_empty() {
+        words.push(format!(
+            "Plots have at the left the share passed with 95 % intervals, and at the right the {} of {dots} flights; an \
+             arrow at the upper end is one far above all others. A box holds the middle half of the flights of a value \
+             or a part of the range, its thick line is their median, and its whiskers reach to the last flight within \
+             1.5 times its height.",
+            page.error.words
+        ));
+        words.extend(page.error.limit.map(|_| "The broken line is the bound.".to_owned()));
+    }
+    if !mapped.is_empty() {
+        words.push(match page.plan.campaign.limit() {
+            Some(_) => limits::CELLS.to_owned(),
+            None => format!(
+                "Maps have at the left the percentage passed and the number of flights (n), and at the right the median \
+                 of the {}.",
                 page.error.words
             ),
-        ),
-        (
-            plotted.iter().any(|factor| !factor.is_divided),
-            "A box holds the middle half of all flights, its thick line is their median, and its whiskers reach to the last \
-             flight within 1.5 times its height."
-                .to_owned(),
-        ),
-        (plotted.iter().any(|factor| factor.is_divided), "A line is the running median.".to_owned()),
-        (!plotted.is_empty() && page.error.limit.is_some(), "The broken line is the bound.".to_owned()),
-        (
-            !mapped.is_empty(),
-            match page.plan.campaign.limit() {
-                Some(_) => limits::CELLS.to_owned(),
-                None => format!(
-                    "Maps have at the left the percentage passed and the number of flights (n), and at the right the \
-                     median of the {}.",
-                    page.error.words
-                ),
-            },
-        ),
-    ];
-    let words: Vec<String> = sentences.into_iter().filter_map(|(is_meant, words)| is_meant.then_some(words)).collect();
+        });
+    }
     let colours = if page.names.len() > 1 { legend(&page.names) } else { String::new() };
     let signs = format!("<p class=\"hint\">{colours}&#9679; passed &nbsp; &#215; failed</p>");
     let signs = if plotted.is_empty() { String::new() } else { signs };
@@ -78,14 +66,10 @@ fn has_rows(page: &Page, factor: &Binned) -> bool {
 }
 
 fn shares(page: &Page, factor: &Binned) -> String {
-    let of_bin = |controller: usize, bin: usize| {
+    draw::shares("passed", &factor.axis, &page.names, |controller, bin| {
         let rate = page.rate(|row| factor.bin(row) == Some(bin) && page.controllers[row] == controller);
         (rate.flights > 0).then(|| rate.picture())
-    };
-    let of_controller = |i: usize| (0..factor.axis.entries.len()).map(|bin| of_bin(i, bin)).collect();
-    let series: Vec<(&str, Vec<_>)> =
-        page.names.iter().enumerate().map(|(i, name)| (*name, of_controller(i))).collect();
-    draw::shares("passed", &factor.axis, &series)
+    })
 }
 
 /// Rows that are drawn as dots: all, or about [`DOTS`], whatever regular pattern the rows have.
@@ -97,23 +81,15 @@ fn chosen(rows: usize) -> impl Iterator<Item = usize> {
 
 fn errors(page: &Page, factor: &Binned) -> String {
     let of_controller = |controller: usize| {
-        let value = |row: usize| Some((factor.place(row)?, page.error.of(row)?));
+        let value = |row: usize| Some((factor.bin(row)?, page.error.of(row)?));
         let of_it = |row: &usize| page.controllers[*row] == controller;
         let points = chosen(page.rows()).filter(of_it).filter_map(|row| {
-            let (place, error) = value(row)?;
-            Some((place, error, !page.passed[row]?))
+            let (entry, error) = value(row)?;
+            Some((entry, error, !page.passed[row]?))
         });
-        let all: Vec<(f64, f64)> = (0..page.rows()).filter(of_it).filter_map(value).collect();
-        let middle = if factor.is_divided {
-            Middle::Line(running_median(all))
-        } else {
-            let of_entry = |entry: usize| {
-                let values = all.iter().filter(|(place, _)| *place as usize == entry);
-                quartiles(&values.map(|(_, error)| *error).collect::<Vec<_>>())
-            };
-            Middle::Boxes((0..factor.axis.entries.len()).map(of_entry).collect())
-        };
-        Dots { points: points.collect(), middle }
+        let mut values = vec![vec![]; factor.axis.entries.len()];
+        (0..page.rows()).filter(of_it).filter_map(value).for_each(|(entry, error)| values[entry].push(error));
+        Dots { points: points.collect(), boxes: values.iter().map(|values| quartiles(values)).collect() }
     };
     let series: Vec<Dots> = (0..page.names.len()).map(of_controller).collect();
     draw::dots(&format!("{} [m]", page.error.words), &factor.axis, page.error.limit, &series)
@@ -186,18 +162,6 @@ fn two_digits(value: f64) -> String {
     short((value / step).round() * step)
 }
 
-/// Medians over windows of equal numbers of points, which overlap by half.
-fn running_median(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let window = (points.len() / WINDOWS).max(IN_WINDOW);
-    let of_window = |window: &[(f64, f64)]| {
-        let [place, value] = [|point: &(f64, f64)| point.0, |point: &(f64, f64)| point.1]
-            .map(|of| median(window.iter().map(of).collect()));
-        Some((place?, value?))
-    };
-    points.windows(window).step_by(window.div_ceil(2)).filter_map(of_window).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -222,14 +186,5 @@ mod tests {
         assert!((first - 2.916_667).abs() < 1e-6 && (third - 8.083_333).abs() < 1e-6, "{first} {third}");
         assert_eq!((reach, median), ([1.0, 9.0], 5.5));
         assert_eq!(quartiles(&[1.0; 4]), None, "too few");
-    }
-
-    #[test]
-    fn a_running_median_follows_its_values_and_ignores_an_outlier() {
-        let points = (0..100).map(|i| (f64::from(i), if i == 50 { 1e6 } else { f64::from(i) })).rev().collect();
-        let line = running_median(points);
-        assert_eq!((line.len(), line[0]), (11, (7.0, 7.0)));
-        assert!(line.iter().all(|(place, value)| (place - value).abs() < 2.0), "{line:?}");
-        assert!(running_median(vec![(0.0, 1.0); 14]).is_empty());
     }
 }

@@ -169,15 +169,11 @@ fn distribution(page: &Page, limit: &Limit) -> String {
     let grid = limit.grid();
     let axis = Axis::of_values(&title(&limit.key), grid.iter().map(|step| short(limit.value(*step))).collect());
     let reaches = |row: usize, step: u64| of(page, limit, row).is_some_and(|limit| limit >= step);
-    let share = |controller: usize, step: u64| {
+    draw::shares("pass", &axis, &page.names, |controller, entry| {
         let rows = (0..page.rows()).filter(|row| page.controllers[*row] == controller && page.passed[*row].is_some());
-        let rate = page.evidence.rate(rows.map(|row| (page.numbers[row], reaches(row, step))));
+        let rate = page.evidence.rate(rows.map(|row| (page.numbers[row], reaches(row, grid[entry]))));
         (rate.flights > 0).then(|| rate.picture())
-    };
-    let of_controller = |i: usize| grid.iter().map(|step| share(i, *step)).collect();
-    let series: Vec<(&str, Vec<_>)> =
-        page.names.iter().enumerate().map(|(i, name)| (*name, of_controller(i))).collect();
-    draw::shares("pass", &axis, &series)
+    })
 }
 
 /// Median limit of some rows; `None` without one.

@@ -9,7 +9,7 @@ use crate::file::CASE;
 use crate::limit::LIMIT;
 use crate::median;
 use crate::promise::{Gather, Passed, Promise};
-use crate::table::Cell;
+use crate::table::{Cell, cell_of};
 use crate::variation::{Factor, Values};
 
 /// Flights that one verdict is about.
@@ -170,7 +170,7 @@ fn expected(promise: &Promise, page: &Page, group: &Group) -> u64 {
     let meant = |factor: &Factor, value: &Value| {
         let is_case = group.case.is_none_or(|case| factor.key != CASE || value.as_str() == Some(case));
         let kind = factor.values.kind();
-        is_case && promise.at.get(&factor.key).is_none_or(|wanted| is(&kind.cell(value), wanted))
+        is_case && promise.at.get(&factor.key).is_none_or(|wanted| is(&cell_of(kind, value), wanted))
     };
     let values = campaign.factors.iter().map(|factor| match &factor.values {
         Values::Listed(list) => list.iter().filter(|value| meant(factor, value)).count() as u64,

@@ -2,24 +2,8 @@
 
 use view::draw::escape;
 
-/// Endings of keys, and the units that they stand for; an ending of another one comes after it.
-const UNITS: [(&str, &str); 15] = [
-    ("_mps2", "m/s²"),
-    ("_mps", "m/s"),
-    ("_radps", "rad/s"),
-    ("_dps", "deg/s"),
-    ("_kgm2", "kg m²"),
-    ("_nspm", "N s/m"),
-    ("_deg", "deg"),
-    ("_rad", "rad"),
-    ("_kg", "kg"),
-    ("_hz", "Hz"),
-    ("_ms", "ms"),
-    ("_us", "µs"),
-    ("_n", "N"),
-    ("_s", "s"),
-    ("_m", "m"),
-];
+use super::bins::split;
+
 /// Beginnings of the names of vectors, or `_ned` in one, and the words for their elements.
 const AXES: [(&str, [&str; 3]); 5] = [
     ("_ned", ["north", "east", "down"]),
@@ -48,9 +32,8 @@ fn words(key: &str) -> String {
     if depth != if *name == "wind_ned_mps" { 3 } else { 1 } {
         return key.to_owned();
     }
-    let unit = UNITS.iter().find_map(|(ending, unit)| Some((name.strip_suffix(ending)?, *unit)));
     let axes = AXES.iter().find(|(word, _)| name.starts_with(word) || word.starts_with('_') && name.contains(word));
-    let (Some((name, unit)), Some((_, axes))) = (unit, axes) else { return key.to_owned() };
+    let (Some((_, name, unit)), Some((_, axes))) = (split(name), axes) else { return key.to_owned() };
     match axes.get(element) {
         Some(axis) => format!("{} {axis} [{unit}]", name.trim_end_matches("_ned").replace('_', " ")),
         None => key.to_owned(),
@@ -65,7 +48,7 @@ mod tests {
     fn an_element_of_a_vector_is_told_in_words() {
         for (key, expected) in [
             ("plant.wind_ned_mps.0.1.1", "wind east [m/s]"),
-            ("initial.attitude_deg.0", "attitude roll [deg]"),
+            ("initial.attitude_deg.0", "attitude roll [°]"),
             ("initial.position_m.2", "position down [m]"),
             ("plant.airframe.mass_kg", "plant.airframe.mass_kg"),
             ("attitude.mpc.q.4", "attitude.mpc.q.4"),

@@ -11,7 +11,7 @@ use guidance::Trajectory;
 use outcome::bounds::bounds;
 use outcome::ticks::{length_m, position_error_m};
 use serde_json::{Value, json};
-use view::draw::{self, FlightColumns, HAPPENED_HINT, Plot, Series, TimePlots, any, escape, short};
+use view::draw::{self, FlightColumns, HAPPENED_HINT, Plot, Series, TimePlots, escape, short};
 
 use super::data::Page;
 use crate::row;
@@ -112,15 +112,8 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     };
     let columns = page.plan.columns();
     let settings = columns.iter().skip(1).filter_map(|(name, _)| {
-        let cell = flights.column(name).map_or(Cell::None, |column| column.cell(row));
-        let value = match cell {
-            Cell::None => return None,
-            Cell::Bool(yes) => yes.to_string(),
-            Cell::Int(n) => n.to_string(),
-            Cell::Real(x) => short(x),
-            Cell::Text(text) => any(&text.into()),
-        };
-        Some(format!("<span>{} <b>{value}</b></span>", escape(name)))
+        let column = flights.column(name).filter(|column| column.cell(row) != Cell::None)?;
+        Some(format!("<span>{} <b>{}</b></span>", escape(name), escape(&column.word(row))))
     });
     let others = page.others(row);
     let told = flights.column("outcome").map_or("", |all| all.text(row));

@@ -15,7 +15,7 @@ use std::fmt::{Display, Write};
 pub use axes::Axis;
 pub use charts::{Bars, Lane, histograms, time_line};
 pub use html::{DASH, any, breakable, escape, leaves, list, number, page, table, verdict};
-pub use plots::{Dots, Middle, Quartiles, Share, dots, interval, legend, shares, short};
+pub use plots::{Dots, Quartiles, Share, dots, interval, legend, shares, short};
 pub use share_map::{MapCell, map};
 pub use time_plots::{
     FlightColumns, HAPPENED_HINT, Plot, SCRIPTS, Series, TimePlots, UPLOT_STYLE, column, happened, in_script,

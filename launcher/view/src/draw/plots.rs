@@ -22,18 +22,19 @@ impl Share {
     }
 }
 
-/// Draws shares over an axis, in a colour for each series; an entry may lack a share.
-pub fn shares(title: &str, axis: &Axis, series: &[(&str, Vec<Option<Share>>)]) -> String {
+/// Draws shares over an axis, in a colour for each of the `names`; `share` gives that of a name and an entry, if there
+/// is one.
+pub fn shares(title: &str, axis: &Axis, names: &[&str], share: impl Fn(usize, usize) -> Option<Share>) -> String {
     let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
     let y = |share: f64| BOTTOM - (BOTTOM - TOP) * share;
     for percent in [0, 25, 50, 75, 100] {
         grid(&mut svg, [LEFT, RIGHT], y(f64::from(percent) / 100.0), &format!("{percent} %"));
     }
     axis.draw(&mut svg, title);
-    for (n, ((name, shares), colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
-        let offset = (n as f64 + 0.5) / series.len() as f64 * 0.6 + 0.2;
-        for (i, (share, entry)) in shares.iter().zip(&axis.entries).enumerate() {
-            let Some(share) = share else { continue };
+    for (n, (name, colour)) in names.iter().zip(COLOURS.iter().cycle()).enumerate() {
+        let offset = (n as f64 + 0.5) / names.len() as f64 * 0.6 + 0.2;
+        for (i, entry) in axis.entries.iter().enumerate() {
+            let Some(share) = share(n, i) else { continue };
             let x = axis.x(i as f64 + offset);
             svg.add(format_args!(
                 "<g style=\"stroke:{colour};fill:{colour}\"><title>{}, {}: {}</title>\
@@ -81,21 +82,13 @@ pub struct Quartiles {
     pub quartiles: [f64; 3],
 }
 
-/// Summary that is drawn over the dots of a series.
-#[derive(Debug, Clone)]
-pub enum Middle {
-    /// A box for each entry that has values.
-    Boxes(Vec<Option<Quartiles>>),
-    /// A line through these places and values.
-    Line(Vec<(f64, f64)>),
-}
-
 /// The values of one series.
 #[derive(Debug, Clone)]
 pub struct Dots {
-    /// Place on the axis, value, and whether it is drawn as a cross.
-    pub points: Vec<(f64, f64, bool)>,
-    pub middle: Middle,
+    /// Entry of the axis, value, and whether it is drawn as a cross.
+    pub points: Vec<(usize, f64, bool)>,
+    /// A box for each entry that has enough values.
+    pub boxes: Vec<Option<Quartiles>>,
 }
 
 /// Values above 0 over an axis, a colour for each series, and a broken line at `limit`. What lies far above all others
@@ -109,18 +102,15 @@ pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> St
         grid(&mut svg, [LEFT, RIGHT], y(mark), &short(mark));
     }
     axis.draw(&mut svg, title);
-    // Beside boxes each series has a part of the entry's width: the box at its left, the dots at its right.
+    // Each series has a part of the entry's width: the box at its left, the dots at its right.
     let part = 0.84 / series.len().max(1) as f64;
-    let left = |n: usize, entry: f64| entry + 0.08 + part * n as f64;
+    let left = |n: usize, entry: usize| entry as f64 + 0.08 + part * n as f64;
     for (n, (dots, colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
         let (mut round, mut crosses) = (String::new(), String::new());
         let points = dots.points.iter().filter(|(_, value, _)| value.is_finite() && *value > 0.0);
-        for (i, (place, value, is_cross)) in points.enumerate() {
-            let place = match dots.middle {
-                // Multiples of the golden ratio spread evenly.
-                Middle::Boxes(_) => left(n, place.floor()) + part * (0.5 + 0.42 * (i as f64 * 0.618_034).fract()),
-                Middle::Line(_) => *place,
-            };
+        for (i, (entry, value, is_cross)) in points.enumerate() {
+            // Multiples of the golden ratio spread evenly.
+            let place = left(n, *entry) + part * (0.5 + 0.42 * (i as f64 * 0.618_034).fract());
             let (x, y) = (axis.x(place), y(*value));
             // A line without length, with round ends, is a dot.
             let _ = match is_cross {
@@ -135,22 +125,13 @@ pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> St
              <path d=\"{crosses}\" style=\"opacity:0.6\"/></g>"
         ));
     }
+    let width = (axis.slot() * part * 0.42).min(36.0);
     for (n, (dots, colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
         svg.add(format_args!("<g style=\"stroke:{colour};fill:none\">"));
-        match &dots.middle {
-            Middle::Boxes(boxes) => {
-                let width = (axis.slot() * part * 0.42).min(36.0);
-                for (i, quartiles) in boxes.iter().enumerate() {
-                    let end = axis.x(left(n, i as f64) + 0.46 * part);
-                    if let Some(quartiles) = quartiles {
-                        svg.add(quartiles.drawn([end - width, end], y));
-                    }
-                }
-            }
-            Middle::Line(line) => {
-                let line = polyline(line.iter().map(|(place, value)| (axis.x(*place), y(*value))));
-                svg.add(format_args!("<path d=\"{line}\" style=\"stroke:var(--page);stroke-width:5\"/>"));
-                svg.add(format_args!("<path d=\"{line}\" style=\"stroke-width:2.5\"/>"));
+        for (entry, quartiles) in dots.boxes.iter().enumerate() {
+            let end = axis.x(left(n, entry) + 0.46 * part);
+            if let Some(quartiles) = quartiles {
+                svg.add(quartiles.drawn([end - width, end], y));
             }
         }
         svg.add("</g>");
@@ -177,16 +158,6 @@ impl Quartiles {
              <path d=\"M{left:.1} {median:.1}H{right:.1}\" style=\"stroke-width:3\"/></g>"
         )
     }
-}
-
-/// Path through points \[px\].
-fn polyline(points: impl Iterator<Item = (f64, f64)>) -> String {
-    let mut path = String::new();
-    for (x, y) in points {
-        let pen = if path.is_empty() { 'M' } else { 'L' };
-        let _ = write!(path, "{pen}{x:.1} {y:.1}"); // writing to a String cannot fail
-    }
-    path
 }
 
 /// Formats a number in few characters.
@@ -228,18 +199,19 @@ mod tests {
     #[test]
     fn a_share_stands_at_its_height_with_its_interval() {
         let share = Share { share: 0.5, low: 0.0, high: 1.0 };
-        let svg = shares("passed", &axis(), &[("cone", vec![None, Some(share)])]);
+        let svg = shares("passed", &axis(), &["cone"], |_, entry| [None, Some(share)][entry]);
         assert!(svg.contains("M315.0 170.0V24.0\"/><circle cx=\"315.0\" cy=\"97.0\""), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 1, "an entry without flights has none");
     }
 
     #[test]
     fn points_without_a_place_are_left_out_and_marked_points_are_crosses() {
-        let points = vec![(0.0, 1.0, false), (1.0, 2.0, true), (1.0, f64::NAN, false), (1.0, 0.0, false)];
-        let line = Dots { points, middle: Middle::Line(vec![(0.0, 1.0), (2.0, 2.0)]) };
-        let svg = dots("y", &axis(), Some(3.0), &[line]);
+        let points = vec![(0, 1.0, false), (1, 2.0, true), (1, f64::NAN, false), (1, 0.0, false)];
+        let quartiles = Quartiles { reach: [1.0, 2.0], quartiles: [1.0, 1.5, 2.0] };
+        let values = Dots { points, boxes: vec![Some(quartiles), None] };
+        let svg = dots("y", &axis(), Some(3.0), &[values]);
         assert_eq!((svg.matches("h0").count(), svg.matches("l4 4m").count()), (1, 1), "{svg}");
-        assert!(svg.contains("bound 3</text>") && svg.contains("M48.0 "), "{svg}");
+        assert!(svg.contains("bound 3</text>") && svg.matches("<rect").count() == 1, "{svg}");
         assert_eq!(dots("y", &axis(), Some(3.0), &[]), "");
     }
 

@@ -6,7 +6,8 @@ use std::io::{BufWriter, IntoInnerError, Write};
 
 use flight::dir::{Dir, NewFile};
 
-use super::tables::{Cell, Columns, Rows};
+use super::tables::{Columns, Rows};
+use crate::cells::Cell;
 
 pub struct Csv<'a> {
     file: BufWriter<NewFile<'a>>,
@@ -21,14 +22,16 @@ impl<'a> Rows<'a> for Csv<'a> {
         Ok(Self { file, line: String::new() })
     }
 
-    fn row(&mut self, cells: &[Cell]) -> anyhow::Result<()> {
+    fn row(&mut self, cells: Vec<Cell>) -> anyhow::Result<()> {
         self.line.clear();
         for (i, cell) in cells.iter().enumerate() {
             let comma = if i > 0 { "," } else { "" };
             match cell {
                 Cell::None => write!(self.line, "{comma}"),
-                Cell::Count(n) => write!(self.line, "{comma}{n}"),
-                Cell::Number(x) => write!(self.line, "{comma}{x:?}"),
+                Cell::Bool(yes) => write!(self.line, "{comma}{yes}"),
+                // All integers of a log are counts.
+                Cell::Int(n) => write!(self.line, "{comma}{}", n.cast_unsigned()),
+                Cell::Real(x) => write!(self.line, "{comma}{x:?}"),
                 Cell::Text(text) if text.contains([',', '"', '\n', '\r']) => {
                     write!(self.line, "{comma}\"{}\"", text.replace('"', "\"\""))
                 }

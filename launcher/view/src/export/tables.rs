@@ -5,8 +5,6 @@
 //! there is a status, and `is_intact` tells whether the checksum fits. The table of STATE also has `actual` and
 //! `actuators` of the TRUTH of its tick, NaN if that was lost.
 
-use std::borrow::Cow;
-
 use contract::message::{Stamp, Truth};
 use contract::{Scenario, Topic};
 use flight::dir::Dir;
@@ -15,24 +13,8 @@ use flight::log::{Record, columns, status_name, words};
 use serde_json::json;
 
 use super::sink::Sink;
+use crate::cells::{Cell, Kind};
 use crate::cycle::Cycle;
-
-/// Type of a column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    Count,
-    Number,
-    Text,
-}
-
-/// One value of a row.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Cell<'a> {
-    None,
-    Count(u64),
-    Number(f64),
-    Text(Cow<'a, str>),
-}
 
 /// Name and type of each column of a table.
 pub type Columns = Vec<(String, Kind)>;
@@ -42,7 +24,7 @@ pub trait Rows<'a>: Sized {
     /// Begins the table `name` in `folder`.
     fn begin(folder: &'a Dir, name: &str, columns: &Columns) -> anyhow::Result<Self>;
     /// Adds a row: a cell for each column.
-    fn row(&mut self, cells: &[Cell]) -> anyhow::Result<()>;
+    fn row(&mut self, cells: Vec<Cell>) -> anyhow::Result<()>;
     /// Puts the file in its place.
     fn finish(self) -> anyhow::Result<()>;
 }
@@ -70,13 +52,13 @@ impl<'a, W: Rows<'a>> Tables<W> {
         })
     }
 
-    fn time(&self, tick: u64) -> Cell<'static> {
-        Cell::Number(tick as f64 * self.sample_s)
+    fn time(&self, tick: u64) -> Cell {
+        Cell::Real(tick as f64 * self.sample_s)
     }
 }
 
 const EVENT: [(&str, Kind); 12] = [
-    ("time_s", Kind::Number),
+    ("time_s", Kind::Real),
     ("tick", Kind::Count),
     ("node", Kind::Text),
     ("epoch", Kind::Count),
@@ -91,17 +73,17 @@ const EVENT: [(&str, Kind); 12] = [
 ];
 
 const CYCLE: [(&str, Kind); 13] = [
-    ("time_s", Kind::Number),
+    ("time_s", Kind::Real),
     ("node", Kind::Text),
     ("tick", Kind::Count),
     ("sequence", Kind::Count),
     ("epoch", Kind::Count),
     ("delivery", Kind::Count),
-    ("release_us", Kind::Number),
-    ("wake_us", Kind::Number),
-    ("execution_us", Kind::Number),
-    ("response_us", Kind::Number),
-    ("cpu_us", Kind::Number),
+    ("release_us", Kind::Real),
+    ("wake_us", Kind::Real),
+    ("execution_us", Kind::Real),
+    ("response_us", Kind::Real),
+    ("cpu_us", Kind::Real),
     ("slips", Kind::Count),
     ("late", Kind::Count),
 ];
@@ -110,13 +92,17 @@ fn named(columns: &[(&str, Kind)]) -> Columns {
     columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect()
 }
 
+fn count(number: u64) -> Cell {
+    Cell::Int(number.cast_signed())
+}
+
 fn kind(is_count: bool) -> Kind {
-    if is_count { Kind::Count } else { Kind::Number }
+    if is_count { Kind::Count } else { Kind::Real }
 }
 
 /// Returns the columns of a topic's table.
 fn topic_columns(topic: Topic) -> Columns {
-    let mut all = named(&[("time_s", Kind::Number)]);
+    let mut all = named(&[("time_s", Kind::Real)]);
     all.extend(columns(topic).into_iter().map(|column| (column.name, kind(column.is_count))));
     let status = matches!(topic, Topic::State | Topic::Controls).then_some(("status_name", Kind::Text));
     all.extend(named(&status.into_iter().chain([("is_intact", Kind::Count)]).collect::<Vec<_>>()));
@@ -128,52 +114,52 @@ impl<'a, W: Rows<'a>> Sink for Tables<W> {
         let Some((topic, stamp)) = record.stamped() else { return Ok(()) };
         let mut row = vec![self.time(stamp.tick)];
         row.extend(words(record, truth).iter().zip(&self.words[topic as usize]).map(|(word, kind)| match kind {
-            Kind::Number => Cell::Number(f64::from_bits(*word)),
-            Kind::Count | Kind::Text => Cell::Count(*word),
+            Kind::Real => Cell::Real(f64::from_bits(*word)),
+            _ => count(*word),
         }));
         if matches!(topic, Topic::State | Topic::Controls) {
             row.push(status_name(record).map_or(Cell::None, |name| Cell::Text(name.into())));
         }
-        row.push(Cell::Count(record.is_intact().into()));
-        self.topics[topic as usize].row(&row)
+        row.push(count(record.is_intact().into()));
+        self.topics[topic as usize].row(row)
     }
 
     fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &Cycle) -> anyhow::Result<()> {
         let Cycle { release_us, wake_us, execution_us, response_us, cpu_us, slips, late } = *cycle;
         let time = self.time(stamp.tick);
-        self.cycles.row(&[
+        self.cycles.row(vec![
             time,
             Cell::Text(topic.publisher().into()),
-            Cell::Count(stamp.tick),
-            Cell::Count(stamp.sequence),
-            Cell::Count(stamp.epoch),
-            Cell::Count(stamp.delivery),
-            Cell::Number(release_us),
-            Cell::Number(wake_us),
-            Cell::Number(execution_us),
-            Cell::Number(response_us),
-            cpu_us.map_or(Cell::None, Cell::Number),
-            Cell::Count(slips),
-            Cell::Count(late),
+            count(stamp.tick),
+            count(stamp.sequence),
+            count(stamp.epoch),
+            count(stamp.delivery),
+            Cell::Real(release_us),
+            Cell::Real(wake_us),
+            Cell::Real(execution_us),
+            Cell::Real(response_us),
+            cpu_us.map_or(Cell::None, Cell::Real),
+            count(slips),
+            count(late),
         ])
     }
 
     fn event(&mut self, event: &Event) -> anyhow::Result<()> {
-        let count = |count: Option<u64>| count.map_or(Cell::None, Cell::Count);
-        let index = |index: Option<usize>| count(index.map(|index| index as u64));
-        let text = |text: &str| Cell::Text(text.to_owned().into());
+        let optional = |number: Option<u64>| number.map_or(Cell::None, count);
+        let index = |index: Option<usize>| optional(index.map(|index| index as u64));
+        let text = |text: &str| Cell::Text(text.to_owned());
         let time = self.time(event.tick);
-        self.events.row(&[
+        self.events.row(vec![
             time,
-            Cell::Count(event.tick),
+            count(event.tick),
             text(&event.node),
-            Cell::Count(event.epoch.into()),
+            count(event.epoch.into()),
             text(&name(event.what)),
             event.why.as_deref().map_or(Cell::None, text),
             index(event.swap),
             index(event.origin),
-            count(event.by.map(|by| by.pid as u64)),
-            count(event.by.map(|by| by.user.into())),
+            optional(event.by.map(|by| by.pid as u64)),
+            optional(event.by.map(|by| by.user.into())),
             index(event.fault.as_ref().map(|fault| fault.0)),
             event.fault.as_ref().map_or(Cell::None, |fault| text(&json!(fault.1).to_string())),
         ])

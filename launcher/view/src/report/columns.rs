@@ -7,7 +7,7 @@
 use contract::Scenario;
 use contract::message::{ActuationMsg, Kinematics, mixer_flags};
 use contract::scenario::Mode;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::air::Wind;
 use super::claims;
@@ -147,24 +147,33 @@ impl Columns {
         }
     }
 
+    /// Encodes the `chosen` columns, angles in degrees where that is true; the first row is at `begin_s`.
+    pub fn encoded<'a>(
+        &self,
+        chosen: impl Iterator<Item = (&'a str, bool)>,
+        begin_s: f64,
+        sample_s: f64,
+    ) -> FlightColumns {
+        let encode = |(name, in_degrees): (&str, bool)| {
+            let (_, series) = self.all.iter().find(|(other, _)| *other == name)?;
+            let shown = |value: f32| if in_degrees { value.to_degrees() } else { value };
+            Some((name.to_owned(), column(series.values().into_iter().map(shown))))
+        };
+        let (_, first) = &self.all[0];
+        let (rows, dt_s) = (first.values().len(), first.step() * sample_s);
+        FlightColumns { rows, begin_s, dt_s, columns: chosen.filter_map(encode).collect() }
+    }
+
     /// The script's whole input: `rows`, `begin_s`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the
     /// figures.
     pub fn document(mut self, scenario: &Scenario) -> Value {
         (0..self.waiting).for_each(|_| self.age_ms.push(f32::NAN));
-        self.all.push(("age_ms", self.age_ms));
+        self.all.push(("age_ms", std::mem::take(&mut self.age_ms)));
         let values: Vec<(&str, Vec<f32>)> = self.all.iter().map(|(name, column)| (*name, column.values())).collect();
         let said = |name: &str| says_something(name, &values);
-        let columns: Map<_, _> = values
-            .iter()
-            .filter(|(name, _)| said(name))
-            .map(|(name, values)| ((*name).to_owned(), column(values.iter().copied())))
-            .collect();
-        let mut document = json!(FlightColumns {
-            rows: values[0].1.len(),
-            begin_s: self.first as f64 * scenario.sample_s(),
-            dt_s: self.all[0].1.step() * scenario.sample_s(),
-            columns,
-        });
+        let chosen = names().chain(["age_ms"]).filter(|name| said(name)).map(|name| (name, false));
+        let sample_s = scenario.sample_s();
+        let mut document = json!(self.encoded(chosen, self.first as f64 * sample_s, sample_s));
         document["realtime"] = (scenario.run.mode == Mode::Realtime).into();
         document["lines"] = lines(scenario);
         document
