@@ -41,6 +41,7 @@ pub struct Nodes {
 pub struct NodeSettings {
     /// File of the library or program. A relative path that exists beside the scenario file is that file; any other is
     /// seen from where the launcher is started, or, without a slash, found in `PATH`. Empty = the launcher's own core.
+    #[schemars(example = "my-controller.so")]
     #[serde(skip_serializing_if = "String::is_empty")]
     pub exec: String,
     /// SHA-256 of the file; the launcher adds it, and refuses another file where it is given. Empty = any file.
