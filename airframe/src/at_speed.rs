@@ -17,11 +17,10 @@
 //! At speed w changes when the vehicle pitches, although its velocity over ground does not. `lean` has the coefficients
 //! of that change: `dw = -(v dphi - u cos phi dtheta)`. It is the integral of `q u - p v` in (11).
 
-use nalgebra::{DMatrix, Matrix4, SMatrix, Vector4};
+use nalgebra::Vector4;
 
-use crate::exponential::exponential;
 use crate::level_flight::{Drag, LevelFlight};
-use crate::linear::{Continuous, INPUTS, STATES};
+use crate::linear::Continuous;
 use crate::{Parameters, Trim};
 
 /// Largest roll and pitch of a point \[rad\]: beyond them (8) becomes singular.
@@ -100,31 +99,6 @@ impl AtSpeed {
 
         Self { continuous, offset, lean: [v, -u * cos_phi] }
     }
-
-    /// Writes `Ad` and `Bd` of one sample with zero-order hold, and `Ed`, which is `Bd` without the lag of the rates
-    /// `lag`. All have n rows, n = 7, or 11 with a lag. Allocates nothing.
-    pub fn discretise_into(&self, lag: Option<&Matrix4<f64>>, sample_s: f64, [ad, bd, ed]: [&mut DMatrix<f64>; 3]) {
-        const JOINT: usize = STATES + INPUTS;
-        const LAGGED: usize = JOINT + INPUTS;
-        let mut joint = SMatrix::<f64, JOINT, JOINT>::zeros();
-        joint.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&self.continuous.a);
-        joint.fixed_view_mut::<STATES, INPUTS>(0, STATES).copy_from(&self.continuous.b);
-        let held = exponential(&(joint * sample_s));
-        ed.rows_mut(0, STATES).copy_from(&held.fixed_view::<STATES, INPUTS>(0, STATES));
-        if let Some(rates) = lag {
-            let mut lagged = SMatrix::<f64, LAGGED, LAGGED>::zeros();
-            lagged.fixed_view_mut::<JOINT, JOINT>(0, 0).copy_from(&joint);
-            let mut leaving = lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, STATES);
-            leaving -= rates;
-            lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, JOINT).copy_from(rates);
-            let held = exponential(&(lagged * sample_s));
-            ad.copy_from(&held.fixed_view::<JOINT, JOINT>(0, 0));
-            bd.copy_from(&held.fixed_view::<JOINT, INPUTS>(0, JOINT));
-        } else {
-            ad.copy_from(&held.fixed_view::<STATES, STATES>(0, 0));
-            bd.copy_from(&held.fixed_view::<STATES, INPUTS>(0, STATES));
-        }
-    }
 }
 
 #[cfg(test)]
@@ -132,8 +106,7 @@ mod tests {
     use nalgebra::{Rotation3, Vector3};
 
     use super::*;
-    use crate::MixingMatrix;
-    use crate::linear::lag_rates;
+    use crate::linear::STATES;
 
     const DRAG: Drag = Drag { linear_nspm: [0.2, 0.2, 0.1], quadratic_ns2pm2: 0.02 };
 
@@ -168,29 +141,6 @@ mod tests {
             let u = crate::MixingMatrix::new(&vehicle, false).deviation(&level.actuation);
             let rate = model.continuous.a * x + model.continuous.b * (u + model.offset);
             assert!(rate.amax() < 1e-9, "{way:?}: {rate}");
-        }
-    }
-
-    #[test]
-    fn the_two_discretisations_agree() {
-        let point = FlightPoint {
-            velocity_mps: [14.0, -6.0, -3.0],
-            roll_rad: 0.2,
-            pitch_rad: -0.4,
-            rates_radps: [0.5, -1.0, 0.7],
-        };
-        let model = at(&point, &DRAG);
-        let vehicle = Parameters::default();
-        let (trim, mixing) = (Trim::solve(&vehicle, false), MixingMatrix::new(&vehicle, false));
-        let lags = [[0.03; 2], [0.001; 2], [0.03, 0.3]].map(|lags_s| lag_rates(lags_s, &mixing, &trim.actuation));
-        for (lag, n) in [(None, 7)].into_iter().chain(lags.iter().map(|rates| (Some(rates), 11))) {
-            let [mut a, mut b, mut e] = [n, INPUTS, INPUTS].map(|columns| DMatrix::zeros(n, columns));
-            model.discretise_into(lag, 0.01, [&mut a, &mut b, &mut e]);
-            let direct = model.continuous.discretise(0.01);
-            let lagged = |rates| model.continuous.discretise_with_lag(rates, 0.01);
-            let theirs = lag.map_or_else(|| direct.clone(), lagged);
-            assert!((a - theirs.a).amax() < 1e-11 && (b - theirs.b).amax() < 1e-11);
-            assert!((e.rows(0, STATES) - direct.b).amax() < 1e-12);
         }
     }
 

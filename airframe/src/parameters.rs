@@ -1,6 +1,6 @@
 //! Parameters of the tricopter of Table I, and of a second vehicle.
 
-use nalgebra::Vector4;
+use nalgebra::{Vector3, Vector4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +57,11 @@ impl Parameters {
     /// \[kg, kg m2\].
     pub fn inertia(&self) -> Vector4<f64> {
         Vector4::new(self.mass_kg, self.iyy_kgm2, self.ixx_kgm2, self.izz_kgm2)
+    }
+
+    /// Moments of inertia about the body axes x, y, z \[kg m2\].
+    pub fn moments_kgm2(&self) -> Vector3<f64> {
+        Vector3::new(self.ixx_kgm2, self.iyy_kgm2, self.izz_kgm2)
     }
 }
 

@@ -79,7 +79,7 @@ impl Spin {
 
     /// Linear model over one sample, `x[k+1] = Ad x[k] + Bd u[k]`, with the first-order lag `lag_s` of the rotors.
     pub fn discretise(&self, vehicle: &Parameters, lag_s: f64, sample_s: f64) -> (DMatrix<f64>, DMatrix<f64>) {
-        let inertia = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
+        let inertia = vehicle.moments_kgm2();
         let slope = 2.0 * vehicle.kf * self.rotor_speed; // of a thrust over its rotor's speed
         let thrust_n = 2.0 * vehicle.kf * self.rotor_speed * self.rotor_speed;
         let (leans, own) = (self.leans(), inertia.component_mul(&self.rates_radps));
@@ -135,7 +135,7 @@ mod tests {
             let square = spin.rotor_speed * spin.rotor_speed;
             let [col, lon, lat, ped]: [f64; 4] =
                 (MixingMatrix::new(&vehicle, false).forward * Vector4::new(0.0, 0.0, square, square)).into();
-            let inertia = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
+            let inertia = vehicle.moments_kgm2();
             let needed = spin.rates_radps.cross(&inertia.component_mul(&spin.rates_radps));
             assert!((Vector3::new(lat, lon, ped) - needed).amax() < 1e-12, "{needed}");
             assert!((col * spin.down.z + vehicle.mass_kg * vehicle.g_mps2).abs() < 1e-12);
@@ -148,7 +148,7 @@ mod tests {
         for (vehicle, spin) in spins() {
             let (sample_s, lag_s) = (1e-5, 0.03);
             let (a, b) = spin.discretise(&vehicle, lag_s, sample_s);
-            let inertia = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
+            let inertia = vehicle.moments_kgm2();
             // One short step of the equations of motion from a deviation `x`, with the rear commands `u` off the spin.
             let step = |x: &SMatrix<f64, STATES, 1>, u: [f64; 2]| {
                 let down = spin.down + spin.leans() * x.fixed_rows::<2>(0);

@@ -10,9 +10,9 @@
 //! and the reference of w is mapped likewise. Test `a_change_of_pitch_at_constant_climb_costs_no_climb`.
 
 use airframe::linear::{INPUTS, STATES};
-use airframe::{AtSpeed, Drag, FlightPoint, Parameters, Trim};
+use airframe::{AtSpeed, FlightPoint, Trim};
 use contract::Scenario;
-use nalgebra::{DMatrix, DVector, DVectorView, Matrix4, Vector4};
+use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
 
 use crate::model::PredictionModel;
 
@@ -28,37 +28,15 @@ pub struct FlightModel {
     pub offset: Vector4<f64>,
     /// Coefficients [`AtSpeed::lean`] \[m/s per rad\].
     pub lean: [f64; 2],
-    vehicle: Parameters,
-    drag: Drag,
-    trim: Trim,
-    lag: Option<Matrix4<f64>>,
-    sample_s: f64,
 }
 
 impl FlightModel {
     /// Builds the model of a scenario's vehicle at `point`.
     pub fn new(scenario: &Scenario, point: &FlightPoint) -> Self {
-        let model = PredictionModel::new(scenario);
-        let mut at_point = Self {
-            offset: Vector4::zeros(),
-            lean: [0.0; 2],
-            vehicle: scenario.airframe,
-            drag: scenario.plant.drag(),
-            trim: model.trim,
-            lag: model.lag,
-            sample_s: scenario.sample_s(),
-            model,
-        };
-        at_point.move_to(point);
-        at_point
-    }
-
-    /// Linearises at another point. Allocates nothing.
-    pub fn move_to(&mut self, point: &FlightPoint) {
-        let at_speed = AtSpeed::new(&self.vehicle, &self.trim, &self.drag, point);
-        let PredictionModel { a, b, e, .. } = &mut self.model;
-        at_speed.discretise_into(self.lag.as_ref(), self.sample_s, [a, b, e]);
-        (self.offset, self.lean) = (at_speed.offset, at_speed.lean);
+        let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
+        let AtSpeed { continuous, offset, lean } =
+            AtSpeed::new(&scenario.airframe, &trim, &scenario.plant.drag(), point);
+        Self { model: PredictionModel::of(scenario, &trim, &continuous), offset, lean }
     }
 
     /// Computes `next += share * f(x, u, d)`, `f` being the state one sample after `x`.

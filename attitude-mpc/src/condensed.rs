@@ -104,31 +104,27 @@ pub struct Course {
 impl Condensed {
     /// Condenses the problem of a model and its weights; the error names weights for which it is singular.
     pub fn new(model: &PredictionModel, scenario: &Scenario) -> Result<Self, ScenarioError> {
-        let (q, p) = state_weights(model, &scenario.attitude.mpc)?;
-        Self::weighted(model, scenario, &q, &p, scenario.attitude.disturbance_gain > 0.0)
+        Self::weighted(model, scenario, |_| {}, scenario.attitude.disturbance_gain > 0.0)
     }
 
     /// Condenses the problem of a model at a flight condition. The inputs' target always holds the reference: `follows`
     /// in `input_targets` is `true`.
     pub fn at_speed(flight: &FlightModel, scenario: &Scenario) -> Result<Self, ScenarioError> {
-        let (model, weights) = (&flight.model, &scenario.attitude.mpc);
-        let (mut q, r) = stage_weights(model.states(), weights);
-        flight.lean_on(&mut q);
-        let p = terminal_weight(model, weights, &q, &r)?;
-        Self::weighted(model, scenario, &q, &p, true)
+        Self::weighted(&flight.model, scenario, |q| flight.lean_on(q), true)
     }
 
-    /// Condenses with the weights `q` and `p` on the states; `follows` as in [`input_targets`].
+    /// Condenses with the weight on the states that `change_q` makes of `Q`; `follows` as in [`input_targets`].
     fn weighted(
         model: &PredictionModel,
         scenario: &Scenario,
-        q: &DMatrix<f64>,
-        p: &DMatrix<f64>,
+        change_q: impl FnOnce(&mut DMatrix<f64>),
         follows: bool,
     ) -> Result<Self, ScenarioError> {
         let (n, weights) = (model.states(), &scenario.attitude.mpc);
         let (np, nu) = (scenario.np(), scenario.nu());
-        let r = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r));
+        let (mut q, r) = stage_weights(n, weights);
+        change_q(&mut q);
+        let p = terminal_weight(model, weights, &q, &r)?;
         let r2 = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r_rate));
         let inputs = input_targets(model, follows);
         let targets = targets(model, &inputs);
@@ -153,7 +149,7 @@ impl Condensed {
                 course.free.rows_mut(n * (k - 1), n).copy_from(&free);
                 course.forced.rows_mut(n * (k - 1), n).copy_from(&forced);
             }
-            let pull = forced.transpose() * if k < np { q } else { p };
+            let pull = forced.transpose() * if k < np { &q } else { &p };
             hessian += &pull * &forced; // (4)
             gradient += &pull * (&free - &targets);
             if pull_of_changes.ncols() > 0 {
@@ -188,13 +184,6 @@ impl Condensed {
 /// Number of the changes of the reference over the horizon, 7Np: 0 without a preview.
 pub fn change_count(scenario: &Scenario) -> usize {
     if scenario.guidance.preview_s > 0.0 { STATES * scenario.np() } else { 0 }
-}
-
-/// Weights `Q` and `P` of a model, n x n.
-pub fn state_weights(model: &PredictionModel, weights: &Mpc) -> Result<(DMatrix<f64>, DMatrix<f64>), ScenarioError> {
-    let (q, r) = stage_weights(model.states(), weights);
-    let p = terminal_weight(model, weights, &q, &r)?;
-    Ok((q, p))
 }
 
 /// Weights `Q`, n x n with zeros for the lag states, and `R`.

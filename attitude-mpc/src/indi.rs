@@ -34,7 +34,7 @@ use contract::snapshot::OptionalTick;
 use nalgebra::{DVectorView, Vector4};
 
 use crate::geometric::Axes;
-use crate::level::{Level, sink_mps};
+use crate::level::Level;
 
 /// Memory of the filter beside the disturbance itself, which is its second stage.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -80,7 +80,7 @@ impl Indi {
         d: &Vector4<f64>,
         stage: &mut Stage,
     ) -> Vector4<f64> {
-        let (sink_mps, produced) = (sink_mps(measured), self.level.produced(&now, actuators));
+        let (sink_mps, produced) = (measured.sink_mps(), self.level.produced(&now, actuators));
         let is_next = stage.tick.get().is_some_and(|last| last.checked_add(1) == Some(tick));
         let last = *stage;
         (stage.tick, stage.sink_mps, stage.produced) = (OptionalTick::some(tick), sink_mps, produced);

@@ -23,7 +23,6 @@
 //! that is vertical becomes `4 c`, which is small sideways and turns its sign with the vehicle.
 
 use airframe::{Actuation, MixingMatrix, Parameters, Trim};
-use contract::message::Kinematics;
 use nalgebra::{DVectorView, Quaternion, UnitQuaternion, Vector3, Vector4};
 
 /// Smallest vertical share of col at which the vertical acceleration is inverted exactly.
@@ -51,7 +50,7 @@ impl Level {
         Self {
             g_mps2: vehicle.g_mps2,
             mass_kg: vehicle.mass_kg,
-            inertia_kgm2: Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2),
+            inertia_kgm2: vehicle.moments_kgm2(),
             kf: vehicle.kf,
             trim_roll_rad: trim.roll_rad,
             trim_roll: libm::sincos(trim.roll_rad),
@@ -148,14 +147,6 @@ impl Level {
         let (sin, cos) = self.trim_roll;
         Vector3::new(v.x, cos * v.y + sin * v.z, cos * v.z - sin * v.y)
     }
-}
-
-/// Vertical speed of a measured motion, down positive \[m/s\].
-pub fn sink_mps(measured: &Kinematics) -> f64 {
-    let [u, v, w] = measured.velocity_mps;
-    let ((sin_phi, cos_phi), (sin_theta, cos_theta)) =
-        (libm::sincos(measured.attitude_rad[0]), libm::sincos(measured.attitude_rad[1]));
-    -u * sin_theta + (v * sin_phi + w * cos_phi) * cos_theta
 }
 
 /// Inverse of a lift, bounded where the force is nearly horizontal.

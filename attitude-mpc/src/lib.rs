@@ -140,11 +140,10 @@ impl UnconstrainedLaw {
         d: &Vector4<f64>,
         next: &mut DVector<f64>,
     ) {
-        match self {
-            Self::Gain(_) | Self::Coupled(..) | Self::Pid(_) | Self::Geometric(_) | Self::Indi(_) => {
-                hover.predict(x, u, d, next);
-            }
-            Self::Scheduled(schedule) => schedule.predict(x, u, d, next),
+        if let Self::Scheduled(schedule) = self {
+            schedule.predict(x, u, d, next);
+        } else {
+            hover.predict(x, u, d, next);
         }
     }
 }

@@ -20,7 +20,7 @@ use airframe::linear::{Continuous, INPUTS, LAGGED, STATES, lag_rates};
 use airframe::{Actuation, ActuatorLaw, MixingMatrix, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
-use nalgebra::{DMatrix, DVector, Dyn, Matrix4, SMatrix, SVector, Storage, Vector, Vector4};
+use nalgebra::{DMatrix, DVector, Dyn, SMatrix, SVector, Storage, Vector, Vector4};
 
 /// Bound of the first term that the series of [`PredictionModel::advance`] leaves out, over its first: `2^-55`.
 const LEAST_TERM: f64 = 1.0 / (1_u64 << 55) as f64;
@@ -34,11 +34,9 @@ pub struct PredictionModel {
     pub b: DMatrix<f64>,
     /// Matrix `Ed` of a constant disturbance on the inputs, n x 4.
     pub e: DMatrix<f64>,
-    /// Rates of the actuator lag, 4 x 4 \[1/s\]; `None` if it is not modelled.
-    pub lag: Option<Matrix4<f64>>,
     /// Hover at which the model is linearised.
     pub trim: Trim,
-    /// Continuous-time `A`, `B` and `E` of the hover model, with zeros in place of lag states that it has not.
+    /// Continuous-time `A`, `B` and `E`, with zeros in place of lag states that it has not.
     continuous: (SMatrix<f64, LAGGED, LAGGED>, [SMatrix<f64, LAGGED, INPUTS>; 2]),
     /// Map from actuator positions to conventional inputs.
     pub mixing: MixingMatrix,
@@ -53,14 +51,18 @@ pub struct PredictionModel {
 impl PredictionModel {
     /// Builds the controller's model of a scenario's vehicle.
     pub fn new(scenario: &Scenario) -> Self {
+        let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
+        Self::of(scenario, &trim, &Continuous::hover(&scenario.airframe, &trim))
+    }
+
+    /// Builds the model of the linearised motion `continuous`, in deviations from the hover `trim`.
+    pub fn of(scenario: &Scenario, trim: &Trim, continuous: &Continuous) -> Self {
         let vehicle = &scenario.airframe;
         let lag_s = scenario.attitude.actuator_lag_model_s;
         let servo_lag_s = scenario.attitude.servo_lag_model_s.unwrap_or(lag_s);
         let sample_s = scenario.sample_s();
-        let trim = Trim::solve(vehicle, scenario.mixer.tilt_reaction);
         let mixing = MixingMatrix::new(vehicle, scenario.mixer.tilt_reaction);
         let lag = (lag_s > 0.0).then(|| lag_rates([lag_s, servo_lag_s], &mixing, &trim.actuation));
-        let continuous = Continuous::hover(vehicle, &trim);
         let direct = continuous.discretise(sample_s);
         let discrete = lag.map_or_else(|| direct.clone(), |rates| continuous.discretise_with_lag(&rates, sample_s));
         let n = discrete.a.nrows();
@@ -78,8 +80,7 @@ impl PredictionModel {
             b: discrete.b,
             e: direct.b.resize_vertically(n, 0.0),
             continuous: (a, [b, behind]),
-            lag,
-            trim,
+            trim: *trim,
             mixing,
             actuators: ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s, ..scenario.actuator_law() },
             norm,

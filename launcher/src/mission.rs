@@ -2,7 +2,7 @@
 
 use contract::Scenario;
 use contract::scenario::plan::{self, Demand, Planned, range_m};
-use contract::scenario::{TrajectoryKind, mission_warnings};
+use contract::scenario::{TrajectoryKind, mission_warnings, word};
 use runtime::console::eprint_line;
 
 /// Names and units of the columns.
@@ -41,12 +41,12 @@ pub fn describe(scenario: &Scenario) -> Option<String> {
     line("curves may use", sizes(Default::default(), limits.share(scenario.mission.limits.share).most));
     for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
         let times = [planned.begins_s, planned.curve.duration_s()].map(number);
-        line(&format!("{i} {}", part.kind.name()), sizes(times, planned.demand(&limits)));
+        line(&format!("{i} {}", word(part.kind)), sizes(times, planned.demand(&limits)));
     }
     let widths = REACH.map(|_| RANGE_CHARS);
     text += &row("", &REACH.map(str::to_owned), &widths);
     for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
-        text += &row(&format!("{i} {}", part.kind.name()), &reach(planned, part.points_m.as_deref()), &widths);
+        text += &row(&format!("{i} {}", word(part.kind)), &reach(planned, part.points_m.as_deref()), &widths);
     }
     Some(text)
 }

@@ -63,8 +63,7 @@ impl Body {
 
     /// Moves `from` over a time with the derivatives at `at`.
     fn moved(&self, from: &Motion, at: &Motion, command: &Actuation, time_s: f64, dead: Option<usize>) -> Motion {
-        let Parameters { g_mps2, mass_kg, ixx_kgm2, iyy_kgm2, izz_kgm2, .. } = self.vehicle;
-        let inertia = Vector3::new(ixx_kgm2, iyy_kgm2, izz_kgm2);
+        let (Parameters { g_mps2, mass_kg, .. }, inertia) = (self.vehicle, self.vehicle.moments_kgm2());
         let mut acting = at.position;
         if let Some(rotor) = dead {
             acting.rotor_speed[rotor] = 0.0;

@@ -178,7 +178,7 @@ impl Broken {
 
     /// Moments about x and y that lean the vehicle against its spin \[N m\].
     fn level_spin(&self, down: &Vector3<f64>, rates: &Vector3<f64>) -> [f64; 2] {
-        let Parameters { ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.body.vehicle;
+        let Parameters { ixx_kgm2: ixx, iyy_kgm2: iyy, .. } = self.body.vehicle;
         let (r, upright) = (rates.z, down.z.max(MIN_UPRIGHT));
         let share = (r.abs() / LEAN_RADPS).min(1.0);
         let lean = (LEAN * share).max((r.abs() / STEEP_RADPS).min(MAX_LEAN));
@@ -186,7 +186,7 @@ impl Broken {
         let lean_y = lean + libm::sin(self.trim.roll_rad) * (1.0 - share);
         let p = (down.x * r - LEAN_GAIN_RADPS * (down.y - lean_y)) / upright;
         let q = (down.y * r + LEAN_GAIN_RADPS * (down.x - lean_x)) / upright;
-        let gyroscopic = rates.cross(&Vector3::new(ixx * rates.x, iyy * rates.y, izz * rates.z));
+        let gyroscopic = rates.cross(&self.body.vehicle.moments_kgm2().component_mul(rates));
         [ixx * RATE_GAIN_RADPS * (p - rates.x) + gyroscopic.x, iyy * RATE_GAIN_RADPS * (q - rates.y) + gyroscopic.y]
     }
 }

@@ -98,7 +98,7 @@ impl Rotors {
     /// Builds the model of `scenario`'s sound rotors, with the hover `trim`.
     pub fn new(scenario: &Scenario, mixing: MixingMatrix, trim: &Actuation) -> Self {
         let vehicle = &scenario.airframe;
-        let inertia_kgm2 = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
+        let inertia_kgm2 = vehicle.moments_kgm2();
         let (mass_kg, g_mps2) = (vehicle.mass_kg, vehicle.g_mps2);
         let yaw =
             (libm::atan2(vehicle.km, vehicle.l1_m * vehicle.kf), libm::hypot(vehicle.l1_m * vehicle.kf, vehicle.km));

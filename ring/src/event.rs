@@ -1,9 +1,9 @@
 //! Events of the processes of a flight.
 
+pub use contract::scenario::word as name;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
 use crate::limits::REASON_CHARS;
 
@@ -128,11 +128,6 @@ impl Event {
     pub fn begins(self, swap: Option<usize>) -> Self {
         Self { swap, ..self }
     }
-}
-
-/// Returns the name of a fault's target or kind, or of an event, as the scenario file and run.json spell it.
-pub fn name(word: impl Serialize) -> String {
-    json!(word).as_str().unwrap_or_default().to_owned()
 }
 
 /// Returns the size of a fault in words, with its unit; `None` where none was given.

@@ -1,7 +1,9 @@
 //! Meaning of the numbers `status` and `flags` of the messages.
 
+use bytemuck::CheckedBitPattern;
+
 /// Meaning of [`State::status`](super::State::status).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, CheckedBitPattern)]
 #[repr(u64)]
 pub enum PlantStatus {
     /// Airborne.
@@ -36,22 +38,7 @@ pub enum PlantStatus {
 impl PlantStatus {
     /// Reads the wire value; `None` if it is unknown.
     pub fn from_wire(value: u64) -> Option<Self> {
-        let all = [
-            Self::Flying,
-            Self::Finished,
-            Self::NonFinite,
-            Self::TooFar,
-            Self::TooFast,
-            Self::Landed,
-            Self::Crashed,
-            Self::TippedOver,
-            Self::Slid,
-            Self::NotLanded,
-            Self::Standing,
-            Self::TakingOff,
-            Self::Landing,
-        ];
-        all.into_iter().find(|s| *s as u64 == value)
+        bytemuck::checked::try_cast(value).ok()
     }
 
     /// Returns whether a sample with this status is the last of the run.

@@ -1,13 +1,13 @@
 //! Checks of a whole scenario: ranges of single numbers, and rules between settings.
 
-mod faults;
+pub mod faults;
 mod found;
 mod idle;
 mod inertia;
 mod parts;
 mod programs;
 mod ranges;
-mod swaps;
+pub mod swaps;
 #[cfg(test)]
 mod tests;
 
@@ -17,15 +17,14 @@ use airframe::Trim;
 use curves::named::SURVEY_LEG_S;
 use toml::{Table, Value};
 
-pub use self::found::Violation;
+pub use self::found::{Found, Violation};
 pub use self::idle::drop_overridden;
 pub use self::parts::warnings as mission_warnings;
 pub use self::ranges::range_of;
 pub use self::swaps::LoadCandidate;
 
-use self::found::Found;
 use self::ranges::MAX_HORIZON;
-use super::{Fault, Late, Law, Mission, Model, Plant, Ramp, Scenario, Sensor, StateConstraints, Turbulence};
+use super::{Late, Law, Mission, Model, Plant, Ramp, Scenario, Sensor, StateConstraints, Turbulence};
 use crate::Topic;
 
 /// Returns every rule that `scenario` breaks. `merged` is the same as a table: those `given`, on top of `defaults`.
@@ -36,16 +35,16 @@ pub fn violations(
     defaults: &Scenario,
     candidate: LoadCandidate,
 ) -> Vec<Violation> {
-    let mut settings = vec![];
     for (_, node) in merged.get_mut("node").and_then(Value::as_table_mut).into_iter().flatten() {
         node.as_table_mut().map(|node| node.remove("settings")); // the program checks them
     }
-    ranges::collect("", Value::Table(merged), &mut settings);
+    merged.retain(|table, _| !["fault", "swap"].contains(&table)); // they are checked one by one, as those in flight are
+    let settings = ranges::collect("", Value::Table(merged));
     let mut found = Found::default();
     for (key, numbers) in &settings {
         let lifted = |x: f64| key.starts_with("bounds.") && x == f64::INFINITY;
         if let Some(x) = numbers.iter().find(|x| !x.is_finite() && !lifted(**x)) {
-            found.require(false, &[key], format!("`{key}` = {x:?} is not finite"), "finite numbers");
+            found.require(false, &[key], format!("`{}` = {x:?} is not finite", ranges::shown(key)), "finite numbers");
         }
     }
     if found.0.is_empty() {
@@ -67,27 +66,6 @@ pub fn violations(
     found.0
 }
 
-/// Returns every rule that `fault` breaks as a fault of `scenario`.
-pub fn violations_of(fault: &Fault, scenario: &Scenario) -> Vec<Violation> {
-    let mut found = Found::default();
-    faults::check(scenario, fault, &mut found);
-    found.0
-}
-
-/// Returns every rule that the sizes of `fault` break in any scenario.
-pub fn violations_of_sizes(fault: &Fault) -> Vec<Violation> {
-    let mut found = Found::default();
-    faults::check_sizes(fault, &mut found);
-    found.0
-}
-
-/// Returns every rule that the swaps of `scenario` break.
-pub fn violations_of_swaps(scenario: &Scenario, candidate: LoadCandidate) -> Vec<Violation> {
-    let mut found = Found::default();
-    swaps::check(scenario, candidate, &mut found);
-    found.0
-}
-
 /// Largest number of faults of one scenario, which bounds the time of the check.
 const MAX_FAULTS: usize = 1000;
 /// Largest number of swaps of one scenario: each is checked by loading its candidate's settings.
@@ -102,8 +80,15 @@ fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     counts.iter().all(|(_, count, most)| count <= most)
 }
 
-/// Advice on how to make wind have an effect on the vehicle.
-const FEEL_AIR: &str = "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]";
+/// Requires, if a wind `blows`, a vehicle with drag or another effect of air.
+fn check_air(blows: bool, keys: &[&str], plant: &Plant, found: &mut Found) {
+    found.require(
+        !blows || plant.feels_air(),
+        keys,
+        "a wind that a vehicle without drag does not feel".into(),
+        "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
+    );
+}
 
 /// Steepest magnetic field that tells the heading of a vehicle that stands \[deg\].
 const MAX_INCLINATION_DEG: f64 = 80.0;
@@ -151,11 +136,11 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     );
     let steps = plant.wind_ned_mps.iter().any(|(_, wind)| *wind != [0.0; 3]);
     let blows = steps || plant.turbulence.is_on();
-    found.require(
-        !blows || plant.feels_air(),
+    check_air(
+        blows,
         &["plant.wind_ned_mps", "plant.turbulence.wind_at_6m_mps", "plant.drag_linear_nspm"],
-        "a wind that a vehicle without drag does not feel".into(),
-        FEEL_AIR,
+        plant,
+        found,
     );
     check_turbulence(plant, found);
 

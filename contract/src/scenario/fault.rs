@@ -9,6 +9,8 @@ pub use catalogue::{FaultKind, FaultTarget, Wrong};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::words::given_keys;
+
 /// Latest beginning and longest duration of a fault \[s\]: a day, the longest flight.
 pub const MAX_FAULT_S: f64 = 86_400.0;
 /// Largest [`Fault::ms`] \[ms\].
@@ -106,16 +108,8 @@ impl Fault {
     }
 
     /// Keys of the sizes that were given.
-    pub fn given(&self) -> impl Iterator<Item = &'static str> {
-        let given = [
-            ("ms", self.ms.is_some()),
-            ("value", self.value.is_some()),
-            ("vector", self.vector.is_some()),
-            ("probability", self.probability.is_some()),
-            ("count", self.count.is_some()),
-            ("how", self.how.is_some()),
-        ];
-        given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key)
+    pub fn given(&self) -> Vec<String> {
+        given_keys(self, &["at_s", "for_s", "target", "kind", "process", "imu"])
     }
 
     /// Ticks on which the fault is active: those at or after its beginning and before its end.

@@ -64,21 +64,14 @@ impl Given {
     pub fn scenario(&self, settings: &[(String, Value)]) -> Result<Scenario, ScenarioError> {
         let (elements, whole): (Vec<_>, Vec<_>) = settings.iter().partition(|(key, _)| is_element(key));
         let mut given = self.0.clone();
-        let mut above = Table::new();
-        for (key, value) in &whole {
-            put(&mut above, key, value)?;
-        }
-        lay(&mut given, above);
+        lay(&mut given, put_all(Table::new(), &whole)?);
         let wrong_type = |error: toml::de::Error| {
             let is_old = |key: &str| moved::find(moved::Kind::Key, key).is_some();
             let shapes = settings.iter().filter(|(key, _)| !is_element(key) || is_old(key));
             let shape = shapes.map(|(key, value)| check_shape(&format!("{key} = {value}"), "")).find_map(Result::err);
             shape.unwrap_or_else(|| ScenarioError::of(error.message().to_owned(), String::new()))
         };
-        let mut merged = with_defaults(given.clone()).map_err(wrong_type)?;
-        for (key, value) in &elements {
-            put(&mut merged, key, value)?;
-        }
+        let merged = put_all(with_defaults(given.clone()).map_err(wrong_type)?, &elements)?;
         let scenario: Scenario = merged.clone().try_into().map_err(wrong_type)?;
         without_place(check::violations(&scenario, &given, merged, &defaults_of(&scenario), candidate))?;
         Ok(scenario)
@@ -90,37 +83,35 @@ fn is_element(key: &str) -> bool {
     key.split('.').any(|name| name.parse::<usize>().is_ok())
 }
 
-/// Sets the dotted `key` to `value`. Missing tables on the way are made; arrays and their elements must exist.
-fn put(table: &mut Table, key: &str, value: &Value) -> Result<(), ScenarioError> {
-    let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
-    let Some(rest) = rest else {
-        table.insert(first.into(), value.clone());
-        return Ok(());
-    };
-    let place = table.entry(first).or_insert_with(|| Value::Table(Table::new()));
-    let put = match place {
-        Value::Table(inner) => return put(inner, rest, value),
-        Value::Array(all) => put_element(all, rest, value)?,
-        _ => None,
-    };
-    put.ok_or_else(|| {
-        let has = place.as_array().map_or(String::new(), |all| format!(", which has {} elements", all.len()));
-        let help = "count the elements of an array from 0 on; give the whole array first where the settings have none";
-        ScenarioError::of(format!("`{key}`: there is no `{rest}` in `{first}`{has}"), help.into())
-    })
+/// Sets each dotted key of `settings` in `table` to its value.
+fn put_all(table: Table, settings: &[&(String, Value)]) -> Result<Table, ScenarioError> {
+    let mut all = Value::Table(table);
+    for (key, value) in settings {
+        put(&mut all, key, value).map_err(|why| {
+            let help =
+                "count the elements of an array from 0 on; give the whole array first where the settings have none";
+            ScenarioError::of(format!("`{key}`: {why}"), help.into())
+        })?;
+    }
+    Ok(all.try_into().expect("it was made of a table"))
 }
 
-/// Sets the element of `all` that the dotted `key` names to `value`; `None` if there is no such element.
-fn put_element(all: &mut [Value], key: &str, value: &Value) -> Result<Option<()>, ScenarioError> {
-    let (number, rest) = key.split_once('.').map_or((key, None), |(number, rest)| (number, Some(rest)));
-    let element = number.parse().ok().and_then(|i: usize| all.get_mut(i));
-    match (element, rest) {
-        (Some(element), None) => *element = value.clone(),
-        (Some(Value::Table(inner)), Some(rest)) => put(inner, rest, value)?,
-        (Some(Value::Array(inner)), Some(rest)) => return put_element(inner, rest, value),
-        _ => return Ok(None),
+/// Sets the dotted `key` in `place` to `value`, or returns why not. Missing tables on the way are made; arrays and their
+/// elements must exist.
+fn put(place: &mut Value, key: &str, value: &Value) -> Result<(), String> {
+    let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
+    let has = place.as_array().map_or(String::new(), |all| format!(" in an array of {} elements", all.len()));
+    let inner = match place {
+        Value::Table(table) => Some(table.entry(first).or_insert_with(|| Value::Table(Table::new()))),
+        Value::Array(all) => first.parse().ok().and_then(|i: usize| all.get_mut(i)),
+        _ => None,
+    };
+    let inner = inner.ok_or_else(|| format!("there is no `{first}`{has}"))?;
+    if let Some(rest) = rest {
+        return put(inner, rest, value);
     }
-    Ok(Some(()))
+    *inner = value.clone();
+    Ok(())
 }
 
 /// Checks that `text` has the shape of settings; `origin` names their place in errors.

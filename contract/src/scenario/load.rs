@@ -27,8 +27,7 @@ pub(super) fn sources(file: Option<Source>, overrides: &[String]) -> Vec<Source>
 
 /// Loads like [`load`] the scenario `text`; `origin` names it in errors.
 pub fn load_text(text: &str, origin: &str, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-    let file = Source { path: Some(origin.into()), text: text.into() };
-    resolve(&std::iter::once(file).chain(overrides.iter().map(|text| set(text))).collect::<Vec<_>>())
+    load_from(Some(Source { path: Some(origin.into()), text: text.into() }), overrides)
 }
 
 /// Reads the scenario that [`to_toml`] wrote as `text`, and checks it again; `origin` names the text in errors.
@@ -94,17 +93,24 @@ pub fn candidate_from(text: &str, origin: &str) -> Result<Scenario, ScenarioErro
 
 /// Checks `fault` as a fault of `scenario`, with the messages of [`load`].
 pub fn check_fault(scenario: &Scenario, fault: &Fault) -> Result<(), ScenarioError> {
-    without_place(check::violations_of(fault, scenario))
+    checked(|found| check::faults::check(scenario, fault, found))
 }
 
 /// Checks the sizes of `fault` by the rules that hold in any scenario, with the messages of [`load`].
 pub fn check_sizes(fault: &Fault) -> Result<(), ScenarioError> {
-    without_place(check::violations_of_sizes(fault))
+    checked(|found| check::faults::check_sizes(fault, found))
 }
 
 /// Checks the swaps of `scenario`, with the messages of [`load`].
 pub fn check_swaps(scenario: &Scenario) -> Result<(), ScenarioError> {
-    without_place(check::violations_of_swaps(scenario, candidate))
+    checked(|found| check::swaps::check(scenario, candidate, found))
+}
+
+/// Makes one error of the rules that `check` finds broken.
+fn checked(check: impl FnOnce(&mut check::Found)) -> Result<(), ScenarioError> {
+    let mut found = check::Found::default();
+    check(&mut found);
+    without_place(found.0)
 }
 
 /// Makes one error of `violations` of settings that were written in no file.

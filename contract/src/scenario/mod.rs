@@ -22,7 +22,7 @@
 //! | [`moved`] | names of earlier versions |
 //! | `given` | settings without the defaults, as a base for the flights of a campaign |
 //! | `schema` | the JSON Schema of a scenario file, with the ranges |
-//! | `words` | the known word nearest to an unknown one |
+//! | `words` | words of enums and keys, and the known word nearest to an unknown one |
 //! | [`file`](mod@file) | reading files that come from outside |
 
 mod check;
@@ -67,4 +67,4 @@ pub use sensors::*;
 pub use swap::*;
 pub use timing::*;
 pub use vehicle::*;
-pub use words::{nearest, suggest};
+pub use words::{nearest, suggest, word};

@@ -5,14 +5,15 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::words::given_keys;
+
 /// One `[[mission.part]]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Part {
     /// Kind of the part, which decides the keys that it has.
     pub kind: PartKind,
     /// `takeoff`: height gained \[m\], 0.1 to 500.
-    #[schemars(range(min = 0.1, max = 500))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_m: Option<f64>,
     /// `waypoints`: positions to pass, NED \[m\], at most 50, or 1000 along a curve that needs `times_s`; the curve
@@ -27,40 +28,32 @@ pub struct Part {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<CurveKind>,
     /// `waypoints` along a `trapezoid`: ramp of the velocity at both ends of each leg \[s\], from 0.01 to half a leg.
-    #[schemars(range(min = 0.01, max = 86400))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp_s: Option<f64>,
     /// `jump`: position to which the reference steps, NED \[m\].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point_m: Option<[f64; 3]>,
     /// `circle`, `helix`: radius; `figure-eight`: length of each loop \[m\], 0.1 to 250.
-    #[schemars(range(min = 0.1, max = 250))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_m: Option<f64>,
     /// `circle`, `helix`, `figure-eight`: mean duration of a lap \[s\], 0.1 to 86400; absent = as short as the limits
     /// allow.
-    #[schemars(range(min = 0.1, max = 86400))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub period_s: Option<f64>,
     /// `circle`, `helix`, `figure-eight`: number of laps, 1 to 10000; absent = 1.
-    #[schemars(range(min = 1, max = 10000))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub laps: Option<u32>,
     /// `helix`: height gained by all laps together \[m\], negative = down, at most 500 either way.
-    #[schemars(range(min = -500, max = 500))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub climb_m: Option<f64>,
     /// `circle`, `helix`: direction of the centre; `figure-eight`: direction of the first loop \[deg\], from north over
     /// east, -360 to 360; absent = 90.
-    #[schemars(range(min = -360, max = 360))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction_deg: Option<f64>,
     /// `loiter`, `jump`, `takeoff`: duration \[s\], 0.1 to 86400; a take-off without it is as fast as the limits allow.
-    #[schemars(range(min = 0.1, max = 86400))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duration_s: Option<f64>,
     /// `landing`: sink rate \[m/s\], 0.1 to 10; absent = 0.7.
-    #[schemars(range(min = 0.1, max = 10))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sink_mps: Option<f64>,
     /// Heading \[deg\], from north over east, -360 to 360: one value, one per point of `waypoints`, steps
@@ -71,7 +64,7 @@ pub struct Part {
 }
 
 /// Kind of a part, `mission.part.kind`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PartKind {
     /// Straight up, as the first part.
@@ -87,6 +80,7 @@ pub enum PartKind {
     /// Laps of a circle that climb.
     Helix,
     /// Rest.
+    #[default]
     Loiter,
     /// Straight down to the ground, as the last part.
     Landing,
@@ -159,56 +153,10 @@ impl Default for MissionLimits {
     }
 }
 
-impl PartKind {
-    /// Name as the file spells it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Takeoff => "takeoff",
-            Self::Waypoints => "waypoints",
-            Self::Jump => "jump",
-            Self::Circle => "circle",
-            Self::FigureEight => "figure-eight",
-            Self::Helix => "helix",
-            Self::Loiter => "loiter",
-            Self::Landing => "landing",
-        }
-    }
-}
-
-impl CurveKind {
-    /// Name as the file spells it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::MinSnap => "min-snap",
-            Self::Quintic => "quintic",
-            Self::Line => "line",
-            Self::Trapezoid => "trapezoid",
-            Self::MinJerk => "min-jerk",
-            Self::Spline => "spline",
-        }
-    }
-}
-
 impl Part {
     /// Makes a part without keys.
     pub fn new(kind: PartKind) -> Self {
-        Self {
-            kind,
-            height_m: None,
-            points_m: None,
-            times_s: None,
-            curve: None,
-            ramp_s: None,
-            point_m: None,
-            radius_m: None,
-            period_s: None,
-            laps: None,
-            climb_m: None,
-            direction_deg: None,
-            duration_s: None,
-            sink_mps: None,
-            heading_deg: None,
-        }
+        Self { kind, ..Self::default() }
     }
 
     /// Returns whether the part may ask for more than the vehicle has, which is then a warning and no error.
@@ -235,22 +183,7 @@ impl Part {
     }
 
     /// Keys that were given, except `heading_deg`.
-    pub fn given(&self) -> impl Iterator<Item = &'static str> {
-        let given = [
-            ("height_m", self.height_m.is_some()),
-            ("points_m", self.points_m.is_some()),
-            ("times_s", self.times_s.is_some()),
-            ("curve", self.curve.is_some()),
-            ("ramp_s", self.ramp_s.is_some()),
-            ("point_m", self.point_m.is_some()),
-            ("radius_m", self.radius_m.is_some()),
-            ("period_s", self.period_s.is_some()),
-            ("laps", self.laps.is_some()),
-            ("climb_m", self.climb_m.is_some()),
-            ("direction_deg", self.direction_deg.is_some()),
-            ("duration_s", self.duration_s.is_some()),
-            ("sink_mps", self.sink_mps.is_some()),
-        ];
-        given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key)
+    pub fn given(&self) -> Vec<String> {
+        given_keys(self, &["kind", "heading_deg"])
     }
 }

@@ -41,6 +41,7 @@ pub struct Nodes {
 pub struct NodeSettings {
     /// File of the library or program. A relative path that exists beside the scenario file is that file; any other is
     /// seen from where the launcher is started, or, without a slash, found in `PATH`. Empty = the launcher's own core.
+    #[schemars(example = "my-controller.so")]
     #[serde(skip_serializing_if = "String::is_empty")]
     pub exec: String,
     /// Arguments before those of the launcher, for a program; paths as in `exec`.

@@ -87,6 +87,9 @@ fn add_ranges(path: &str, schema: &mut Value) {
         }
         return;
     }
+    if schema["items"]["properties"].is_object() {
+        return add_ranges(path, &mut schema["items"]);
+    }
     let (low, high) = range_of(path);
     limit(schema, low, ["minimum", "exclusiveMinimum"]);
     limit(schema, high, ["maximum", "exclusiveMaximum"]);

@@ -1,18 +1,16 @@
 //! The shape of one source: TOML, known keys, right types. No other source is needed, so errors point into the text.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::LazyLock;
 
+use serde_json::Value as Json;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use super::moved::{self, Kind, Moved, Now};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
-use super::{
-    Attitude, Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Late, Mission, MissionLimits,
-    NodeSettings, Nodes, Part, PartKind, Plant, Policy, Profile, Scenario, Swap, SwapNode, Wrong,
-};
+use super::{Scenario, schema};
 
 const ALL_NAMES: &str = "docs/names.md has all old names with the new ones";
 
@@ -26,9 +24,8 @@ pub fn read(source: &Source) -> Result<Table, Vec<Problem<'_>>> {
     if source.path.is_none() && settings.is_empty() {
         problems.push(Problem { title: "nothing to set".into(), place: Some((source, 0..0)), help: SET_HELP.into() });
     }
-    let example = example();
-    let mut keys = Keys { source, example: &example, problems };
-    keys.check("", &tree, &example);
+    let mut keys = Keys { source, problems };
+    keys.check("", &tree, example());
     if !keys.problems.is_empty() {
         return Err(keys.problems);
     }
@@ -52,71 +49,38 @@ pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<u
     })
 }
 
-/// Makes a scenario that sets every known key.
-fn example() -> Table {
-    let robust = Scenario::from(Profile::Robust);
-    let node = NodeSettings {
-        exec: "my-controller.so".into(),
-        args: vec!["my-controller.py".into()],
-        files: BTreeMap::from([("my-controller.py".into(), "00".into())]),
-        env: [("NAME".into(), "value".into())].into(),
-        policy: Some(Policy::Fifo),
-        priority: Some(70),
-        affinity: Some(vec![0, 1]),
-        deadline_ms: Some(10.0),
-        late: Some(Late::Skip),
-        settings: [("gain".into(), 0.5.into())].into_iter().collect(),
-    };
-    let all = Scenario {
-        mission: Mission {
-            limits: MissionLimits { speed_mps: Some(8.0), acceleration_mps2: Some(4.0), ..robust.mission.limits },
-            part: vec![Part { height_m: Some(5.0), ..Part::new(PartKind::Takeoff) }],
-            ..robust.mission
-        },
-        plant: Plant {
-            wind_ned_mps: vec![(15.0, [5.0, 0.0, 0.0])],
-            disturbance: vec![(10.0, [0.0, 0.0, 1.0], [0.0, 0.1, 0.0])],
-            airframe: FlownAirframe {
-                mass_kg: Some(1.1),
-                ixx_kgm2: Some(0.02),
-                iyy_kgm2: Some(0.02),
-                izz_kgm2: Some(0.02),
-                l1_m: Some(0.2),
-                l2_m: Some(0.1),
-                l3_m: Some(0.2),
-                kf: Some(1e-6),
-                km: Some(1e-7),
-                ..FlownAirframe::default()
-            },
-            ..robust.plant
-        },
-        attitude: Attitude { servo_lag_model_s: Some(0.08), ..robust.attitude },
-        bounds: Bounds {
-            max_position_error_m: Some(0.7),
-            max_altitude_error_m: Some(0.2),
-            final_position_error_m: Some(0.1),
-            max_fallback_s: Some(2.0),
-        },
-        deadline: Deadline { end_to_end_ms: Some(10.0), ..robust.deadline },
-        node: Nodes { plant: node.clone(), guidance: node.clone(), attitude_mpc: node.clone(), mixer: node },
-        fault: vec![Fault {
-            for_s: Some(0.3),
-            ms: Some(20.0),
-            value: Some(0.5),
-            vector: Some([5.0, 0.0, 0.0]),
-            probability: Some(0.5),
-            count: Some(3),
-            how: Some(Wrong::Bias),
-            ..Fault::new(FaultTarget::AttitudeMpc, FaultKind::Kill, 20.0, None)
-        }],
-        swap: vec![Swap {
-            exec: Some("my-controller".into()),
-            set: vec!["attitude.law=lqr".into()],
-            ..Swap::new(SwapNode::AttitudeMpc, 20.0)
-        }],
-        ..robust
-    };
-    Table::try_from(all).expect("profiles have a form in TOML")
+/// Returns every known key with an example of its value.
+fn example() -> &'static Table {
+    static EXAMPLE: LazyLock<Table> =
+        LazyLock::new(|| example_of(&schema()).try_into().expect("the schema is one of a table"));
+    &EXAMPLE
+}
+
+/// Makes an example of what `schema` allows: its default or its own example, or any value. A table that needs keys has
+/// these alone.
+fn example_of(schema: &Json) -> Value {
+    let is_full = |value: &&Json| value.as_array().is_none_or(|all| !all.is_empty());
+    let given = schema.get("default").filter(is_full).or_else(|| schema["examples"].get(0));
+    if let Some(Ok(value)) = given.map(Value::try_from) {
+        return value;
+    }
+    if let Some(first) = schema["anyOf"].get(0).or_else(|| schema["oneOf"].get(0)) {
+        return example_of(first);
+    }
+    let is_needed = |key: &str| schema["required"].as_array().is_none_or(|all| all.iter().any(|needed| needed == key));
+    match (schema["type"].as_str(), &schema["properties"], &schema["items"]) {
+        (Some("object"), Json::Object(keys), _) => {
+            let needed = keys.iter().filter(|(key, _)| is_needed(key));
+            Value::Table(needed.map(|(key, of)| (key.clone(), example_of(of))).collect())
+        }
+        (Some("object"), ..) => Value::Table([("NAME".to_owned(), "value".into())].into_iter().collect()),
+        (Some("array"), _, Json::Array(each)) => each.iter().map(example_of).collect::<Vec<_>>().into(),
+        (Some("array"), _, each) => vec![example_of(each); schema["minItems"].as_u64().unwrap_or(1) as usize].into(),
+        (Some("boolean"), ..) => true.into(),
+        (Some("integer"), ..) => schema["minimum"].as_i64().unwrap_or(1).max(1).into(),
+        (Some("number"), ..) => schema["maximum"].as_f64().unwrap_or(1.0).min(1.0).into(),
+        _ => schema["const"].as_str().unwrap_or("text").into(),
+    }
 }
 
 fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
@@ -129,13 +93,12 @@ fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
 }
 
 /// Keys of one source, and the first problems with them.
-struct Keys<'a, 'e> {
+struct Keys<'a> {
     source: &'a Source,
-    example: &'e Table,
     problems: Vec<Problem<'a>>,
 }
 
-impl Keys<'_, '_> {
+impl Keys<'_> {
     /// Requires that every key is known, and is a table exactly where a table is expected.
     fn check(&mut self, path: &str, given: &DeTable, known: &Table) {
         for (name, value) in given {
@@ -173,7 +136,7 @@ impl Keys<'_, '_> {
     /// Returns title and help for the key `name` that is not `known` at `path`.
     fn unknown(&self, path: &str, name: &str, known: &Table) -> (String, String) {
         let key = join(path, name);
-        let is_known = |moved: &Moved| moved.name.as_ref().is_none_or(|new| at(self.example, new).is_some());
+        let is_known = |moved: &Moved| moved.name.as_ref().is_none_or(|new| at(example(), new).is_some());
         if let Some(Moved { title, name, now }) = moved::find(Kind::Key, &key).filter(is_known) {
             let help = match (now, name) {
                 (Now::Seconds(_), Some(new)) => self.in_seconds(&key, &new),
@@ -182,10 +145,10 @@ impl Keys<'_, '_> {
             return (title, help);
         }
         let new = moved::find(Kind::Key, path).and_then(|moved| moved.name);
-        let table = new.as_ref().and_then(|new| at(self.example, new)?.as_table());
+        let table = new.as_ref().and_then(|new| at(example(), new)?.as_table());
         let help = match (&new, table) {
-            (Some(new), Some(table)) => self.nearest(new, name, table),
-            _ => self.nearest(path, name, known),
+            (Some(new), Some(table)) => help_on(new, name, table),
+            _ => help_on(path, name, known),
         };
         (format!("unknown key `{}`", shortened(&key)), help)
     }
@@ -198,7 +161,7 @@ impl Keys<'_, '_> {
             u32::try_from(of.get(table)?.get(name)?.as_integer()?).ok().filter(|number| *number > 0)
         };
         let given: Table = self.source.text.parse().unwrap_or_default();
-        let rate_hz = number(&given, "run.rate_hz").or_else(|| number(self.example, "run.rate_hz"));
+        let rate_hz = number(&given, "run.rate_hz").or_else(|| number(example(), "run.rate_hz"));
         match (number(&given, old), rate_hz) {
             (Some(samples), Some(rate_hz)) => {
                 let time_s = f64::from(samples) / f64::from(rate_hz);
@@ -207,20 +170,20 @@ impl Keys<'_, '_> {
             _ => format!("`{new}` is the number of samples by `run.rate_hz`"),
         }
     }
+}
 
-    /// Returns help on the unknown key `name`: the key that was probably meant, and the known keys.
-    fn nearest(&self, path: &str, name: &str, known: &Table) -> String {
-        let has_it =
-            |tables: &Table| tables.iter().find(|(_, table)| table.get(name).is_some()).map(|(table, _)| table.clone());
-        let table = has_it(known).map(|within| join(path, &within)).or_else(|| has_it(self.example));
-        let hint = match (table, nearest(name, known.keys().map(String::as_str))) {
-            (Some(table), _) => format!("did you mean `{table}.{name}`? "),
-            (None, Some(nearest)) => format!("did you mean `{}`? ", join(path, nearest)),
-            _ => String::new(),
-        };
-        let table = if path.is_empty() { "at the top".into() } else { format!("in `{path}`") };
-        format!("{hint}known {table}: {}", list(known))
-    }
+/// Returns help on the unknown key `name`: the key that was probably meant, and the known keys.
+fn help_on(path: &str, name: &str, known: &Table) -> String {
+    let has_it =
+        |tables: &Table| tables.iter().find(|(_, table)| table.get(name).is_some()).map(|(table, _)| table.clone());
+    let table = has_it(known).map(|within| join(path, &within)).or_else(|| has_it(example()));
+    let hint = match (table, nearest(name, known.keys().map(String::as_str))) {
+        (Some(table), _) => format!("did you mean `{table}.{name}`? "),
+        (None, Some(nearest)) => format!("did you mean `{}`? ", join(path, nearest)),
+        _ => String::new(),
+    };
+    let table = if path.is_empty() { "at the top".into() } else { format!("in `{path}`") };
+    format!("{hint}known {table}: {}", list(known))
 }
 
 /// Returns whether the table at `key` may have any keys: settings and environment of a program.
@@ -231,7 +194,7 @@ fn has_any_keys(key: &str) -> bool {
 fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Option<Range<usize>>) -> Problem<'a> {
     let span = span.unwrap_or_default();
     let key = key_at(tree, "", span.start).unwrap_or_default();
-    let value = key.split('.').try_fold(&Value::Table(example()), |value, name| value.get(name)).cloned();
+    let value = at(example(), &key);
     if let Some(Moved { title, .. }) = moved::refused(&key, source.text.get(span.clone()).unwrap_or_default(), message)
     {
         return Problem { title, place: Some((source, span)), help: ALL_NAMES.into() };
@@ -290,7 +253,7 @@ fn key_at(tree: &DeTable, path: &str, byte: usize) -> Option<String> {
 }
 
 /// Returns what stands at a dotted key of a table; where a value stands, the rest of the key is an index in it.
-fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
+pub fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     let Some((first, rest)) = key.split_once('.') else { return table.get(key) };
     let value = table.get(first)?;
     value.as_table().map_or(Some(value), |table| at(table, rest))

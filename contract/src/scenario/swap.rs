@@ -12,14 +12,12 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Topic;
 use crate::scenario::moved::{self, Kind};
-use crate::scenario::words::named;
 
 /// One `[[swap]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Swap {
     /// Start of the candidate \[s\], 0 to 86400.
-    #[schemars(range(min = 0, max = 86400))]
     pub at_s: f64,
     /// The node whose process is replaced.
     pub node: SwapNode,
@@ -31,11 +29,9 @@ pub struct Swap {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
     /// Time that the candidate is on standby \[s\], 0 to 86400.
-    #[schemars(range(min = 0, max = 86400))]
     #[serde(default = "Swap::usual_standby_s")]
     pub standby_s: f64,
     /// Time that the old process stays on standby after that \[s\], 0 to 86400.
-    #[schemars(range(min = 0, max = 86400))]
     #[serde(default = "Swap::usual_watch_s")]
     pub watch_s: f64,
     /// Bounds that the candidate must keep.
@@ -52,21 +48,16 @@ pub struct Swap {
 pub struct SwapBounds {
     /// Largest difference between the answers of candidate and old process to the same sample, as a share of the usual
     /// range, above 0.
-    #[schemars(extend("exclusiveMinimum" = 0))]
     pub difference: f64,
     /// Least cosine similarity of the candidate's answers with those of the old process: 1 = equal up to a factor, 0 =
     /// orthogonal, -1 = opposite.
-    #[schemars(range(min = -1, max = 1))]
     pub similarity: f64,
     /// Ticks in a row on which the candidate's answer may be missing, late, implausible, too different, or opposite; 1
     /// or more.
-    #[schemars(range(min = 1))]
     pub ticks: u64,
     /// Largest tilt of the vehicle while the candidate is active \[deg\], above 0.
-    #[schemars(extend("exclusiveMinimum" = 0))]
     pub tilt_deg: f64,
     /// Largest distance from the trajectory while the candidate is active \[m\], above 0.
-    #[schemars(extend("exclusiveMinimum" = 0))]
     pub error_m: f64,
 }
 
@@ -147,13 +138,14 @@ impl SwapNode {
 impl<'de> Deserialize<'de> for SwapNode {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         use SwapNode as N;
-        let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer].map(|node| (node, node.name()));
+        let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer];
         let word = String::deserialize(from)?;
         if let Some(moved) = moved::find(Kind::Value, &format!("swap.node = {word:?}")) {
             return Err(D::Error::custom(moved.title));
         }
         // The plant is read, so that the check can refuse it with the reason, but it is not offered.
-        named(&word, &all, &["guidance", "attitude-mpc", "mixer"])
+        let known = all.into_iter().find(|node| node.name() == word);
+        known.ok_or_else(|| D::Error::unknown_variant(&word, &["guidance", "attitude-mpc", "mixer"]))
     }
 }
 

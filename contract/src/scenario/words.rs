@@ -1,4 +1,7 @@
-//! Suggestion of the known word nearest to an unknown one.
+//! Words of a file: those of enums and keys, and the known word nearest to an unknown one.
+
+use serde::Serialize;
+use toml::{Table, Value};
 
 /// Jaro-Winkler likeness above which a known word is suggested.
 const MIN_LIKENESS: f64 = 0.7;
@@ -34,14 +37,15 @@ pub fn suggest(message: &str) -> String {
     }
 }
 
-/// Finds the value of `all` named `word`, for a Serde enum whose errors offer other names, `told`, than it accepts.
-pub fn named<T: Copy, E: serde::de::Error>(
-    word: &str,
-    all: &[(T, &str)],
-    told: &'static [&'static str],
-) -> Result<T, E> {
-    let known = all.iter().find(|(_, name)| *name == word);
-    known.map(|(value, _)| *value).ok_or_else(|| E::unknown_variant(word, told))
+/// Returns the word by which a file spells a value of an enum.
+pub fn word(value: impl Serialize) -> String {
+    Value::try_from(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// Returns the keys of a table that were given, except `others`.
+pub fn given_keys(table: impl Serialize, others: &[&str]) -> Vec<String> {
+    let table = Table::try_from(table).unwrap_or_default();
+    table.into_iter().map(|(key, _)| key).filter(|key| !others.contains(&key.as_str())).collect()
 }
 
 /// Returns `word`, cut after [`MAX_WORD_BYTES`] if it is longer.

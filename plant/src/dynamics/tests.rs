@@ -210,7 +210,7 @@ fn a_free_tumble_keeps_energy_and_angular_momentum() {
     scenario.plant.rotor_effectiveness = [0.0; 3];
     let dynamics = Dynamics::new(&scenario);
     let vehicle = scenario.airframe;
-    let inertia = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
+    let inertia = vehicle.moments_kgm2();
     let kept = |x: &StateVector| {
         let (v, rates) = (Vector3::new(x[3], x[4], x[5]), Vector3::new(x[10], x[11], x[12]));
         let cbn = rotation(&Quaternion::new(x[9], x[6], x[7], x[8])).transpose();

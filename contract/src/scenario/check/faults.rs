@@ -1,13 +1,11 @@
 //! Checks of one `[[fault]]`, written into the scenario or given in flight.
 
-use toml::Value;
-
 use super::found::Found;
-use super::idle;
+use super::{check_air, idle};
 use crate::fault_schedule::MAX_SENSOR_DELAY_TICKS;
 use crate::scenario::{
-    Constraints, Fault, FaultKind, FaultTarget, Filter, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, ProgramKind,
-    Scenario, Sensors,
+    Constraints, Fault, FaultKind, FaultTarget, Filter, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, ProgramKind, Scenario,
+    Sensors, word,
 };
 
 /// Largest number of bits flipped in a corrupt message: more than any message has.
@@ -24,7 +22,8 @@ const MAX_ERROR: f64 = 1e6;
 /// Finds every rule that `fault` breaks as a fault of `scenario`.
 pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     check_sizes(fault, found);
-    check_air(fault, &scenario.plant, found);
+    let keys = ["fault", "plant.drag_linear_nspm", "plant.drag_quadratic_ns2pm2"];
+    check_air(fault.target == FaultTarget::Wind, &keys, &scenario.plant, found);
     check_vehicle(fault, scenario, found);
     check_unit(fault, &scenario.plant.sensors, found);
     check_imu(fault, &scenario.plant.sensors, found);
@@ -75,7 +74,7 @@ pub fn check_sizes(fault: &Fault, found: &mut Found) {
     for given in fault.given() {
         let uses = if keys.is_empty() { "none of the sizes".to_owned() } else { format!("`{}`", keys.join("` and `")) };
         found.require(
-            keys.contains(&given),
+            keys.contains(&given.as_str()),
             &["fault"],
             format!("a fault with a `{given}` that {what} has no use for"),
             &format!("without it; this one uses {uses}"),
@@ -116,16 +115,6 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
         ("value", K::Noise) => (0.0, MAX_ERROR),
         _ => (-MAX_ERROR, MAX_ERROR),
     }
-}
-
-/// Requires a vehicle with drag or another effect of air for a fault of the wind.
-fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
-    found.require(
-        fault.target != FaultTarget::Wind || plant.feels_air(),
-        &["fault", "plant.drag_linear_nspm", "plant.drag_quadratic_ns2pm2"],
-        "a wind that a vehicle without drag does not feel".into(),
-        "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
-    );
 }
 
 /// Requires the launcher's own vehicle for a fault of actuators, wind or payload: no fault reaches into a library.
@@ -211,9 +200,4 @@ fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
         format!("{} with an end", word(fault.kind)),
         "no `for_s`: a log that has failed once is closed",
     );
-}
-
-/// Name of a kind as the file spells it.
-pub fn word(kind: FaultKind) -> String {
-    Value::try_from(kind).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }

@@ -16,120 +16,76 @@
 
 use toml::{Table, Value};
 
-use super::found::Found;
-use crate::scenario::{
-    Constraints, Filter, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind,
-};
+use On::{Has, If, Is, IsNot};
 
-/// Setting that decides whether others are read.
-struct Switch {
-    /// Dotted keys of the settings that the switch controls; the key of a table stands for all settings in it.
-    settings: &'static [&'static str],
-    key: &'static str,
-    is_on: fn(&Scenario) -> bool,
-    /// Value that turns the switch on, for people.
-    on: &'static str,
+use super::found::Found;
+use crate::scenario::shape::at;
+use crate::scenario::{Constraints, IndiActuators, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind};
+
+/// Dotted keys of settings, and the switch that decides whether they are read: its key, and when it is on. The key of a
+/// table stands for all settings in it.
+type Switch = (&'static [&'static str], &'static str, On);
+
+/// Condition under which a switch is on. The words beside it are the value that turns it on, for people.
+enum On {
+    /// Has this word as its value.
+    Is(&'static str),
+    /// Has any word but this one.
+    IsNot(&'static str, &'static str),
+    /// Has a value that is not off by name.
+    Has(&'static str),
+    /// Depends on other settings too.
+    If(fn(&Scenario) -> bool, &'static str),
 }
 
 const SWITCHES: [Switch; 18] = [
-    Switch {
-        settings: &["mission.ramp_s"],
-        key: "mission.trajectory",
-        is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Survey,
-        on: "\"survey\"",
-    },
-    Switch {
-        settings: &["mission.part", "mission.limits"],
-        key: "mission.trajectory",
-        is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Parts,
-        on: "\"parts\"",
-    },
-    Switch {
-        settings: &["mission.heading_deg"],
-        key: "mission.trajectory",
-        is_on: |scenario| scenario.mission.trajectory != TrajectoryKind::Parts,
-        on: "a trajectory other than \"parts\", which have a `heading_deg` each,",
-    },
-    Switch {
-        settings: &["attitude.mpc.r_rate"],
-        key: "attitude.law",
-        is_on: |scenario| scenario.attitude.law == Law::Mpc,
-        on: "\"mpc\"",
-    },
-    Switch {
-        settings: &["guidance.lead_s"],
-        key: "guidance.acceleration_feedforward",
-        is_on: |scenario| {
-            let turns = scenario.mission.trajectory == TrajectoryKind::Parts;
-            scenario.guidance.acceleration_feedforward || scenario.guidance.velocity_feedforward || turns
-        },
-        on: "true, or `guidance.velocity_feedforward`, or with a heading that turns,",
-    },
-    Switch {
-        settings: &["guidance.preview_s"],
-        key: "attitude.law",
-        is_on: |scenario| {
-            // A program may use it too.
-            scenario.attitude.law == Law::Mpc || scenario.node.attitude_mpc.kind() != ProgramKind::Own
-        },
-        on: "\"mpc\"",
-    },
-    Switch {
-        settings: &["attitude.disturbance_gain"],
-        key: "attitude.law",
-        is_on: |scenario| scenario.attitude.law != Law::Indi,
-        on: "a law other than \"indi\"",
-    },
-    Switch {
-        settings: &["plant.sensors.telemetry"],
-        key: "attitude.indi.actuators",
-        is_on: |scenario| {
-            scenario.attitude.indi.actuators == IndiActuators::Sensed
-                || scenario.node.attitude_mpc.kind() != ProgramKind::Own // which may use it
-        },
-        on: "\"sensed\"",
-    },
-    Switch {
-        settings: &["attitude.mpc.solver", "attitude.mpc.max_iterations", "attitude.mpc.time_limit_ms"],
-        key: "attitude.mpc.constraints",
-        is_on: |scenario| {
-            scenario.attitude.mpc.constraints != Constraints::None
-                || scenario.attitude.mpc.state_constraints == StateConstraints::Soft
-        },
-        on: "\"box\" or \"cone\"",
-    },
-    Switch {
-        settings: &["attitude.mpc.attitude_limit_deg", "attitude.mpc.rates_limit_dps"],
-        key: "attitude.mpc.state_constraints",
-        is_on: |scenario| scenario.attitude.mpc.state_constraints == StateConstraints::Soft,
-        on: "\"soft\"",
-    },
-    Switch {
-        settings: &["plant.ground"],
-        key: "plant.ground.present",
-        is_on: |scenario| scenario.plant.ground.present,
-        on: "true",
-    },
-    Switch {
-        settings: &["plant.turbulence"],
-        key: "plant.turbulence.wind_at_6m_mps",
-        is_on: |scenario| scenario.plant.turbulence.is_on(),
-        on: "a wind above 0",
-    },
-    Switch {
-        settings: &["plant.wind_roughness_m"],
-        key: "plant.wind_ned_mps",
-        is_on: |scenario| !scenario.plant.wind_ned_mps.is_empty(),
-        on: "a wind",
-    },
-    Switch {
-        settings: &["plant.battery"],
-        key: "plant.battery.energy_wh",
-        is_on: |scenario| scenario.plant.battery.energy_wh > 0.0,
-        on: "an energy above 0",
-    },
-    Switch {
-        settings: &[
+    (&["mission.ramp_s"], "mission.trajectory", Is("survey")),
+    (&["mission.part", "mission.limits"], "mission.trajectory", Is("parts")),
+    (
+        &["mission.heading_deg"],
+        "mission.trajectory",
+        IsNot("parts", "a trajectory other than \"parts\", which have a `heading_deg` each,"),
+    ),
+    (&["attitude.mpc.r_rate"], "attitude.law", Is("mpc")),
+    (
+        &["guidance.lead_s"],
+        "guidance.acceleration_feedforward",
+        If(has_lead, "true, or `guidance.velocity_feedforward`, or with a heading that turns,"),
+    ),
+    (
+        &["guidance.preview_s"],
+        "attitude.law",
+        If(|scenario| scenario.attitude.law == Law::Mpc || has_own_controller(scenario), "\"mpc\""),
+    ),
+    (&["attitude.disturbance_gain"], "attitude.law", IsNot("indi", "a law other than \"indi\"")),
+    (
+        &["plant.sensors.telemetry"],
+        "attitude.indi.actuators",
+        If(
+            |scenario| scenario.attitude.indi.actuators == IndiActuators::Sensed || has_own_controller(scenario),
+            "\"sensed\"",
+        ),
+    ),
+    (
+        &["attitude.mpc.solver", "attitude.mpc.max_iterations", "attitude.mpc.time_limit_ms"],
+        "attitude.mpc.constraints",
+        If(has_constraints, "\"box\" or \"cone\""),
+    ),
+    (
+        &["attitude.mpc.attitude_limit_deg", "attitude.mpc.rates_limit_dps"],
+        "attitude.mpc.state_constraints",
+        Is("soft"),
+    ),
+    (&["plant.ground"], "plant.ground.present", Has("true")),
+    (
+        &["plant.turbulence"],
+        "plant.turbulence.wind_at_6m_mps",
+        If(|scenario| scenario.plant.turbulence.is_on(), "a wind above 0"),
+    ),
+    (&["plant.wind_roughness_m"], "plant.wind_ned_mps", Has("a wind")),
+    (&["plant.battery"], "plant.battery.energy_wh", Has("an energy above 0")),
+    (
+        &[
             "plant.substep_s",
             "plant.tilt_reaction",
             "plant.rotor_effectiveness",
@@ -142,12 +98,11 @@ const SWITCHES: [Switch; 18] = [
             "plant.battery",
             "plant.ground",
         ],
-        key: "node.plant.exec",
-        is_on: |scenario| scenario.node.plant.kind() != ProgramKind::Library,
-        on: "\"\"",
-    },
-    Switch {
-        settings: &[
+        "node.plant.exec",
+        If(|scenario| scenario.node.plant.kind() != ProgramKind::Library, "\"\""),
+    ),
+    (
+        &[
             "plant.sensors.position",
             "plant.sensors.velocity",
             "plant.sensors.rates",
@@ -158,44 +113,75 @@ const SWITCHES: [Switch; 18] = [
             "plant.sensors.flow",
             "plant.sensors.alignment",
         ],
-        key: "plant.sensors.filter",
-        is_on: |scenario| scenario.plant.sensors.filter == Filter::Ekf,
-        on: "\"ekf\"",
-    },
-    Switch {
-        settings: &[
+        "plant.sensors.filter",
+        Is("ekf"),
+    ),
+    (
+        &[
             "plant.sensors.alignment.position_m",
             "plant.sensors.alignment.velocity_mps",
             "plant.sensors.alignment.tilt_deg",
             "plant.sensors.alignment.heading_deg",
         ],
-        key: "plant.sensors.alignment.standing_s",
-        is_on: |scenario| scenario.plant.sensors.alignment.standing_s == 0.0,
-        on: "0",
-    },
-    Switch {
-        settings: &["plant.noise.attitude_deg"],
-        key: "plant.sensors.filter",
-        is_on: |scenario| scenario.plant.sensors.filter != Filter::Ekf,
-        on: "\"none\"",
-    },
+        "plant.sensors.alignment.standing_s",
+        If(|scenario| scenario.plant.sensors.alignment.standing_s == 0.0, "0"),
+    ),
+    (&["plant.noise.attitude_deg"], "plant.sensors.filter", IsNot("ekf", "\"none\"")),
 ];
+
+/// Returns whether a feed-forward or a heading that turns is there to lead.
+fn has_lead(scenario: &Scenario) -> bool {
+    let turns = scenario.mission.trajectory == TrajectoryKind::Parts;
+    scenario.guidance.acceleration_feedforward || scenario.guidance.velocity_feedforward || turns
+}
+
+/// Returns whether attitude-mpc is a program, which may use any setting.
+fn has_own_controller(scenario: &Scenario) -> bool {
+    scenario.node.attitude_mpc.kind() != ProgramKind::Own
+}
+
+/// Returns whether the actuators or the predicted states are constrained, so that a problem is solved.
+fn has_constraints(scenario: &Scenario) -> bool {
+    let mpc = &scenario.attitude.mpc;
+    mpc.constraints != Constraints::None || mpc.state_constraints == StateConstraints::Soft
+}
+
+impl On {
+    /// Returns whether a switch with this `value` is on.
+    fn holds(&self, value: Option<&Value>, scenario: &Scenario) -> bool {
+        match self {
+            Is(word) => value.and_then(Value::as_str) == Some(word),
+            IsNot(word, _) => value.and_then(Value::as_str) != Some(word),
+            Has(_) => !value.is_none_or(is_off_by_name),
+            If(holds, _) => holds(scenario),
+        }
+    }
+
+    /// Value that turns the switch on, for people.
+    fn words(&self) -> String {
+        match self {
+            Is(word) => format!("{word:?}"),
+            IsNot(_, words) | Has(words) | If(_, words) => (*words).to_owned(),
+        }
+    }
+}
 
 /// Finds every setting of `scenario` that differs from the `defaults` while its switch is off. Switches that were
 /// turned off by name in `given` are left out.
 pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mut Found) {
     let [settings, defaults] = [scenario, defaults].map(|of| Table::try_from(of).expect("it came from TOML"));
-    let is_off = |switch: &&Switch| {
-        !(switch.is_on)(scenario) && !at(given, switch.key).is_some_and(is_off_by_name) // not off on purpose
-    };
-    for switch in SWITCHES.iter().filter(is_off) {
-        for key in switch.settings {
+    for (keys, switch, on) in &SWITCHES {
+        let is_intended = at(given, switch).is_some_and(is_off_by_name);
+        if on.holds(at(&settings, switch), scenario) || is_intended {
+            continue;
+        }
+        for key in *keys {
             let Some(idle) = changed(key, at(&settings, key), at(&defaults, key)) else { continue };
             found.require(
                 false,
-                &[&idle, switch.key],
+                &[&idle, switch],
                 format!("`{idle}` has no effect here"),
-                &format!("`{}` = {} with it, or remove it", switch.key, switch.on),
+                &format!("`{switch}` = {} with it, or remove it", on.words()),
             );
         }
     }
@@ -204,13 +190,15 @@ pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mu
 /// Drops from the settings `below` those that a switch in the settings `above` turns off, for instance the parts of a
 /// file under `--set mission.trajectory=hover`. `merge` makes a scenario of both; if it fails nothing is dropped.
 pub fn drop_overridden(below: &mut Table, above: &Table, merge: impl Fn(Table, Table) -> Option<Scenario>) {
-    if !SWITCHES.iter().any(|switch| at(above, switch.key).is_some()) {
+    let given: Vec<&Switch> = SWITCHES.iter().filter(|(_, switch, _)| at(above, switch).is_some()).collect();
+    if given.is_empty() {
         return;
     }
     let Some(scenario) = merge(below.clone(), above.clone()) else { return };
-    for switch in SWITCHES.iter().filter(|switch| at(above, switch.key).is_some() && !(switch.is_on)(&scenario)) {
-        for key in switch.settings.iter().filter(|key| at(above, key).is_none()) {
-            remove(below, key);
+    let settings = Table::try_from(&scenario).expect("it came from TOML");
+    for (keys, switch, on) in given {
+        if !on.holds(at(&settings, switch), &scenario) {
+            keys.iter().filter(|key| at(above, key).is_none()).for_each(|key| remove(below, key));
         }
     }
 }
@@ -236,14 +224,6 @@ pub fn check_begin(what: &str, at_s: f64, first_tick: u64, scenario: &Scenario, 
         format!("a {what} at {at_s:?} s in a flight that ends at {duration_s:?} s"),
         &format!("`at_s` of at most {duration_s:?}, or a longer flight"),
     );
-}
-
-/// Value of a dotted key.
-fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
-    match key.split_once('.') {
-        None => table.get(key),
-        Some((first, rest)) => at(table.get(first)?.as_table()?, rest),
-    }
 }
 
 /// Returns whether a switch with this value is off.

@@ -7,7 +7,7 @@ use curves::{Excess, Limits, Planned, Quantity};
 
 use super::found::Found;
 use crate::scenario::plan::{Demand, Offer, Stray};
-use crate::scenario::{CurveKind, HeadingRule, Part, PartHeading, PartKind, Scenario, TrajectoryKind, plan};
+use crate::scenario::{CurveKind, HeadingRule, Part, PartHeading, PartKind, Scenario, TrajectoryKind, plan, word};
 
 /// Largest number of parts, which bounds the time of the check.
 const MAX_PARTS: usize = 100;
@@ -23,21 +23,6 @@ const MAX_MISSION_S: f64 = 86_400.0;
 const MAX_POSITION_M: f64 = 500.0;
 /// Depth of a curve below a vehicle that stands, up to which it counts as rounding \[m\].
 const GRAZE_M: f64 = 0.01;
-
-/// Ranges of the numbers of a part.
-const RANGES: [(&str, f64, f64); 11] = [
-    ("height_m", 0.1, 500.0),
-    ("points_m", -MAX_POSITION_M, MAX_POSITION_M),
-    ("ramp_s", 0.01, MAX_MISSION_S),
-    ("point_m", -MAX_POSITION_M, MAX_POSITION_M),
-    ("radius_m", 0.1, 250.0),
-    ("period_s", 0.1, MAX_MISSION_S),
-    ("laps", 1.0, 1e4),
-    ("climb_m", -500.0, 500.0),
-    ("direction_deg", -360.0, 360.0),
-    ("duration_s", 0.1, MAX_MISSION_S),
-    ("sink_mps", 0.1, 10.0),
-];
 
 /// Finds every rule that the parts of `scenario` break. Curves are built only of parts with the right keys, and only
 /// for a vehicle that can hover.
@@ -74,12 +59,13 @@ impl Place {
     }
 }
 
-/// Requires that `part` has the keys of its kind, and numbers in their ranges.
+/// Requires that `part` has the keys of its kind.
 fn check_keys(part: &Part, place: &Place, found: &mut Found) {
     let curve = part.curve.filter(|_| part.kind == PartKind::Waypoints && part.may_exceed());
-    let kind = part.kind.name().to_owned() + &curve.map_or(String::new(), |curve| format!(" along a {}", curve.name()));
+    let kind = word(part.kind) + &curve.map_or(String::new(), |curve| format!(" along a {}", word(curve)));
     let [needed, possible] = part.keys();
-    let given: Vec<&str> = part.given().collect();
+    let given = part.given();
+    let given: Vec<&str> = given.iter().map(String::as_str).collect();
     for key in needed.iter().filter(|key| !given.contains(key)) {
         place.require(found, false, "kind", &format!("a {kind} without `{key}`"), &format!("`{key}` with it"));
     }
@@ -88,37 +74,8 @@ fn check_keys(part: &Part, place: &Place, found: &mut Found) {
         let what = format!("a {kind} with a `{key}` that it has no use for");
         place.require(found, false, key, &what, &format!("without it; a {kind} uses `{all}`"));
     }
-    for (key, least, most) in RANGES {
-        if let Some(x) = numbers(part, key).into_iter().find(|x| !(least..=most).contains(x)) {
-            place.require(
-                found,
-                false,
-                key,
-                &format!("`{key}` = {x:?} is out of range"),
-                &format!("{least} to {most}"),
-            );
-        }
-    }
     check_points(part, place, found);
     check_heading(part, place, found);
-}
-
-/// Numbers of `part` under `key`; none if it has no such key.
-fn numbers(part: &Part, key: &str) -> Vec<f64> {
-    let one = match key {
-        "height_m" => part.height_m,
-        "ramp_s" => part.ramp_s,
-        "point_m" => return part.point_m.into_iter().flatten().collect(),
-        "radius_m" => part.radius_m,
-        "period_s" => part.period_s,
-        "laps" => part.laps.map(f64::from),
-        "climb_m" => part.climb_m,
-        "direction_deg" => part.direction_deg,
-        "duration_s" => part.duration_s,
-        "sink_mps" => part.sink_mps,
-        _ => return part.points_m.iter().flatten().flatten().copied().collect(),
-    };
-    one.into_iter().collect()
 }
 
 /// Requires points in number, and times that rise.
@@ -177,12 +134,12 @@ fn check_heading(part: &Part, place: &Place, found: &mut Found) {
         ),
         Some(PartHeading::Named(HeadingRule::Centre)) => (
             is_figure,
-            format!("`heading_deg` = \"centre\" on a {}, which has none", part.kind.name()),
+            format!("`heading_deg` = \"centre\" on a {}, which has none", word(part.kind)),
             "\"centre\" on a circle, figure-eight or helix".into(),
         ),
         Some(PartHeading::Named(HeadingRule::AlongTrack)) => (
             is_figure || part.kind == PartKind::Waypoints,
-            format!("`heading_deg` = \"along-track\" on a {}, which has no track on the map", part.kind.name()),
+            format!("`heading_deg` = \"along-track\" on a {}, which has no track on the map", word(part.kind)),
             "degrees, or without it: the heading stays".into(),
         ),
     };

@@ -29,12 +29,18 @@ const ROTOR_CONSTANT: Range = (Included(1e-12), Included(1e3));
 const PRIORITY: Range = (Included(1.0), Included(95.0));
 /// One sample at the highest rate, to the longest horizon at the lowest.
 const HORIZON_S: Range = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
+/// Longest flight \[s\].
+const DAY_S: f64 = 86_400.0;
+const TIME_S: Range = (Included(0.0), Included(DAY_S));
+const DURATION_S: Range = (Included(0.1), Included(DAY_S));
+/// Space of the plant, along each axis; beyond, a flight counts as diverged.
+const POSITION_M: Range = (Included(-500.0), Included(500.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
-/// Allowed range of each number under a key, in which `*` is any name; arrays are checked number by number, tables key
-/// by key.
+/// Allowed range of each number under a key, in which `*` is any name; arrays are checked element by element, tables
+/// key by key. Check, schema and reference pages have their ranges from here.
 const RANGES: &[(&str, Range)] = &[
-    ("mission", ANY),
+    ("mission.heading_deg", ANY),
     ("initial", ANY),
     ("plant", ANY),
     ("guidance", ANY),
@@ -48,7 +54,7 @@ const RANGES: &[(&str, Range)] = &[
     ("airframe.l3_m", ARM),
     ("airframe.kf", ROTOR_CONSTANT),
     ("airframe.km", ROTOR_CONSTANT),
-    ("run.duration_s", (Included(0.01), Included(86_400.0))),
+    ("run.duration_s", (Included(0.01), Included(DAY_S))),
     ("run.rate_hz", (Included(50.0), Included(2000.0))),
     ("run.command_delay_ms", (Included(0.0), Included(1000.0))),
     ("run.command_jitter_ms", (Included(0.0), Included(1000.0))),
@@ -57,6 +63,18 @@ const RANGES: &[(&str, Range)] = &[
     ("mission.limits.share", (Included(0.1), Included(1.0))),
     ("mission.limits.speed_mps", (Included(0.1), Included(1000.0))),
     ("mission.limits.acceleration_mps2", (Included(0.1), Included(1000.0))),
+    ("mission.part.height_m", (Included(0.1), Included(500.0))),
+    ("mission.part.points_m", POSITION_M),
+    ("mission.part.times_s", (Included(0.0), Included(DAY_S))),
+    ("mission.part.ramp_s", (Included(0.01), Included(DAY_S))),
+    ("mission.part.point_m", POSITION_M),
+    ("mission.part.radius_m", (Included(0.1), Included(250.0))),
+    ("mission.part.period_s", DURATION_S),
+    ("mission.part.laps", (Included(1.0), Included(10_000.0))),
+    ("mission.part.climb_m", POSITION_M),
+    ("mission.part.direction_deg", (Included(-360.0), Included(360.0))),
+    ("mission.part.duration_s", DURATION_S),
+    ("mission.part.sink_mps", (Included(0.1), Included(10.0))),
     ("plant.substep_s", (Included(MIN_STEP_S), Included(0.01))),
     ("plant.rotor_lag_s", POSITIVE),
     ("plant.servo_lag_s", POSITIVE),
@@ -104,7 +122,7 @@ const RANGES: &[(&str, Range)] = &[
     ("plant.turbulence.airspeed_mps", (Included(0.1), Included(100.0))),
     ("plant.ground.leg_m", ARM),
     ("plant.ground.friction", (Included(0.0), Included(10.0))),
-    ("plant.ground.down_m", (Included(-500.0), Included(500.0))),
+    ("plant.ground.down_m", POSITION_M),
     ("plant.ground.max_sink_mps", POSITIVE),
     ("guidance.disturbance_observer_radps", NOT_NEGATIVE),
     ("guidance.angle_limit_deg", (Excluded(0.0), Included(80.0))),
@@ -143,36 +161,51 @@ const RANGES: &[(&str, Range)] = &[
     ("supervision.restart_ms", (Included(0.0), Included(60_000.0))),
     ("supervision.start_limit_s", (Included(0.01), Included(60.0))),
     ("supervision.start_ms", (Included(0.0), Included(10_000.0))),
-    ("supervision.wall_limit_s", (Included(0.0), Included(86_400.0))),
+    ("supervision.wall_limit_s", TIME_S),
+    ("swap.at_s", TIME_S),
+    ("swap.standby_s", TIME_S),
+    ("swap.watch_s", TIME_S),
+    ("swap.bounds.difference", LIFTED),
+    ("swap.bounds.similarity", (Included(-1.0), Included(1.0))),
+    ("swap.bounds.tilt_deg", LIFTED),
+    ("swap.bounds.error_m", LIFTED),
+    ("swap.bounds.ticks", (Included(1.0), Unbounded)),
 ];
 
 /// Checks every number against the ranges of its key.
 pub fn check(settings: &[(String, Vec<f64>)], found: &mut Found) {
     for (key, numbers) in settings {
-        for range in ranges_of(key) {
-            if let Some(x) = numbers.iter().find(|x| !range.contains(*x)) {
-                found.require(false, &[key], format!("`{key}` = {x:?} is out of range"), &describe(range));
-            }
+        let range = range_of(key);
+        if let Some(x) = numbers.iter().find(|x| !range.contains(*x)) {
+            found.require(false, &[key], format!("`{}` = {x:?} is out of range", shown(key)), &describe(range));
         }
     }
 }
 
-/// Returns the ranges that the table has for `key`: its own, and those of the tables that it is in.
-fn ranges_of(key: &str) -> impl Iterator<Item = Range> {
-    let is_under = move |table: &str| {
-        let mut names = key.split('.');
-        table.split('.').all(|of| names.next().is_some_and(|name| of == "*" || of == name))
-    };
-    RANGES.iter().filter(move |(table, _)| is_under(table)).map(|(_, range)| *range)
+/// Returns whether a name in a dotted key is the index of an array element.
+fn is_index(name: &str) -> bool {
+    name.parse::<usize>().is_ok()
 }
 
-/// Returns the range of the numbers under `key`: the part that is common to all its ranges.
+/// Returns a dotted key with the indices of array elements in brackets.
+pub fn shown(key: &str) -> String {
+    let name = |name| if is_index(name) { format!("[{name}]") } else { format!(".{name}") };
+    key.split('.').map(name).collect::<String>()[1..].to_owned()
+}
+
+/// Returns the range of the numbers under `key`: the part that is common to its own range and those of the tables that
+/// it is in.
 pub fn range_of(key: &str) -> Range {
+    let is_under = |table: &str| {
+        let mut names = key.split('.').filter(|name| !is_index(name));
+        table.split('.').all(|of| names.next().is_some_and(|name| of == "*" || of == name))
+    };
     let value = |bound| match bound {
         Included(x) | Excluded(x) => Some(x),
         Unbounded => None,
     };
-    ranges_of(key).fold((Unbounded, Unbounded), |(low, high), (other_low, other_high)| {
+    let ranges = RANGES.iter().filter(|(table, _)| is_under(table)).map(|(_, range)| *range);
+    ranges.fold((Unbounded, Unbounded), |(low, high), (other_low, other_high)| {
         let is_higher = value(low).is_none_or(|low| value(other_low).is_some_and(|other| other >= low));
         let is_lower = value(high).is_none_or(|high| value(other_high).is_some_and(|other| other <= high));
         (if is_higher { other_low } else { low }, if is_lower { other_high } else { high })
@@ -191,15 +224,15 @@ fn describe((low, high): Range) -> String {
 }
 
 /// Collects all numbers of `value`, each list with the dotted key it stands under.
-pub fn collect(path: &str, value: Value, found: &mut Vec<(String, Vec<f64>)>) {
+pub fn collect(path: &str, value: Value) -> Vec<(String, Vec<f64>)> {
+    let within =
+        |(name, value): (String, Value)| collect(&if path.is_empty() { name } else { format!("{path}.{name}") }, value);
     match value {
-        Value::Table(table) => {
-            for (name, value) in table {
-                let key = if path.is_empty() { name } else { format!("{path}.{name}") };
-                collect(&key, value, found);
-            }
+        Value::Table(table) => table.into_iter().flat_map(within).collect(),
+        Value::Array(tables) if tables.iter().any(Value::is_table) => {
+            tables.into_iter().enumerate().flat_map(|(i, table)| within((i.to_string(), table))).collect()
         }
-        value => found.push((path.into(), numbers(&value))),
+        value => vec![(path.into(), numbers(&value))],
     }
 }
 

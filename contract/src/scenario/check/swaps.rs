@@ -1,9 +1,10 @@
 //! Checks of `[[swap]]`.
 
-use super::faults::word;
+use toml::Value;
+
 use super::found::Found;
-use super::idle;
-use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, ScenarioError, Swap, SwapNode, SwapTicks};
+use super::{idle, ranges};
+use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, ScenarioError, Swap, SwapNode, SwapTicks, word};
 
 /// Function that loads the settings of a swap's candidate on top of the run's, and checks them.
 pub type LoadCandidate = fn(&Scenario, &Swap) -> Result<Scenario, ScenarioError>;
@@ -13,7 +14,10 @@ const KEYS: [&str; 1] = ["swap"];
 /// Finds every rule that the swaps of `scenario` break.
 pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
     for (i, swap) in scenario.swap.iter().enumerate() {
-        check_sizes(swap, found);
+        let sizes = Value::try_from(swap);
+        let what = "a swap with a number that no scenario file can hold".into();
+        found.require(sizes.is_ok(), &KEYS, what, "numbers below 2^63");
+        ranges::check(&ranges::collect(&format!("swap.{i}"), sizes.unwrap_or(false.into())), found);
         idle::check_begin("swap", swap.at_s, swap.ticks(scenario.sample_s()).from, scenario, found);
         if swap.node == SwapNode::Plant {
             let what =
@@ -37,28 +41,6 @@ pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
         );
         check_candidate(scenario, swap, candidate(scenario, swap), found);
     }
-}
-
-fn check_sizes(swap: &Swap, found: &mut Found) {
-    found.require(
-        [swap.at_s, swap.standby_s, swap.watch_s].iter().all(|time_s| (0.0..=86_400.0).contains(time_s)),
-        &KEYS,
-        format!("a swap at {:?} s, {:?} s on standby, watched for {:?} s", swap.at_s, swap.standby_s, swap.watch_s),
-        "`at_s`, `standby_s` and `watch_s` of 0 to 86400",
-    );
-    let bounds = &swap.bounds;
-    found.require(
-        bounds.difference > 0.0 && bounds.tilt_deg > 0.0 && bounds.error_m > 0.0 && bounds.ticks > 0,
-        &KEYS,
-        "a swap with a bound that is none".into(),
-        "`difference`, `ticks`, `tilt_deg` and `error_m` above 0",
-    );
-    found.require(
-        (-1.0..=1.0).contains(&bounds.similarity),
-        &KEYS,
-        format!("a swap with a `similarity` of {:?}", bounds.similarity),
-        "`similarity` of -1 to 1",
-    );
 }
 
 /// Checks the candidate's own settings.

@@ -180,9 +180,9 @@ fn the_edges_of_the_ranges_are_allowed() {
 fn swaps_that_cannot_be_flown_are_refused() {
     let cases = [
         ("swap=[{at_s=1, node=\"plant\"}]", "it is the vehicle"),
-        ("swap=[{at_s=-1, node=\"mixer\"}]", "of 0 to 86400"),
-        ("swap=[{at_s=1, node=\"mixer\", bounds={ticks=0}}]", "above 0"),
-        ("swap=[{at_s=1, node=\"mixer\", bounds={similarity=-1.5}}]", "of -1 to 1"),
+        ("swap=[{at_s=-1, node=\"mixer\"}]", "allowed: at least 0, at most 86400"),
+        ("swap=[{at_s=1, node=\"mixer\", bounds={ticks=0}}]", "`swap[0].bounds.ticks` = 0.0 is out of range"),
+        ("swap=[{at_s=1, node=\"mixer\", bounds={similarity=-1.5}}]", "allowed: at least -1, at most 1"),
         ("swap=[{at_s=1, node=\"mixer\"}, {at_s=2, node=\"mixer\"}]", "one after the other"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
         (

@@ -12,13 +12,12 @@
 //! | clock, host | clock, host | offset, disk-full |
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::Topic;
-use crate::scenario::words::named;
 
 /// Part of the stack that has a fault, `fault.target`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultTarget {
     /// The process of the vehicle.
@@ -188,17 +187,6 @@ impl FaultTarget {
         (Self::Host, "host"),
     ];
 
-    /// Names that an error message offers.
-    const NAMES: [&'static str; Self::ALL.len()] = {
-        let mut names = [""; Self::ALL.len()];
-        let mut i = 0;
-        while i < names.len() {
-            names[i] = Self::ALL[i].1;
-            i += 1;
-        }
-        names
-    };
-
     /// Name as the file spells it.
     pub fn name(self) -> &'static str {
         Self::ALL[self as usize].1
@@ -263,11 +251,5 @@ impl FaultTarget {
     pub fn kinds_in_flight(self) -> impl Iterator<Item = FaultKind> {
         let of_a_scenario = matches!(self, Self::Clock | Self::Host);
         self.kinds().iter().copied().filter(move |_| !of_a_scenario)
-    }
-}
-
-impl<'de> Deserialize<'de> for FaultTarget {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        named(&String::deserialize(from)?, &Self::ALL, &Self::NAMES)
     }
 }
