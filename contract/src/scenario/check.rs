@@ -80,16 +80,6 @@ fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     counts.iter().all(|(_, count, most)| count <= most)
 }
 
-/// Requires, if a wind `blows`, a vehicle with drag or another effect of air.
-fn check_air(blows: bool, keys: &[&str], plant: &Plant, found: &mut Found) {
-    found.require(
-        !blows || plant.feels_air(),
-        keys,
-        "a wind that a vehicle without drag does not feel".into(),
-        "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
-    );
-}
-
 /// Steepest magnetic field that tells the heading of a vehicle that stands \[deg\].
 const MAX_INCLINATION_DEG: f64 = 80.0;
 
@@ -136,7 +126,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     );
     let steps = plant.wind_ned_mps.iter().any(|(_, wind)| *wind != [0.0; 3]);
     let blows = steps || plant.turbulence.is_on();
-    check_air(
+    faults::check_air(
         blows,
         &["plant.wind_ned_mps", "plant.turbulence.wind_at_6m_mps", "plant.drag_linear_nspm"],
         plant,

@@ -96,8 +96,8 @@ fn put_all(table: Table, settings: &[&(String, Value)]) -> Result<Table, Scenari
     Ok(all.try_into().expect("it was made of a table"))
 }
 
-/// Sets the dotted `key` in `place` to `value`, or returns why not. Missing tables on the way are made; arrays and their
-/// elements must exist.
+/// Sets the dotted `key` in `place` to `value`, or returns why not. Missing tables on the way are made; arrays and
+/// their elements must exist.
 fn put(place: &mut Value, key: &str, value: &Value) -> Result<(), String> {
     let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
     let has = place.as_array().map_or(String::new(), |all| format!(" in an array of {} elements", all.len()));

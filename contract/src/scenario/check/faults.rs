@@ -1,11 +1,11 @@
 //! Checks of one `[[fault]]`, written into the scenario or given in flight.
 
 use super::found::Found;
-use super::{check_air, idle};
+use super::idle;
 use crate::fault_schedule::MAX_SENSOR_DELAY_TICKS;
 use crate::scenario::{
-    Constraints, Fault, FaultKind, FaultTarget, Filter, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, ProgramKind, Scenario,
-    Sensors, word,
+    Constraints, Fault, FaultKind, FaultTarget, Filter, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, ProgramKind,
+    Scenario, Sensors, word,
 };
 
 /// Largest number of bits flipped in a corrupt message: more than any message has.
@@ -115,6 +115,16 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
         ("value", K::Noise) => (0.0, MAX_ERROR),
         _ => (-MAX_ERROR, MAX_ERROR),
     }
+}
+
+/// Requires, if a wind `blows`, a vehicle with drag or another effect of air.
+pub fn check_air(blows: bool, keys: &[&str], plant: &Plant, found: &mut Found) {
+    found.require(
+        !blows || plant.feels_air(),
+        keys,
+        "a wind that a vehicle without drag does not feel".into(),
+        "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
+    );
 }
 
 /// Requires the launcher's own vehicle for a fault of actuators, wind or payload: no fault reaches into a library.

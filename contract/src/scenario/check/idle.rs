@@ -28,11 +28,11 @@ type Switch = (&'static [&'static str], &'static str, On);
 
 /// Condition under which a switch is on. The words beside it are the value that turns it on, for people.
 enum On {
-    /// Has this word as its value.
+    /// Requires this word.
     Is(&'static str),
-    /// Has any word but this one.
+    /// Requires any word but this one.
     IsNot(&'static str, &'static str),
-    /// Has a value that is not off by name.
+    /// Requires a value that is not off by name.
     Has(&'static str),
     /// Depends on other settings too.
     If(fn(&Scenario) -> bool, &'static str),
