@@ -310,7 +310,7 @@ fn another_script_of_the_same_interpreter_is_another_program() {
     std::fs::write(&script, "gain = 2\n").unwrap();
     let (code, [_, said]) = checked(&kept, &[]);
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("is another one than the settings name"), "{said}");
+    assert!(said.contains("is another file than the settings name"), "{said}");
 }
 
 #[test]

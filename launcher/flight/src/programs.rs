@@ -25,7 +25,7 @@ static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 /// Adds the hashes of its files to a `program` of the node `name`.
 ///
 /// # Errors
-/// The file is not there, or is another one than the settings name.
+/// The file is not there, or is another file than the settings name.
 pub fn pin(program: &mut NodeSettings, name: &str) -> Result<(), ScenarioError> {
     if program.kind() == ProgramKind::Own {
         return Ok(());
@@ -46,7 +46,7 @@ pub fn pin(program: &mut NodeSettings, name: &str) -> Result<(), ScenarioError> 
         let given = program.files.entry(file.clone()).or_insert_with(|| found.clone());
         if *given != found {
             return refused(
-                format!("the file `{file}` of {name} is another one than the settings name: its SHA-256 is {found}"),
+                format!("the file `{file}` of {name} is another file than the settings name: its SHA-256 is {found}"),
                 "give the file with the hash of `files`, or remove it there to fly this one",
             );
         }
