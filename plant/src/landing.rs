@@ -10,7 +10,7 @@
 //! standing.
 //!
 //! A vehicle has landed if it [is at rest](contract::rest) for a second with all feet on the ground and its rotors no
-//! faster than idle, and its feet have slid no farther than [`MAX_SLIDE_M`] since they came down. It stays
+//! faster than idle, and its feet have slid no farther than `MAX_SLIDE_M` since they came down. It stays
 //! landed until its rotors drive it again, something lifts it, or its feet slide that far once more: how long a flight
 //! is recorded does not count. The vehicle itself relies on the mixer's land detector.
 

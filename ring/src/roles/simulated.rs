@@ -106,7 +106,7 @@ impl Simulated {
         std::mem::take(&mut self.orders)
     }
 
-    /// Removes process `epoch`, which ended before it answered to `tick`; its role sees `input` after [`DETECT_NS`].
+    /// Removes process `epoch`, which ended before it answered to `tick`; its role sees `input` after `DETECT_NS`.
     pub fn exited(&mut self, topic: Topic, epoch: u32, tick: u64, input: RoleInput) {
         self.remove(topic, epoch);
         let seen_ns = self.faults.time_ns(tick) + DETECT_NS;
@@ -141,7 +141,7 @@ impl Simulated {
         if self.nodes[topic as usize].role.active() != Some(epoch) || now.tick <= first {
             return;
         }
-        // The newest sample is seen [`DETECT_NS`] after it was taken, as the last answer was after its own sample.
+        // The newest sample is seen `DETECT_NS` after it was taken, as the last answer was after its own sample.
         let seen_ns = self.faults.time_ns(now.tick - 1) + DETECT_NS;
         let progress = RoleInput::Progress { done: first, samples: now.tick, excused_ns: 0 };
         self.on(topic, self.at(seen_ns), progress);

@@ -17,7 +17,7 @@ pub struct Channel {
     pub publisher: &'static str,
 }
 
-/// Lists the channels: those of messages by [`Record::kind`], then events, then snapshots.
+/// Lists the channels: those of messages by `Record::kind`, then events, then snapshots.
 pub fn channels() -> Vec<Channel> {
     let channel = |topic: &str, schema, publisher| {
         let topic = topic.to_owned();
