@@ -225,6 +225,7 @@ pub fn flies_as_a_program(scenario: &str, python: &Path, script: &Path, settings
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
     let flight = flown("realtime", &[]);
+    assert!(flight.out.join("flight.mcap").exists(), "{}", flight.stderr);
     let (code, said) = crate::controllers::replay(&flight.out, &[]);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("not computed: attitude-mpc"), "{said}");

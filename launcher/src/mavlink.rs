@@ -17,7 +17,7 @@ use crate::beside::{Beside, be_nice};
 use crate::target::{self, TargetArgs};
 
 /// Longest wait until the process observes the flight \[s\].
-const JOIN_LIMIT_S: i64 = 10;
+const JOIN_LIMIT_S: i64 = 30;
 
 /// Arguments of `mavlink`.
 #[derive(clap::Args)]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// Longest wait before the start for a message of every node that a process receives \[ns\]. The launcher waits longer
 /// for the process, so that the process can say which node is silent.
-pub const PROBE_LIMIT_NS: u64 = 9_000_000_000;
+pub const PROBE_LIMIT_NS: u64 = 29_000_000_000;
 /// Time between two probes \[ns\].
 pub const PROBE_PERIOD_NS: u64 = 2_000_000;
 /// Time without a message before the start after which a publisher is connected to anew \[ns\].

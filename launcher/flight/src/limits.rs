@@ -4,8 +4,9 @@ use std::time::Duration;
 
 // Start and end.
 
-/// Longest time until all child processes are ready before the flight.
-pub const JOIN_LIMIT: Duration = Duration::from_secs(10);
+/// Longest time until all child processes are ready before the flight. An interpreter that loads an optimizer needs 2 s
+/// of an idle processor, and more than 10 s beside flights in the real-time class.
+pub const JOIN_LIMIT: Duration = Duration::from_secs(30);
 /// Longest time that a node may take to end after the run. An interpreter may need seconds.
 pub const LEAVE_LIMIT: Duration = Duration::from_secs(5);
 /// Longest wait for the end of a killed process. One that the kernel keeps (frozen, or in a device) is left behind.
