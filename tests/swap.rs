@@ -74,10 +74,24 @@ fn a_candidate_like_the_old_one_is_kept_and_the_flight_is_the_same() {
     assert_eq!(run["state_hash"], flown(&[], "lockstep").run()["state_hash"]);
 }
 
+/// The laws one after the other, in an order in which each follows each other one once: by steps of 1, then of 2...
 #[test]
-fn another_law_is_kept_and_flies_otherwise() {
-    let run = check_same(&[swap(1.0, "attitude-mpc", ", set=['attitude.law=\"lqr\"']")]);
-    assert_eq!(endings(&run, "attitude-mpc"), ["kept"]);
+fn every_law_takes_over_from_every_other_in_flight() {
+    let laws = ["mpc", "lqr", "pid", "geometric", "indi"];
+    let steps = (1..laws.len()).flat_map(|step| vec![step; laws.len()]);
+    let order: Vec<usize> = steps
+        .scan(0, |law, step| {
+            *law = (*law + step) % laws.len();
+            Some(*law)
+        })
+        .collect();
+    let swaps = order.iter().zip(1_u32..).map(|(law, number)| {
+        let (at_s, law) = (0.32 * f64::from(number), laws[*law]);
+        let times = format!("at_s={at_s}, standby_s=0.1, watch_s=0.2, may_fail=true");
+        format!("{{node=\"attitude-mpc\", {times}, set=['attitude.law=\"{law}\"']}}")
+    });
+    let run = check_same(&swaps.collect::<Vec<_>>());
+    assert_eq!(endings(&run, "attitude-mpc"), vec!["kept"; order.len()], "{order:?}");
     assert_ne!(run["state_hash"], flown(&[], "inprocess").run()["state_hash"]);
 }
 

@@ -9,7 +9,6 @@ use nalgebra::{DVectorView, SVector, Vector4};
 
 use crate::disturbance::FIRST_GAIN;
 use crate::goal::Goal;
-use crate::indi::Stage;
 
 /// Number of states of the largest model, which has the actuator lag.
 pub const MAX_STATES: usize = LAGGED;
@@ -45,6 +44,20 @@ pub struct Memory {
     pub fallbacks: u64,
 }
 
+/// Memory of the filter of the law `indi`, beside the disturbance itself, which is its second stage.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Stage {
+    /// Tick of the sample that the next one is compared with; none if the law was not in use.
+    pub tick: OptionalTick,
+    /// Vertical speed of that sample, down positive \[m/s\].
+    pub sink_mps: f64,
+    /// Effect of its actuators: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
+    pub produced: Vector4<f64>,
+    /// Output of the first low-pass on col, lon, lat, ped \[N, N m, N m, N m\].
+    pub first: Vector4<f64>,
+}
+
 /// Constraints that the next solve starts from, as stored in a snapshot.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
@@ -76,6 +89,12 @@ impl Memory {
     /// Starts without any sample: `states` states at hover, actuators at `trim`.
     pub fn new(states: usize, trim: Actuation) -> Self {
         Self { states: states as u64, actuation: trim, delay: Delay::new(trim), gain: FIRST_GAIN, ..Self::zeroed() }
+    }
+
+    /// Forgets disturbance and integrals.
+    pub fn forget(&mut self) {
+        (self.disturbance, self.gain) = (Vector4::zeros(), FIRST_GAIN);
+        (self.integral, self.stage) = (Vector4::zeros(), Stage::zeroed());
     }
 
     /// Demand published last \[N, N m, N m, N m\].

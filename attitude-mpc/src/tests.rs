@@ -1,12 +1,14 @@
 //! Tests of the whole controller: directions, fallbacks, properties, and the problems of the independent simulator.
 
 use airframe::envelope::Envelope;
+use airframe::linear::STATES;
 use contract::message::Stamp;
 use contract::scenario::{Constraints, FaultKind, Law, Profile, Solver, StateConstraints};
 use proptest::prelude::*;
 
 use super::*;
 use crate::fixture::{self, Case};
+use crate::law::mpc::condensed::Condensed;
 
 mod conditions;
 mod delay;
@@ -108,9 +110,9 @@ fn val_problems_of_the_independent_simulator() {
         assert_eq!(controls.active_constraints > 0, *active, "{name}");
 
         let hessian = Condensed::new(&mpc.model, &scenario).unwrap().hessian;
-        let unconstrained = mpc.unconstrained_plan().clone();
-        let ours = if *active { &mpc.work.plan } else { &unconstrained };
-        let value = (&hessian * (ours * 0.5 - &unconstrained)).dot(ours);
+        let [unconstrained, followed] = mpc.plans().unwrap();
+        let ours = if *active { followed } else { unconstrained };
+        let value = (&hessian * (ours * 0.5 - unconstrained)).dot(ours);
         let miss = ((value - objective) / objective).abs();
         assert!(miss < tolerance.objective, "{name}: objective {miss:e} off");
         for axis in 0..4 {
@@ -153,27 +155,22 @@ fn a_bad_input_repeats_the_demand_and_changes_nothing_else() {
 
 #[test]
 fn delay_compensation_plans_from_the_next_sample() {
-    let plan_from = |compensate: bool, x: Option<&DVector<f64>>| {
+    let start = |compensate: bool| {
         let mut scenario = Scenario::default();
         scenario.attitude.delay_compensation = DelayCompensation::Sample(compensate);
         let mut mpc = AttitudeMpc::new(&scenario);
         mpc.memory.delay.outputs[0] = [-1.0, 0.1, 0.05, -0.02];
-        let (_, reference) = hover(&mpc, 0);
-        mpc.work.x.fill(0.01);
-        if let Some(x) = x {
-            mpc.work.x.copy_from(x);
-        }
-        mpc.predict(0, &Vector4::zeros(), &mpc.memory.delay.clone(), &Vector4::zeros());
-        let goal = Goal::default().renewed(&reference);
-        mpc.optimise(0, &goal, &Vector4::zeros(), &Vector4::zeros(), &mut Vector4::zeros());
+        let (mut state, reference) = hover(&mpc, 0);
+        state.measured.rates_radps = [0.1, -0.2, 0.3];
+        let demand = mpc.memory.demand();
+        mpc.step(0, &state, &reference);
         let mut next = mpc.work.x.clone();
-        mpc.model.predict(&mpc.work.x, &mpc.memory.demand(), &Vector4::zeros(), &mut next);
-        (mpc.unconstrained_plan().clone(), next)
+        mpc.model.predict(&mpc.work.x, &demand, &mpc.memory.disturbance, &mut next);
+        [mpc.work.start, mpc.work.x, next]
     };
-    let (compensated, next) = plan_from(true, None);
-    let (plain, _) = plan_from(false, Some(&next));
-    assert!((&compensated - plain).amax() < 1e-12);
-    assert!((compensated - plan_from(false, None).0).amax() > 1e-3);
+    let [[compensated, _, next], [plain, x, _]] = [start(true), start(false)];
+    assert!((&next - &x).amax() > 1e-3);
+    assert_eq!([compensated, plain], [next, x]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use contract::scenario::Model;
 use nalgebra::{DMatrix, Rotation3, Vector3};
 
 use super::*;
-use crate::at_speed::FlightModel;
+use crate::law::mpc::at_speed::FlightModel;
 
 /// Scenario of a vehicle with the drag of `fast-legs`.
 fn scenario(model: Model) -> Scenario {
@@ -63,7 +63,7 @@ fn a_plan_has_no_bump_at_a_condition() {
         let way = Vector3::new(ahead_mps, 3.0, 0.0);
         state.measured.velocity_mps = (Rotation3::from_euler_angles(phi, theta, 0.0).inverse() * way).into();
         mpc.step(0, &state, &reference);
-        mpc.unconstrained_plan().clone() // the solver adds its own tolerance
+        mpc.plans().unwrap()[0].clone() // the solver adds its own tolerance
     };
     for knot in [-10.0, 0.0, 5.0, 10.0, 15.0] {
         let jump = (demand(knot + 1e-9) - demand(knot - 1e-9)).amax();

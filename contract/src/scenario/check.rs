@@ -263,14 +263,10 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         check_horizons(scenario, found);
     }
     found.require(
-        match attitude.law {
-            Law::Mpc => true,
-            Law::Lqr => matches!(mpc.model, Model::Hover | Model::Coupled),
-            Law::Pid | Law::Geometric | Law::Indi => mpc.model == Model::Hover,
-        },
+        attitude.law != Law::Lqr || mpc.model != Model::Scheduled,
         &["attitude.mpc.model", "attitude.law"],
-        "`attitude.mpc.model` with a law that has no such model".into(),
-        "`attitude.law` = \"mpc\" with it, or \"lqr\" with \"coupled\"",
+        "`attitude.mpc.model` = \"scheduled\" with the regulator, which has one gain".into(),
+        "`attitude.law` = \"mpc\" with it, or \"hover\" or \"coupled\"",
     );
     found.require(
         mpc.model != Model::Coupled || attitude.disturbance_gain > 0.0,

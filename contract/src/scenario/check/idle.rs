@@ -38,7 +38,7 @@ enum On {
     If(fn(&Scenario) -> bool, &'static str),
 }
 
-const SWITCHES: [Switch; 18] = [
+const SWITCHES: [Switch; 19] = [
     (&["mission.ramp_s"], "mission.trajectory", Is("survey")),
     (&["mission.part", "mission.limits"], "mission.trajectory", Is("parts")),
     (
@@ -47,6 +47,11 @@ const SWITCHES: [Switch; 18] = [
         IsNot("parts", "a trajectory other than \"parts\", which have a `heading_deg` each,"),
     ),
     (&["attitude.mpc.r_rate"], "attitude.law", Is("mpc")),
+    (
+        &["attitude.mpc.model"],
+        "attitude.law",
+        If(|scenario| matches!(scenario.attitude.law, Law::Mpc | Law::Lqr), "\"mpc\", or \"lqr\" with \"coupled\","),
+    ),
     (
         &["guidance.lead_s"],
         "guidance.acceleration_feedforward",

@@ -256,7 +256,7 @@ fn a_model_where_it_would_have_no_effect_is_refused() {
         from_set(&[&coupled[..], &[others]].concat()).unwrap();
     }
     from_set(&coupled[..1]).expect("there is an estimate by default");
-    for refused in [&[coupled[0], "attitude.disturbance_gain=0"][..], &[coupled[0], coupled[1], "attitude.law=pid"]] {
+    for refused in [&[coupled[0], "attitude.disturbance_gain=0"][..], &["attitude.law=pid", coupled[0], coupled[1]]] {
         let refused = from_set(refused).expect_err("without effect").to_string();
         assert!(refused.contains("`attitude.mpc.model`"), "{refused}");
     }

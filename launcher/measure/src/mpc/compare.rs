@@ -20,8 +20,8 @@ use std::process::{Command, Stdio};
 use airframe::DemandSet;
 use anyhow::{Context, bail};
 use attitude_mpc::AttitudeMpc;
-use attitude_mpc::condensed::Condensed;
-use attitude_mpc::constraints::PlanSet;
+use attitude_mpc::law::mpc::condensed::Condensed;
+use attitude_mpc::law::mpc::constraints::PlanSet;
 use attitude_mpc::model::PredictionModel;
 use contract::message::Controls;
 use contract::scenario::ScenarioError;
@@ -143,7 +143,8 @@ fn centres(sequence: &Sequence) -> impl Iterator<Item = (Controls, DVector<f64>)
     sequence.samples.iter().map(move |(state, reference)| {
         let mut controls = mpc.step(state.stamp.tick, state, reference);
         controls.stamp.tick = state.stamp.tick;
-        (controls, mpc.unconstrained_plan().clone())
+        let [unconstrained, _] = mpc.plans().expect("it plans ahead");
+        (controls, unconstrained.clone())
     })
 }
 

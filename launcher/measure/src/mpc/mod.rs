@@ -6,7 +6,7 @@
 //! | [`steps`] | timing of the controller's steps, by sequence, solver and path |
 //! | [`compare`](mod@compare) | the recorded problems for other solvers |
 //!
-//! Tests in `qp` and in `attitude-mpc/src/solver/tests.rs` check that the solvers find the optimum.
+//! Tests in `qp` and in `attitude-mpc/src/law/mpc/solver/tests.rs` check that the solvers find the optimum.
 
 pub mod compare;
 pub mod problems;

@@ -11,7 +11,7 @@ use std::fmt::Write;
 use std::hint::black_box;
 
 use attitude_mpc::AttitudeMpc;
-use attitude_mpc::condensed::Condensed;
+use attitude_mpc::law::mpc::condensed::Condensed;
 use attitude_mpc::model::PredictionModel;
 use contract::message::{Reference, SolveStatus, State};
 use contract::scenario::{Law, Solver};

@@ -15,7 +15,7 @@
 //! U*      = -H^-1 f                            without constraints
 //! ```
 //!
-//! If the reference changes over the horizon ([`crate::preview`]), `x_k` follows `r + dr_k`, and `u_(k-1)` the target
+//! If the reference changes over the horizon ([`crate::law::mpc::preview`]), `x_k` follows `r + dr_k`, and `u_(k-1)` the target
 //! of that reference, which is linear in `dr_k` too.
 //!
 //! Departure: the paper regulates to zero; here the states follow `r`, and the inputs and the lag states follow `u_s`.
@@ -33,8 +33,10 @@ use contract::Scenario;
 use contract::scenario::{Attitude, Mpc, ScenarioError, Terminal};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn, Vector4};
 
-use crate::at_speed::FlightModel;
 use crate::disturbance::DRIVEN;
+use crate::law::attitude_law::Aim;
+use crate::law::mpc::at_speed::FlightModel;
+use crate::memory::Memory;
 use crate::model::PredictionModel;
 
 /// Number of given numbers beside the state: r, d, v.
@@ -179,6 +181,15 @@ impl Condensed {
             Err(singular_hessian())
         }
     }
+}
+
+/// Writes the given numbers `(x; r; d; v)` of `aim`, with the disturbance and the last demand in `memory`.
+pub fn write_given(aim: &Aim, memory: &Memory, given: &mut DVector<f64>) {
+    let n = aim.start.len();
+    given.rows_mut(0, n).copy_from(aim.start);
+    given.rows_mut(n, STATES).copy_from_slice(&aim.reference);
+    given.rows_mut(n + STATES, INPUTS).copy_from(&memory.disturbance);
+    given.rows_mut(n + STATES + INPUTS, INPUTS).copy_from(&memory.demand());
 }
 
 /// Number of the changes of the reference over the horizon, 7Np: 0 without a preview.

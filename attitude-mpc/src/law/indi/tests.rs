@@ -1,4 +1,5 @@
 use airframe::{MixingMatrix, Parameters, Trim};
+use contract::message::{Kinematics, State};
 use nalgebra::DVector;
 
 use super::*;
@@ -26,7 +27,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
         actuation.tilt_rad += 0.1 * swing;
         actuation
     };
-    let (mut stage, mut d) = (Stage::zeroed(), Vector4::zeros());
+    let mut memory = Memory::new(7, trim.actuation);
     let (mut measured, mut slow) = (Kinematics::default(), [Vector4::zeros(); 2]);
     measured.attitude_rad[0] = trim.roll_rad; // held: the rates are not integrated
     let sample = |measured: &Kinematics| {
@@ -38,7 +39,9 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
     for tick in 0..300_u64 {
         let actuation = at(tick as f64 * SAMPLE_S);
         let x = sample(&measured);
-        d = indi.observe(tick, (&measured, &actuation), [before.as_view(), x.as_view()], &d, &mut stage);
+        memory.x.rows_mut(0, 7).copy_from(&before);
+        let state = State { measured, ..State::default() };
+        indi.estimate(&Sample { tick, state: &state, modelled: actuation, x: &x }, &mut memory);
         let acceleration = (&x - &before) / SAMPLE_S;
         let force = Vector4::new(acceleration[0], acceleration[5], acceleration[4], acceleration[6]);
         let share = 1.0 - (-gains.filter_radps * SAMPLE_S).exp();
@@ -46,7 +49,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
         first += (force.component_mul(&inertia) - first) * share;
         second += (first - second) * share;
         slow = [first, second];
-        found.push([d, second - mixing.deviation(&actuation)]);
+        found.push([memory.disturbance, second - mixing.deviation(&actuation)]);
         before = x;
         for step in 0..10 {
             let inputs = mixing.deviation(&at((tick as f64 + (f64::from(step) + 0.5) / 10.0) * SAMPLE_S)) * scale;
@@ -91,15 +94,15 @@ fn weak_actuators_are_a_disturbance_of_what_they_lack() {
 fn a_gap_in_the_samples_teaches_nothing() {
     let (vehicle, trim, mixing) = parts();
     let indi = Indi::new(Level::new(&vehicle, &trim, &mixing), &IndiGains::default(), SAMPLE_S);
-    let (mut stage, mut d) = (Stage::zeroed(), Vector4::zeros());
-    let still = DVector::zeros(7);
-    let fast = DVector::from_element(7, 0.1);
+    let mut memory = Memory::new(7, trim.actuation);
+    memory.x.fill(0.1);
+    let (still, fast) = (DVector::zeros(7), DVector::from_element(7, 0.1));
     let measured = Kinematics { attitude_rad: [trim.roll_rad, 0.0, 0.0], ..Kinematics::default() };
-    for (tick, now, learns) in [(7, &still, false), (9, &fast, false), (10, &still, true)] {
-        let before = d;
-        let states = [fast.as_view(), now.as_view()];
-        d = indi.observe(tick, (&measured, &trim.actuation), states, &d, &mut stage);
-        assert_eq!(d != before, learns, "sample {tick}");
+    let state = State { measured, ..State::default() };
+    for (tick, x, learns) in [(7, &still, false), (9, &fast, false), (10, &still, true)] {
+        let before = memory.disturbance;
+        indi.estimate(&Sample { tick, state: &state, modelled: trim.actuation, x }, &mut memory);
+        assert_eq!(memory.disturbance != before, learns, "sample {tick}");
     }
 }
 

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use qp::{ActiveSet, Member, WorkingSet};
 
 use super::outcome::{CONTRADICTION, Outcome, Verdict};
-use crate::constraints::{PlanSet, STATE_PENALTY};
+use crate::law::mpc::constraints::{PlanSet, STATE_PENALTY};
 use crate::memory::WarmStart;
 
 /// Solver of one set-up.

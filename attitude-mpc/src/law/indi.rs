@@ -27,28 +27,14 @@
 //! `sensed_actuators_need_no_model_of_their_lag`.
 
 use airframe::Actuation;
-use bytemuck::{Pod, Zeroable};
-use contract::message::Kinematics;
 use contract::scenario::{IndiActuators, IndiGains, PidGains};
 use contract::snapshot::OptionalTick;
-use nalgebra::{DVectorView, Vector4};
+use nalgebra::Vector4;
 
-use crate::geometric::Axes;
-use crate::level::Level;
-
-/// Memory of the filter beside the disturbance itself, which is its second stage.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Stage {
-    /// Tick of the sample that the next one is compared with; none if the law was not in use.
-    pub tick: OptionalTick,
-    /// Vertical speed of that sample, down positive \[m/s\].
-    pub sink_mps: f64,
-    /// Effect of its actuators: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
-    pub produced: Vector4<f64>,
-    /// Output of the first low-pass on col, lon, lat, ped \[N, N m, N m, N m\].
-    pub first: Vector4<f64>,
-}
+use super::attitude_law::{Aim, AttitudeLaw, Decision, Sample};
+use super::geometric::Axes;
+use super::level::Level;
+use crate::memory::{Memory, Stage};
 
 /// INDI law. The controller stores its filter.
 #[derive(Debug, Clone)]
@@ -69,44 +55,42 @@ impl Indi {
         Self { axes, level, actuators, sample_s, share: -libm::expm1(-filter_radps * sample_s) }
     }
 
-    /// Updates the filter from the state `before` to the one of `now` at `tick`, both (w, phi, theta, psi, p, q, r,
-    /// ...) as deviations from trim, with the motion `measured` and `actuators` at these positions. Returns the
-    /// disturbance after `d`. A gap between the samples leaves it unchanged.
-    pub fn observe(
-        &self,
-        tick: u64,
-        (measured, actuators): (&Kinematics, &Actuation),
-        [before, now]: [DVectorView<f64>; 2],
-        d: &Vector4<f64>,
-        stage: &mut Stage,
-    ) -> Vector4<f64> {
-        let (sink_mps, produced) = (measured.sink_mps(), self.level.produced(&now, actuators));
-        let is_next = stage.tick.get().is_some_and(|last| last.checked_add(1) == Some(tick));
-        let last = *stage;
-        (stage.tick, stage.sink_mps, stage.produced) = (OptionalTick::some(tick), sink_mps, produced);
-        if !is_next {
-            return *d;
-        }
-        let faster = |i: usize| (now[i] - before[i]) / self.sample_s;
-        let measured = Vector4::new((sink_mps - last.sink_mps) / self.sample_s, faster(5), faster(4), faster(6));
-        let produced = (last.produced + produced) * 0.5;
-        let beyond = measured - produced.component_div(&self.level.inertia());
-        stage.first += (self.level.inputs(&now, &beyond) - stage.first) * self.share;
-        d + (stage.first - d) * self.share
-    }
-
     /// Positions of the actuators: those `sensed`, or the `modelled` ones without telemetry.
     pub fn actuators(&self, sensed: Actuation, modelled: Actuation) -> Actuation {
         let is_there = sensed.rotor_speed.iter().chain([&sensed.tilt_rad]).all(|value| value.is_finite());
         if self.actuators == IndiActuators::Sensed && is_there { sensed } else { modelled }
     }
+}
 
-    /// Computes col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q,
-    /// r, ...), under the disturbance `d`.
-    pub fn step(&self, x: &DVectorView<f64>, r: &[f64; 7], d: &Vector4<f64>) -> Vector4<f64> {
-        let none = Vector4::zeros();
-        let wanted = self.axes.accelerations(&self.level.errors(x, r), &none, &mut none.clone());
-        self.level.demand(x, &wanted, &-d)
+impl AttitudeLaw for Indi {
+    fn has_own_estimate(&self) -> bool {
+        true
+    }
+
+    /// Updates the filter. A gap between the samples leaves the disturbance `d` unchanged.
+    fn estimate(&self, sample: &Sample, memory: &mut Memory) {
+        let Sample { tick, state, modelled, x: now } = *sample;
+        let (now, sink_mps) = (now.as_view(), state.measured.sink_mps());
+        let produced = self.level.produced(&now, &self.actuators(state.sensed.into(), modelled));
+        let last = memory.stage;
+        memory.stage = Stage { tick: OptionalTick::some(tick), sink_mps, produced, ..last };
+        if last.tick.get().is_none_or(|last| last.checked_add(1) != Some(tick)) {
+            return;
+        }
+        let before = memory.state();
+        let faster = |i: usize| (now[i] - before[i]) / self.sample_s;
+        let measured = Vector4::new((sink_mps - last.sink_mps) / self.sample_s, faster(5), faster(4), faster(6));
+        let produced = (last.produced + produced) * 0.5;
+        let beyond = measured - produced.component_div(&self.level.inertia());
+        let Memory { stage, disturbance: d, .. } = memory;
+        stage.first += (self.level.inputs(&now, &beyond) - stage.first) * self.share;
+        *d += (stage.first - *d) * self.share;
+    }
+
+    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+        let (x, none) = (&aim.start.as_view(), Vector4::zeros());
+        let wanted = self.axes.accelerations(&self.level.errors(x, &aim.reference), &none, &mut none.clone());
+        Decision::explicit(self.level.demand(x, &wanted, &-memory.disturbance))
     }
 }
 

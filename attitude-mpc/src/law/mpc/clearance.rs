@@ -14,7 +14,7 @@ use airframe::DemandSet;
 use airframe::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, DVector, Vector4};
 
-use crate::condensed::{GIVEN, Gain};
+use crate::law::mpc::condensed::{GIVEN, Gain};
 
 /// Share of the way from hover to a limit up to which a move is clear of it: far from what counts as touched.
 const CLEAR: f64 = 0.99;
@@ -97,7 +97,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::condensed::Condensed;
+    use crate::law::mpc::condensed::Condensed;
     use crate::model::PredictionModel;
 
     /// Gain of a plan of 20 moves with a preview, and the set of its moves.

@@ -6,10 +6,12 @@ use airframe::projection::Projection;
 use contract::Scenario;
 use contract::message::{Controls, SolveStatus};
 use contract::scenario::{Constraints, FaultKind, Mode, Solver, StateConstraints};
-use nalgebra::Vector4;
+use nalgebra::{DVector, Vector4};
 
+use super::{Condensed, PlanSet};
 use crate::AttitudeMpc;
 use crate::fixture::fault;
+use crate::law::mpc::condensed::GIVEN;
 use crate::tests::{demand_violation, hover, violent_turn};
 
 const SOLVERS: [Solver; 2] = [Solver::Clarabel, Solver::ActiveSet];
@@ -70,7 +72,7 @@ fn with_a_fault_of_the_solver_every_plan_is_solved() {
         let controls = mpc.step(state.stamp.tick, &state, &reference);
         assert_eq!(controls.status, status as u64);
         // The unconstrained optimum is inside, so the plan reaches it.
-        let miss = Vector4::from(controls.demand) - mpc.work.unconstrained.fixed_rows::<4>(0);
+        let miss = Vector4::from(controls.demand) - mpc.plans().unwrap()[0].fixed_rows::<4>(0);
         assert!(miss.amax() < 1e-12, "{miss}");
     }
 }
@@ -137,9 +139,15 @@ fn a_state_beyond_its_limit_still_has_a_plan() {
         let (limited, mut with) = spin(solver, StateConstraints::Soft, 8.0);
         assert_eq!([free.status, limited.status], [SolveStatus::Solved as u64; 2], "{solver:?}");
         assert!(limited.demand[3] < free.demand[3], "it brakes the spin");
-        let plans = [&mut without, &mut with].map(|mpc| mpc.work.plan.clone());
-        let mut excess = |plan| with.constrained.as_mut().unwrap().set.excess(plan);
-        let [free, limited] = [excess(&plans[0]), excess(&plans[1])];
+        let mut scenario = scenario(solver);
+        scenario.attitude.mpc.state_constraints = StateConstraints::Soft;
+        let course = Condensed::new(&with.model, &scenario).unwrap().course;
+        let mut set = PlanSet::new(&scenario, &course, with.model.trim.roll_rad).unwrap();
+        let mut given = DVector::zeros(with.model.states() + GIVEN);
+        given.rows_mut(0, with.model.states()).copy_from(&with.work.start);
+        given[with.model.states() + 3] = 1.6;
+        set.start(&given);
+        let [free, limited] = [&mut without, &mut with].map(|mpc| set.excess(mpc.plans().unwrap()[1]));
         assert!(0.0 < limited && limited < free, "{solver:?}: {limited} is not below {free}");
     }
 }

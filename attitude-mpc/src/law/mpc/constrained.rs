@@ -1,7 +1,7 @@
 //! Choice of a plan that is always inside the set:
 //!
 //! 1. The unconstrained plan if it is inside: one matrix-vector product, checked and not solved. Where the bound of
-//!    [`clearance`](crate::clearance) shows that, only its first move is computed.
+//!    [`clearance`](crate::law::mpc::clearance) shows that, only its first move is computed.
 //! 2. Else the solver's plan, drawn slightly inside the border.
 //! 3. If the solver fails: the unconstrained plan, every move projected into the set as the mixer does.
 //! 4. If the solver ran out of iterations or time: plan 3 moved towards the last iterate as far as the set allows, if
@@ -15,10 +15,11 @@ use contract::message::SolveStatus;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::{DMatrix, DVector};
 
-use crate::clearance::Clearance;
-use crate::condensed::Condensed;
-use crate::constraints::PlanSet;
-use crate::solver::{Solver, Verdict};
+use crate::law::attitude_law::Account;
+use crate::law::mpc::clearance::Clearance;
+use crate::law::mpc::condensed::Condensed;
+use crate::law::mpc::constraints::PlanSet;
+use crate::law::mpc::solver::{Solver, Verdict};
 
 /// Largest accepted violation of a solver's plan, which is then drawn inside; also the largest slack of a limit that
 /// counts as touched. In the units of the slacks.
@@ -40,17 +41,6 @@ pub struct Constrained {
     solved: DVector<f64>,
     /// Room for another plan, 4Nu.
     spare: DVector<f64>,
-}
-
-/// Effort of a plan, and the limits it touches.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Account {
-    /// Iterations of the solver.
-    pub iterations: u64,
-    /// Time in the solver \[ns\].
-    pub solve_ns: u64,
-    /// Limits of the actuators that the plan touches.
-    pub touching: u64,
 }
 
 impl Constrained {

@@ -16,8 +16,8 @@ use contract::message::Kinematics;
 use contract::scenario::ScenarioError;
 use nalgebra::{DVector, DVectorView, Rotation3, Vector3, Vector4};
 
-use crate::at_speed::FlightModel;
-use crate::condensed::{Condensed, Gain};
+use crate::law::mpc::at_speed::FlightModel;
+use crate::law::mpc::condensed::{Condensed, Gain};
 
 /// Number of grid velocities ahead, and to the right: from -15 to 15 m/s.
 const PER_AXIS: usize = 7;

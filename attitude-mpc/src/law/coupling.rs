@@ -14,7 +14,9 @@
 //! change of gravity at 35 degrees of pitch, which the hover model lacks too, is a force, and the estimate finds it.
 //! Test `pitching_at_speed_is_no_force`; the figures are in `docs/mpc.md`.
 
+use contract::Scenario;
 use contract::message::Kinematics;
+use contract::scenario::Model;
 use nalgebra::Vector4;
 
 /// Coupling term at the newest sample.
@@ -25,9 +27,10 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Starts with the coupling of a vehicle at rest, which is 0.
-    pub fn new(mass_kg: f64) -> Self {
-        Self { mass_kg, force_n: 0.0 }
+    /// Starts with the coupling of the vehicle of `scenario` at rest, which is 0; `None` with a model without the term.
+    pub fn of(scenario: &Scenario) -> Option<Self> {
+        let mass_kg = scenario.airframe.mass_kg;
+        (scenario.attitude.mpc.model == Model::Coupled).then_some(Self { mass_kg, force_n: 0.0 })
     }
 
     /// Updates the term from a sample.

@@ -16,7 +16,7 @@ use contract::scenario::FaultKind;
 use nalgebra::{DMatrix, DVector, DVectorViewMut, RowDVector};
 
 use super::outcome::{CONTRADICTION, Limits, Outcome, Verdict};
-use crate::constraints::{PlanSet, STATE_PENALTY, StateLimits};
+use crate::law::mpc::constraints::{PlanSet, STATE_PENALTY, StateLimits};
 
 /// Tolerance of gap and feasibility: the error of the first move is below 1 mN.
 const TOLERANCE: f64 = 1e-9;

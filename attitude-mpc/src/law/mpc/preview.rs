@@ -17,8 +17,8 @@ use airframe::linear::STATES;
 use contract::message::PREVIEW;
 use nalgebra::{DVector, SVector};
 
-use crate::condensed::RATES;
 use crate::goal::Goal;
+use crate::law::mpc::condensed::RATES;
 
 /// Writes the changes `dr_1..` of the reference, seven to a sample, for a horizon that begins `start_ns` after the
 /// moment of the goal.

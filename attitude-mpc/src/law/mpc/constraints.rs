@@ -20,7 +20,7 @@ use contract::Scenario;
 use contract::scenario::{Constraints, Mpc, StateConstraints};
 use nalgebra::{DMatrix, DVector, Vector4};
 
-use crate::condensed::Course;
+use crate::law::mpc::condensed::Course;
 
 /// States with a limit: phi, theta, psi, p, q, r.
 const LIMITED: usize = 6;
@@ -158,8 +158,8 @@ mod tests {
     use contract::scenario::Profile;
 
     use super::*;
-    use crate::condensed::Condensed;
     use crate::fixture;
+    use crate::law::mpc::condensed::Condensed;
     use crate::model::PredictionModel;
 
     fn set(scenario: &Scenario) -> Option<PlanSet> {

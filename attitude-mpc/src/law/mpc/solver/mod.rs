@@ -24,7 +24,7 @@ use nalgebra::{DMatrix, DVector};
 
 use self::active_set::ActiveSetSolver;
 use self::clarabel::ConicSolver;
-use crate::constraints::PlanSet;
+use crate::law::mpc::constraints::PlanSet;
 use crate::memory::WarmStart;
 
 /// Solver that the scenario selects.

@@ -6,18 +6,20 @@
 //! F_z   = (m (a - g) - F_y sin phi cos theta) / (cos phi cos theta)      a = kp e_v + ki integral(e_v), down
 //! ```
 //!
-//! `[attitude.geometric]` has the gains; they mean what those of the law [`pid`](crate::pid) do, and its anti-windup is
-//! used. The errors are those of [`level`](crate::level). A feedback of this kind on SO(3) with an integral is in
+//! `[attitude.geometric]` has the gains; they mean what those of the law [`pid`](super::pid) do, and its anti-windup is
+//! used. The errors are those of [`level`](super::level). A feedback of this kind on SO(3) with an integral is in
 //! Goodarzi, Lee and Leok, *Geometric nonlinear PID control of a quadrotor UAV on SE(3)*, ECC 2013. Tests
 //! `the_geometric_demand_gives_the_wanted_acceleration_in_the_plant` (tests/laws.rs),
 //! `a_heading_error_leaves_the_tilt_alone`.
 
 use airframe::Parameters;
 use contract::scenario::PidGains;
-use nalgebra::{DVector, DVectorView, Vector4};
+use nalgebra::{DVector, Vector4};
 
-use crate::level::Level;
-use crate::pid::Pid;
+use super::attitude_law::{Aim, AttitudeLaw, Decision};
+use super::level::Level;
+use super::pid::Pid;
+use crate::memory::Memory;
 
 /// Law of each axis as accelerations per error, for the errors of the level frame.
 #[derive(Debug, Clone)]
@@ -57,18 +59,13 @@ impl Geometric {
     pub fn new(level: Level, gains: &PidGains, sample_s: f64) -> Self {
         Self { axes: Axes::new(gains, sample_s), level }
     }
+}
 
-    /// Computes col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q,
-    /// r, ...), and updates the integrals. `unfollowed` is the input that the actuators were given less the demand.
-    pub fn step(
-        &self,
-        x: &DVectorView<f64>,
-        r: &[f64; 7],
-        unfollowed: &Vector4<f64>,
-        integral: &mut Vector4<f64>,
-    ) -> Vector4<f64> {
-        let unfollowed = self.level.accelerations(x, unfollowed);
-        let wanted = self.axes.accelerations(&self.level.errors(x, r), &unfollowed, integral);
-        self.level.demand(x, &wanted, &self.level.gyroscopic(x))
+impl AttitudeLaw for Geometric {
+    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+        let (x, r) = (&aim.start.as_view(), &aim.reference);
+        let unfollowed = self.level.accelerations(x, &aim.unfollowed);
+        let wanted = self.axes.accelerations(&self.level.errors(x, r), &unfollowed, &mut memory.integral);
+        Decision::explicit(self.level.demand(x, &wanted, &self.level.gyroscopic(x)))
     }
 }

@@ -4,8 +4,8 @@ use contract::scenario::{Constraints, StateConstraints};
 use proptest::prelude::*;
 
 use super::*;
-use crate::condensed::Condensed;
-use crate::constraints::STATE_PENALTY;
+use crate::law::mpc::condensed::Condensed;
+use crate::law::mpc::constraints::STATE_PENALTY;
 use crate::model::PredictionModel;
 
 const SOLVERS: [Choice; 2] = [Choice::Clarabel, Choice::ActiveSet];

@@ -20,6 +20,9 @@ use airframe::Parameters;
 use contract::scenario::PidGains;
 use nalgebra::{DVector, Vector4};
 
+use super::attitude_law::{Aim, AttitudeLaw, Decision};
+use crate::memory::Memory;
+
 /// PID law. The controller stores its integrals.
 #[derive(Debug, Clone)]
 pub struct Pid {
@@ -63,6 +66,12 @@ impl Pid {
             |axis: usize, rate: usize| kp[axis] * errors[axis] + kd[axis - 1] * error(rate) + ki[axis] * integral[axis];
         let climb = kp[0] * errors[0] + ki[0] * integral[0];
         self.inertia.component_mul(&Vector4::new(climb, angle(1, 5), angle(2, 4), angle(3, 6)))
+    }
+}
+
+impl AttitudeLaw for Pid {
+    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+        Decision::explicit(self.step(aim.start, &aim.reference, &aim.unfollowed, &mut memory.integral))
     }
 }
 

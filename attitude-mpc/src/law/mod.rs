@@ -1,0 +1,27 @@
+//! Laws: from the goal and the state at which the demand acts to the demand.
+//!
+//! A law is a file here with an implementation of [`AttitudeLaw`](attitude_law::AttitudeLaw), and a row in [`table`].
+//! What is not its own, the controller does for all laws alike: the age of a goal, the delay, the disturbance by the
+//! linear model, old messages.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`attitude_law`] | what a law gets, and what it returns |
+//! | [`table`] | all laws, by their names in a scenario |
+//! | [`mpc`] | model predictive control, (3)-(6) |
+//! | [`lqr`] | the regulator of the same cost |
+//! | [`pid`] | PID law, for comparison |
+//! | [`geometric`] | geometric law: tilt first, nonlinear inversion |
+//! | [`indi`] | incremental nonlinear dynamic inversion |
+//! | [`coupling`] | change of w at speed, for the disturbance estimate under the first two |
+//! | [`level`] | attitude errors and rigid body of the last two |
+
+pub mod attitude_law;
+pub mod coupling;
+pub mod geometric;
+pub mod indi;
+pub mod level;
+pub mod lqr;
+pub mod mpc;
+pub mod pid;
+pub mod table;
