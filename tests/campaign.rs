@@ -405,6 +405,7 @@ fn the_vehicle_lands_without_a_controller_and_falls_without_a_mixer_or_a_rotor()
     let table = fs::read(out.join("flights.parquet")).expect("flights.parquet");
     let (table, _) = campaign::table::Table::from_parquet(table, 6).expect("the table");
     let column = |name: &str| table.column(name).expect("a column");
+    assert_eq!(table.rows(), 6);
     for row in 0..table.rows() {
         let (case, cause) = (column("case").text(row), column("cause").text(row));
         let sink_mps = column("touchdown_sink_mps").number(row).expect("every flight touches down");

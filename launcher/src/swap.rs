@@ -17,7 +17,6 @@ use flight::programs::pin_swap;
 use flight::settings::check_swap;
 use flight::swap_story::{SwapStory, stayed};
 
-use crate::command::word;
 use crate::target::{self, TargetArgs};
 use flight::duration::seconds;
 use runtime::console::{eprint_line, print};
@@ -30,7 +29,8 @@ const LOOK: Duration = Duration::from_millis(50);
 #[command(after_help = "The flight itself ends with 1 if the candidate does not stay, unless --may-fail was given.")]
 pub struct SwapArgs {
     /// guidance, attitude-mpc or mixer
-    pub node: String,
+    #[arg(value_parser = node)]
+    pub node: SwapNode,
     /// Another program; it is started as PROGRAM --namespace NAME --epoch N --settings FILE
     #[arg(long, value_name = "PATH")]
     pub exec: Option<String>,
@@ -58,7 +58,7 @@ pub struct SwapArgs {
 
 /// Requests the swap, prints its events, and waits for its end; returns the exit code.
 pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
-    let node: SwapNode = word("node", &args.node)?;
+    let node = args.node;
     let exec = args.exec.as_deref().map(program).transpose()?;
     let (set, standby_s, watch_s) = (args.set.clone(), args.standby, args.watch);
     let (bounds, may_fail) = (args.bounds, args.may_fail);
@@ -123,6 +123,10 @@ fn line(event: &Value) -> String {
     let what = event["what"].as_str().unwrap_or_default();
     let at_s = event["at_s"].as_f64().unwrap_or_default();
     format!("{at_s:8.2} s   {} epoch {} {what}{why}\n", event["node"].as_str().unwrap_or_default(), event["epoch"])
+}
+
+fn node(word: &str) -> Result<SwapNode, String> {
+    serde_json::from_value(word.into()).map_err(|error| suggest(&error.to_string()))
 }
 
 fn bounds(text: &str) -> Result<SwapBounds, String> {

@@ -217,6 +217,16 @@ mod tests {
     }
 
     #[test]
+    fn the_feet_of_a_heavier_vehicle_are_as_much_stiffer() {
+        let mut heavier = Scenario::default();
+        heavier.plant.ground.present = true;
+        heavier.airframe.mass_kg *= 2.0;
+        let [one, two] = [ground(), Ground::new(&heavier).expect("there is one")]
+            .map(|ground| ground.push(&level(0.01, [0.0, 0.0, 0.1])).0.z);
+        assert!((two - 2.0 * one).abs() < 1e-9, "{one} {two}");
+    }
+
+    #[test]
     fn friction_brakes_and_is_no_larger_than_its_share_of_the_load() {
         let friction = |v: f64| ground().push(&level(0.01, [v, 0.0, 0.0]));
         let load_n = -friction(0.0).0.z;

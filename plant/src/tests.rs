@@ -365,7 +365,7 @@ fn vehicles() -> Vec<Scenario> {
 /// Scenario with the largest memory that the settings allow.
 fn largest() -> Scenario {
     let settings = "run={mode='realtime',rate_hz=1000,duration_s=20}\nmission.trajectory='hover'\n\
-                    plant.sensors={preset='typical',imu={rate_hz=1000},position={latency_ms=500},flow={rate_hz=1000}}\n\
+                    plant.sensors={preset='typical',imu={rate_hz=1000},receiver={latency_ms=500},flow={rate_hz=1000}}\n\
                     fault=[{at_s=0.2,target='rates',kind='delayed',ms=1000}]";
     contract::scenario::load_text(settings, "the largest", &[]).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -19,6 +19,7 @@ pub struct Mission {
     /// `parts`: limits of the curves.
     pub limits: MissionLimits,
     /// `parts`: parts in order.
+    #[schemars(example = serde_json::json!([{ "kind": "takeoff", "height_m": 5.0 }]))]
     pub part: Vec<Part>,
 }
 

@@ -116,7 +116,8 @@ pub const MOVED: &[(Kind, &str, Now)] = &[
     (Value, "fault.kind = \"shm-removed\"", Gone(A_TEST)),
     (Key, "swap.shadow_s", Name("swap.standby_s")),
     (Key, "swap.bounds.accord", Name("swap.bounds.similarity")),
-    (Value, "swap.node = \"recorder\"", Gone("a recorder is not swapped; kill it, and another continues the log")),
+    (Value, "swap.node = \"recorder\"", Gone(NO_RECORDER)),
+    (Command, "swap recorder", Gone(NO_RECORDER)),
     (Command, "swap --shadow", Name("swap --standby")),
     (Command, "trace", Name("export --to perfetto --worst")),
     (Command, "export fmu", Name("export --to fmu")),
@@ -142,7 +143,8 @@ const CIRCLE: &str = "a circle is three parts: kind = \"takeoff\" with height_m 
 const STEP: &str = "a step is two parts: kind = \"loiter\" with duration_s, and \"jump\" with point_m and duration_s";
 const VELOCITY: &str =
     "the velocity of a receiver has no bias; a fault has one: target = \"velocity\", kind = \"wrong\"";
-const FEET: &str = "feet are as stiff as the vehicle is heavy";
+const FEET: &str = "feet are as stiff as a vehicle of `airframe.mass_kg` needs them";
+const NO_RECORDER: &str = "a recorder is not swapped; kill it, and another continues the log";
 const A_TEST: &str = "it tests the stack and no controller, and is a test, tests/isolation.rs";
 
 /// Old name that was used, with what takes its place.

@@ -149,20 +149,23 @@ impl Nodes {
 
 /// Makes the paths of programs in `settings` absolute that name a file in `folder`.
 pub fn find_programs(settings: &mut Table, folder: &Path) {
+    let found = |path: &str| {
+        let file = absolute(folder.join(path)).ok().filter(|file| !path.is_empty() && file.is_file())?;
+        file.to_str().map(str::to_owned)
+    };
     let find = |word: &mut Value| {
-        if let Value::String(path) = word
-            && !path.is_empty()
-            && let Ok(file) = absolute(folder.join(&path))
-            && file.is_file()
-            && let Some(file) = file.to_str()
-        {
-            *path = file.into();
+        if let Some(file) = word.as_str().and_then(found) {
+            *word = file.into();
         }
     };
     let nodes = settings.get_mut("node").and_then(Value::as_table_mut);
     for (_, program) in nodes.into_iter().flatten() {
         program.get_mut("exec").map(find);
         program.get_mut("args").and_then(Value::as_array_mut).into_iter().flatten().for_each(find);
+        if let Some(files) = program.get_mut("files").and_then(Value::as_table_mut) {
+            *files =
+                std::mem::take(files).into_iter().map(|(path, hash)| (found(&path).unwrap_or(path), hash)).collect();
+        }
     }
     let swaps = settings.get_mut("swap").and_then(Value::as_array_mut);
     swaps.into_iter().flatten().filter_map(|swap| swap.get_mut("exec")).for_each(find);
@@ -201,14 +204,17 @@ mod tests {
     fn files_beside_the_scenario_become_absolute_and_other_words_stay() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("my.py"), "").unwrap();
-        let text = "node.mixer = { exec = 'python3', args = ['my.py', '-v'] }\nswap = [{ exec = 'my.py' }]";
+        let text = "node.mixer = { exec = 'python3', args = ['my.py', '-v'], files = { 'my.py' = '00' } }\n\
+                    swap = [{ exec = 'my.py' }]";
         let mut settings: Table = text.parse().unwrap();
         find_programs(&mut settings, folder.path());
         let mixer: NodeSettings = settings["node"]["mixer"].clone().try_into().unwrap();
         let file = folder.path().join("my.py").to_str().unwrap().to_owned();
         assert_eq!((mixer.exec.as_str(), mixer.args), ("python3", vec![file.clone(), "-v".into()]));
+        assert_eq!(mixer.files, [(file.clone(), "00".to_owned())].into());
         assert_eq!(settings["swap"][0]["exec"].as_str(), Some(file.as_str()));
     }
+
     #[test]
     fn another_program_keeps_the_scheduling_of_the_node() {
         let mut below: Table =

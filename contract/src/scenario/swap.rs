@@ -11,7 +11,6 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Topic;
-use crate::scenario::moved::{self, Kind};
 
 /// One `[[swap]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -140,9 +139,6 @@ impl<'de> Deserialize<'de> for SwapNode {
         use SwapNode as N;
         let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer];
         let word = String::deserialize(from)?;
-        if let Some(moved) = moved::find(Kind::Value, &format!("swap.node = {word:?}")) {
-            return Err(D::Error::custom(moved.title));
-        }
         // The plant is read, so that the check can refuse it with the reason, but it is not offered.
         let known = all.into_iter().find(|node| node.name() == word);
         known.ok_or_else(|| D::Error::unknown_variant(&word, &["guidance", "attitude-mpc", "mixer"]))

@@ -39,6 +39,12 @@ pub fn pin(program: &mut NodeSettings, name: &str) -> Result<(), ScenarioError> 
              `chmod +x` it if need be",
         );
     };
+    if let Some(other) = program.files.keys().find(|file| *file != exec && !program.args.contains(file)) {
+        return refused(
+            format!("`node.{name}.files` has `{other}`, which is neither `exec` nor a word of `args`"),
+            "the files that the program is started with, spelled as there",
+        );
+    }
     let named = program.args.iter().map(|word| (word, Path::new(word))).filter(|(_, path)| path.is_file());
     for (file, path) in iter::once((exec, path.as_path())).chain(named) {
         let found = sha256_of(path)

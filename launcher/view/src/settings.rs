@@ -112,7 +112,8 @@ mod tests {
         let by = |exec: &str, sha256: &str| {
             let mut scenario = Scenario::default();
             scenario.node.mixer.exec = exec.into();
-            scenario.node.mixer.files = [(exec.to_owned(), sha256.to_owned())].into();
+            let files = [(exec.to_owned(), sha256.to_owned())];
+            scenario.node.mixer.files = files.into_iter().filter(|(_, sha256)| !sha256.is_empty()).collect();
             scenario
         };
         let told = |one: &Scenario, other: &Scenario| differences(&[one, other]).len();

@@ -69,6 +69,8 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
 /// Finds every rule that the sizes of `fault` break in any scenario: sizes that its kind does not use, and sizes out of
 /// range.
 pub fn check_sizes(fault: &Fault, found: &mut Found) {
+    let has_form = toml::Table::try_from(fault).is_ok();
+    found.require(has_form, &["fault"], "a fault with a number that no file can hold".into(), "numbers below 2^63");
     let keys = fault.keys();
     let what = format!("{} {}", fault.target.name(), word(fault.kind));
     for given in fault.given() {

@@ -6,6 +6,7 @@ use curves::fastest::MAX_POINTS;
 use curves::{Excess, Limits, Planned, Quantity};
 
 use super::found::Found;
+use super::ranges::{DAY_S, SPACE_M};
 use crate::scenario::plan::{Demand, Offer, Stray};
 use crate::scenario::{CurveKind, HeadingRule, Part, PartHeading, PartKind, Scenario, TrajectoryKind, plan, word};
 
@@ -17,10 +18,6 @@ const MAX_TIMED_POINTS: usize = 1000;
 const MIN_LEG_S: f64 = 0.01;
 /// Shortest way from point to point \[m\].
 const MIN_WAY_M: f64 = 0.01;
-/// Longest mission \[s\]: a day, the longest flight.
-const MAX_MISSION_S: f64 = 86_400.0;
-/// Distance from the origin on any axis beyond which the plant ends a flight \[m\].
-const MAX_POSITION_M: f64 = 500.0;
 /// Depth of a curve below a vehicle that stands, up to which it counts as rounding \[m\].
 const GRAZE_M: f64 = 0.01;
 
@@ -95,13 +92,13 @@ fn check_points(part: &Part, place: &Place, found: &mut Found) {
     );
     let legs = std::iter::once(&0.0).chain(times_s).zip(times_s);
     let shortest_s = legs.map(|(from_s, until_s)| until_s - from_s).fold(f64::INFINITY, f64::min);
-    let rises = shortest_s >= MIN_LEG_S && times_s.iter().all(|t_s| *t_s <= MAX_MISSION_S);
+    let rises = shortest_s >= MIN_LEG_S && times_s.iter().all(|t_s| *t_s <= DAY_S);
     place.require(
         found,
         rises,
         "times_s",
         "`times_s` does not rise from 0",
-        &format!("each time at least {MIN_LEG_S} s after the one before, the first after 0, at most {MAX_MISSION_S}"),
+        &format!("each time at least {MIN_LEG_S} s after the one before, the first after 0, at most {DAY_S}"),
     );
     let ramp_s = part.ramp_s.unwrap_or(0.0);
     place.require(
@@ -197,10 +194,10 @@ fn check_curves(scenario: &Scenario, found: &mut Found) {
     }
     let duration_s = plan.duration_s();
     found.require(
-        duration_s <= MAX_MISSION_S,
+        duration_s <= DAY_S,
         &["mission.part"],
         format!("the parts of the mission take {duration_s:.1} s"),
-        &format!("at most a day, {MAX_MISSION_S} s"),
+        &format!("at most a day, {DAY_S} s"),
     );
 }
 
@@ -343,10 +340,10 @@ fn check_space(part: &Part, planned: &Planned, place: &Place, found: &mut Found)
     let farthest_m = low.amax().max(high.amax());
     place.require(
         found,
-        farthest_m < MAX_POSITION_M,
+        farthest_m < SPACE_M,
         culprit(part),
         &format!("its curve goes {farthest_m:.0} m from the origin"),
-        &format!("below {MAX_POSITION_M:.0} m on every axis: beyond, a run counts as diverged"),
+        &format!("below {SPACE_M:.0} m on every axis: beyond, a run counts as diverged"),
     );
 }
 

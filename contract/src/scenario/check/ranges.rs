@@ -30,15 +30,17 @@ const PRIORITY: Range = (Included(1.0), Included(95.0));
 /// One sample at the highest rate, to the longest horizon at the lowest.
 const HORIZON_S: Range = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
 /// Longest flight \[s\].
-const DAY_S: f64 = 86_400.0;
+pub const DAY_S: f64 = 86_400.0;
 const TIME_S: Range = (Included(0.0), Included(DAY_S));
 const DURATION_S: Range = (Included(0.1), Included(DAY_S));
-/// Space of the plant, along each axis; beyond, a flight counts as diverged.
-const POSITION_M: Range = (Included(-500.0), Included(500.0));
+/// Distance from the origin on any axis beyond which the plant ends a flight \[m\].
+pub const SPACE_M: f64 = 500.0;
+const POSITION_M: Range = (Included(-SPACE_M), Included(SPACE_M));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key, in which `*` is any name; arrays are checked element by element, tables
-/// key by key. Check, schema and reference pages have their ranges from here.
+/// key by key. Check, schema and reference pages have their ranges from here; those of a fault depend on its kind, and are
+/// with it.
 const RANGES: &[(&str, Range)] = &[
     ("mission.heading_deg", ANY),
     ("initial", ANY),

@@ -228,7 +228,7 @@ fn whole(end: End) -> Result<Flown, SessionError> {
         }
         End::Refused(why) => Err(SessionError::InChild(why)),
         End::Panicked(said) => panic!("{said}"),
-        End::Tried => unreachable!("a flight was asked for"),
+        End::Tried => Err(SessionError::InChild("it has damaged the memory of its process".into())),
     }
 }
 
