@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use anyhow::bail;
 use contract::Scenario;
-use contract::scenario::Bounds;
+use contract::message::Truth;
+use contract::scenario::{Bounds, from_merged};
 use flight::guarded;
 use flight::log::Record;
 use flight::stack::{Ended, Flown, Stack, StartError};
@@ -95,6 +96,18 @@ impl<'a> Started<'a> {
             _ => Ok((summary, flown)),
         }
     }
+}
+
+/// Returns the hover that faults and wrong candidates are added to, compiled in so that the command works in any folder.
+pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
+    let text = include_str!("../../../scenarios/faults/hover-gusts.toml");
+    Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
+}
+
+/// Returns true roll or pitch, whichever is larger \[deg\].
+pub fn lean_deg(truth: &Truth) -> f64 {
+    let [roll, pitch, _] = truth.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
+    roll.max(pitch)
 }
 
 /// Returns a namespace that no other run on this machine has.

@@ -31,7 +31,7 @@ pub enum Measure {
     Mpc(mpc::MpcArgs),
     /// Time the navigation unit, and a tick of the plant with and without it
     Navigation(navigation::NavigationArgs),
-    /// Fly with every fault of the catalogue, and kill, stop and delay processes in real time
+    /// Fly with every fault of the catalogue, and compare faults of processes with real time
     Faults(faults::FaultsArgs),
     /// Kill, swap and disturb processes of flights in real time, and fly each flight again from its log
     Stress(stress::StressArgs),

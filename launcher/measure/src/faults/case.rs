@@ -16,7 +16,7 @@
 
 use campaign::OwnController;
 use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, NodeSettings, from_merged, load};
+use contract::scenario::{Fault, FaultKind, FaultTarget, NodeSettings, load};
 use flight::programs;
 use serde::Serialize;
 
@@ -102,12 +102,6 @@ impl Case {
     }
 }
 
-/// Returns the scenario that every fault is added to, compiled in so that the command works in any folder.
-pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
-    let text = include_str!("../../../../scenarios/faults/hover-gusts.toml");
-    Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
-}
-
 /// Returns `base` with an attitude controller of the user.
 ///
 /// # Errors
@@ -129,9 +123,10 @@ pub fn hover_of_the_paper() -> anyhow::Result<Scenario> {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::{Mode, to_toml};
+    use contract::scenario::{Mode, from_merged, to_toml};
 
     use super::*;
+    use crate::flights::hover_in_gusts;
 
     #[test]
     fn the_matrix_is_the_whole_catalogue_and_every_case_is_a_scenario() {

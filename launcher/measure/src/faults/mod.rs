@@ -5,8 +5,6 @@
 //! | [`case`] | the matrix of faults, and the rule for recoverable ones |
 //! | [`one_flight`] | one flight through its fault, by processes and by one thread |
 //! | [`handling`](mod@handling) | reaction of the supervision to a process fault, in lockstep and in real time |
-//! | [`strike`] | processes killed and stopped from outside, in real time |
-//! | [`relay`] | swaps in flight with good and wrong candidates |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread; both flights must be equal bit for bit. The profile
@@ -17,34 +15,30 @@
 pub mod case;
 pub mod handling;
 pub mod one_flight;
-pub mod relay;
-pub mod strike;
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicU32;
 
 use campaign::OwnController;
 use contract::Scenario;
-use contract::scenario::Mode;
 use flight::interrupts::catch_interrupts;
 use outcome::percentiles::median;
 use serde::Serialize;
 
-use self::case::{Case, Promise, hover_in_gusts, hover_of_the_paper};
+use self::case::{Case, Promise, hover_of_the_paper};
 use self::handling::{FaultHandling, Handling};
 use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
-use self::relay::Relay;
-use self::strike::{Strike, Strikes};
 use crate::findings::Findings;
+use crate::flights::hover_in_gusts;
 use outcome::target::Target;
 use view::table::{Table, cell};
 
-/// Largest distance from the trajectory with good candidates \[m\].
-const SWAP_M: f64 = 0.1;
+/// Longest time until a hang is noticed: the third sample after the last answer, and the one in which it hung \[ms\].
+const HUNG_MS: f64 = 40.0;
 
 #[derive(clap::Args)]
 pub struct FaultsArgs {
-    /// Process faults, one swap of each node and one real-time flight of each sort only: shows that everything works
+    /// Process faults only, and of those compared with real time the kills: shows that everything works
     #[arg(long)]
     pub quick: bool,
     /// Fly the catalogue with this attitude controller too: a library or program of yours (repeatable)
@@ -69,8 +63,6 @@ pub struct FaultResults {
     pub own: Vec<OwnRows>,
     /// Process faults in lockstep and in real time.
     pub handling: Vec<FaultHandling>,
-    pub relays: Vec<Relay>,
-    pub strikes: Strikes,
 }
 
 /// Flights of the catalogue with a controller of the user, in the gusts of ours. They change no verdict.
@@ -105,15 +97,7 @@ impl FaultResults {
         let paper = fly(&calm, if quick { |_| false } else { Case::is_of_software })?;
         let handling = handling::compare(&base, quick, interrupts)?;
         let quiet = [Scenario::default(), base].into_iter().map(|calm| QuietFlight::fly(calm, interrupts));
-        Ok(Self {
-            rows,
-            own,
-            paper,
-            quiet: quiet.collect::<Result<_, _>>()?,
-            handling,
-            relays: Relay::fly_all(if quick { 1 } else { relay::ROUNDS }, interrupts)?,
-            strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
-        })
+        Ok(Self { rows, own, paper, quiet: quiet.collect::<Result<_, _>>()?, handling })
     }
 }
 
@@ -216,8 +200,9 @@ fn targets(results: &FaultResults) -> Vec<Target> {
     let other: Vec<&str> = other.map(|row| row.fault.as_str()).collect();
     let figure = format!("of {} process faults: restarts differ in real time", results.handling.len());
     targets.push(Target::none(figure, other.len()).noting(other.join(", ")));
-    targets.extend(results.relays.iter().flat_map(of_a_relay));
-    targets.extend(in_real_time(results));
+    let hung = results.handling.iter().filter(|row| row.fault.ends_with("stop"));
+    let noticed_ms = median(hung.filter_map(|row| row.realtime.noticed_ms));
+    targets.push(Target::at_most("hang noticed in real time, in whole samples, median", noticed_ms, HUNG_MS, "ms"));
     targets
 }
 
@@ -251,86 +236,4 @@ fn of_the_paper(rows: &[FaultFlight]) -> Option<Target> {
 
 fn names<'a>(rows: impl Iterator<Item = &'a FaultFlight>) -> String {
     rows.map(|row| row.fault.as_str()).collect::<Vec<_>>().join(", ")
-}
-
-fn of_a_relay(relay: &Relay) -> Vec<Target> {
-    let Relay { swaps, kept, tilt_deg, position_error_m, lost_ticks, explained, rejected, returned, .. } = relay;
-    let mode = if relay.mode == Mode::Realtime { "real time" } else { "lockstep" };
-    let sort = if relay.good { "good" } else { "wrong" };
-    let figure = |what| format!("{mode}, {swaps} {sort} candidates: {what}");
-    let mut targets = if relay.good {
-        let removed = rejected.iter().chain(returned).map(String::as_str).collect::<Vec<_>>().join("; ");
-        let more = if *explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
-        vec![
-            judged(Target::none(figure("not kept"), swaps - kept).noting(removed), relay.doubt.as_ref()),
-            Target::none(figure("ticks lost"), lost_ticks - explained).noting(more),
-            Target::at_most(figure("error"), Some(*position_error_m), SWAP_M, "m"),
-        ]
-    } else {
-        let tilt_deg = if relay.diverged { f64::INFINITY } else { *tilt_deg };
-        let note = format!("{} rejected on standby, {} removed when active", rejected.len(), returned.len());
-        vec![
-            judged(Target::none(figure("kept"), *kept).noting(note), relay.doubt.as_ref()),
-            Target::at_most(figure("worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
-        ]
-    };
-    let other = relay.same.map(usize::from).map(|same| 1 - same);
-    let figure = format!("flight with {swaps} {sort} candidates: differs by one thread");
-    targets.extend(other.map(|other| Target::none(figure, other)));
-    targets
-}
-
-/// Returns `target`, which is inconclusive if there is a `doubt` about the host.
-fn judged(target: Target, doubt: Option<&String>) -> Target {
-    match doubt {
-        Some(why) => target.in_doubt(why.as_str()),
-        None => target,
-    }
-}
-
-fn in_real_time(results: &FaultResults) -> Vec<Target> {
-    let Strikes { kills, hangs, canary } = &results.strikes;
-    let target = |figure: &str, strikes: &[Strike], of: fn(&Strike) -> Option<f64>, limit_ms: f64| {
-        let median_ms = median(strikes.iter().filter_map(of));
-        judged(Target::at_most(format!("{figure}, median"), median_ms, limit_ms, "ms"), canary.doubt.as_ref())
-    };
-    let missing = kills.iter().chain(hangs).filter(|strike| strike.restarted_ms.is_none()).count();
-    vec![
-        target("crash noticed", kills, |strike| strike.noticed_ms, 5.0),
-        target("hang noticed", hangs, |strike| strike.noticed_ms, 30.0),
-        target("hang, until a command without attitude-mpc", hangs, |strike| strike.fallback_ms, 30.0),
-        target("crash, until the restarted node's first message", kills, |strike| strike.restarted_ms, 150.0),
-        Target::none("strikes without a successor", missing),
-    ]
-}
-
-#[cfg(test)]
-mod tests {
-    use outcome::target::Verdict;
-
-    use super::*;
-
-    #[test]
-    fn candidates_that_are_late_on_a_busy_host_are_not_judged() {
-        let flown = |kept, doubt: Option<&str>| Relay {
-            good: true,
-            mode: Mode::Realtime,
-            swaps: 60,
-            kept,
-            rejected: vec![],
-            returned: vec![],
-            lost_ticks: 0,
-            explained: 0,
-            tilt_deg: 0.0,
-            position_error_m: 0.01,
-            diverged: false,
-            doubt: doubt.map(str::to_owned),
-            same: None,
-        };
-        let verdict = |kept, doubt| of_a_relay(&flown(kept, doubt))[0].verdict;
-        assert_eq!(verdict(60, None), Verdict::Ok);
-        assert_eq!(verdict(0, None), Verdict::Short);
-        assert_eq!(verdict(0, Some("a busy host")), Verdict::Inconclusive);
-        assert_eq!(verdict(60, Some("a busy host")), Verdict::Ok);
-    }
 }

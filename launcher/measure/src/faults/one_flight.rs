@@ -10,7 +10,7 @@ use contract::stamp::delivery;
 use serde::Serialize;
 
 use super::case::{AT_S, BACK_S, Case, FOR_S, Promise};
-use crate::flights::{in_process, through_processes};
+use crate::flights::{in_process, lean_deg, through_processes};
 use flight::event::name;
 use flight::log::Record;
 use flight::stack::{Ended, Flown};
@@ -97,12 +97,6 @@ impl FaultFlight {
             _ => None,
         }
     }
-}
-
-/// Returns true roll or pitch, whichever is larger \[deg\].
-pub fn lean_deg(truth: &Truth) -> f64 {
-    let [roll, pitch, _] = truth.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
-    roll.max(pitch)
 }
 
 /// Gathers the course of a flight with one fault.

@@ -8,12 +8,16 @@
 //! | a node or the recorder, too often | exit 3, and the vehicle does not diverge |
 //! | a node or the recorder, before the first tick or after the last | exit 3, and the launcher names it |
 //!
+//! A long flight ends with 0. One that is disturbed or loaded may end with 1 too, beyond its bounds or because a
+//! candidate was late, and so may one with good candidates: these have a target of their own.
+//!
 //! After exit 0 the log can be read to its end and is complete, whatever process died.
 //!
 //! After every flight no shared memory and no process is left.
 
 use super::logged::Kill;
 use super::one_flight::{DURATION_S, StressFlight};
+use super::orders::Kind;
 use super::plan::Victim;
 
 /// Largest distance from the trajectory in a flight that continues \[m\].
@@ -34,11 +38,12 @@ pub fn complaint(flight: &StressFlight) -> Option<String> {
     if flight.kills.last().is_some_and(|kill| kill.victim == Victim::Launcher) {
         return without_launcher(flight);
     }
-    match flight.code {
-        Some(0) => after_exit_0(flight),
-        Some(3) => after_exit_3(flight),
-        Some(code) => Some(format!("exit {code}: {}", flight.said.trim())),
-        None => Some(format!("did not end: {}", flight.said.trim())),
+    match (flight.kind, flight.code) {
+        (Kind::Killed, Some(0)) => after_exit_0(flight),
+        (Kind::Killed, Some(3)) => after_exit_3(flight),
+        (_, Some(0)) | (Kind::Disturbed | Kind::Loaded | Kind::Good, Some(1)) => missing_in_log(flight),
+        (_, Some(code)) => Some(format!("exit {code}: {}", flight.said.trim())),
+        (_, None) => Some(format!("did not end: {}", flight.said.trim())),
     }
 }
 

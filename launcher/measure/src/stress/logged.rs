@@ -17,6 +17,8 @@ pub struct Kill {
     pub moment: Moment,
     #[serde(skip)]
     pub at_ns: u64,
+    /// Time until its role was vacant \[ms\]; `None` for a process without a successor, and for the recorder.
+    pub noticed_ms: Option<f64>,
     /// Time from the kill to the first message of the next epoch \[ms\]; for a recorder, to the first sample after the
     /// next recorder took over. `None` if the successor was killed first, or if the log ends first.
     pub successor_ms: Option<f64>,
@@ -28,7 +30,7 @@ pub struct Kill {
 impl Kill {
     /// Makes a kill without a known successor.
     pub fn new(victim: Victim, epoch: u32, moment: Moment, at_ns: u64) -> Self {
-        Self { victim, epoch, moment, at_ns, successor_ms: None, unseen: false }
+        Self { victim, epoch, moment, at_ns, noticed_ms: None, successor_ms: None, unseen: false }
     }
 
     /// Adds the successor from the `log`, unless one of its `holes` may hide it.

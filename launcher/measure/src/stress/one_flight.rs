@@ -8,32 +8,35 @@ use anyhow::{Context, bail};
 use contract::exit;
 use contract::message::State;
 use contract::scenario::to_toml;
+use contract::topic::Topic;
 use flight::control::{Request, ask};
 use flight::event::What;
 use flight::files::write_whole;
-use flight::log;
+use flight::log::{self, Log};
 use flight::replay::Plan;
 use flight::stack::StartError;
 use outcome::recorded::Recorded;
 use outcome::replay_verdict::replay_and_judge;
 use outcome::run_record::RunRecord;
 use runtime::domain::Domain;
+use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
 use serde::Serialize;
 
 use super::logged::{Kill, holes, sent_ns};
 use super::orders::{Kind, Order, orders};
 use super::plan::{Moment, PlannedKill, Victim};
-use crate::flights::namespace;
-use crate::killer::{Launcher, Process, left, said};
+use crate::flights::{lean_deg, namespace};
+use crate::killer::{Launcher, Process, left, milliseconds, said};
+use crate::timing::canary::{Canary, LONGEST};
 use crate::timing::machine::Stress;
 
 /// Duration of a short flight \[s\].
 pub const DURATION_S: f64 = 3.0;
 /// Duration of the flight after a launcher that was killed \[s\].
 const NEXT_S: f64 = 0.3;
-/// Interval between two samples of a short flight \[s\].
-const SAMPLE_S: f64 = 0.01;
+/// Longest wait until the end of a process that was killed is noticed.
+const NOTICED: Duration = Duration::from_millis(50);
 /// Longest time for start, report and end of a flight on a loaded machine.
 const AROUND: Duration = Duration::from_secs(60);
 
@@ -54,6 +57,12 @@ pub struct StressFlight {
     pub diverged: bool,
     /// Largest distance from the trajectory \[m\].
     pub position_error_m: Option<f64>,
+    /// Largest true roll or pitch \[deg\].
+    pub tilt_deg: f64,
+    /// Number of ticks on which a node did not send exactly one message, in a flight with candidates.
+    pub lost_ticks: usize,
+    /// Reason why a candidate that was late cannot be judged.
+    pub doubt: Option<String>,
     /// Nodes given up because they died too often.
     pub given_up: Vec<String>,
     #[serde(skip)]
@@ -85,8 +94,8 @@ pub struct Again {
     pub faults: usize,
     /// Number of processes that died or hung.
     pub deaths: usize,
-    /// Number of swaps whose candidate was kept.
-    pub swaps: usize,
+    /// Candidates that were kept: node and time.
+    pub kept: Vec<String>,
     /// Wall time to read the log, and to replay it \[s\].
     pub read_s: f64,
     pub replay_s: f64,
@@ -130,6 +139,7 @@ impl StressFlight {
         }
         let mut launcher = start(kind, duration_s, &namespace, folder.path())?;
         while launcher.wait_for_flight().is_none() && !launcher.has_ended() {} // under load it takes seconds to start
+        let canary = kind.has_candidates().then(|| Canary::start(LONGEST)).transpose()?;
         if kind == Kind::Disturbed {
             disturb(number, duration_s, &namespace);
         }
@@ -139,7 +149,9 @@ impl StressFlight {
             bail!(StartError::Interrupted);
         }
         let code = Some(code.context("a flight did not end, and was killed")?);
-        let mut row = Self { flight: number, kind, code, said: said(folder.path()), ..Self::default() };
+        let doubt = canary.map(Canary::stop).transpose()?.and_then(|host| host.summary().doubt);
+        let (left, said) = (left(&namespace), said(folder.path()));
+        let mut row = Self { flight: number, kind, code, said, left, doubt, ..Self::default() };
         row.read(&folder.path().join("run"), vec![]);
         row.fly_again(folder);
         Ok(Some(row))
@@ -157,8 +169,11 @@ impl StressFlight {
         let log = log.unwrap_or_default();
         let given_up = log.events.iter().filter(|event| event.what == What::GivenUp);
         self.given_up = given_up.map(|event| event.node.clone()).collect();
+        self.tilt_deg = log.truths.iter().map(lean_deg).fold(0.0, f64::max);
+        self.lost_ticks = if self.kind.has_candidates() { lost_ticks(&log) } else { 0 };
+        let sample_s = 1.0 / f64::from(self.kind.rate_hz());
         let unrecorded_s =
-            |state: &State| self.flown_s.map_or(0.0, |flown_s| flown_s - state.stamp.tick as f64 * SAMPLE_S);
+            |state: &State| self.flown_s.map_or(0.0, |flown_s| flown_s - state.stamp.tick as f64 * sample_s);
         let end_ns = |state: &State| sent_ns(state) + (unrecorded_s(state) * 1e9).round() as u64;
         self.end_ns = log.states.last().map_or(0, end_ns);
         let holes = holes(&log, self.end_ns);
@@ -189,6 +204,8 @@ impl Again {
             (flown_s, messages, replay_s) = (summary.time_s(), replayed.compared(), started.elapsed().as_secs_f64());
         })?;
         let count = |of: &[What]| recorded.log.events.iter().filter(|event| of.contains(&event.what)).count();
+        let sample_s = recorded.scenario.sample_s();
+        let kept = recorded.log.events.iter().filter(|event| event.what == What::Kept);
         let nodes = recorded.run.timing.iter().flat_map(|timing| timing.nodes.values());
         Ok(Self {
             flown_s,
@@ -196,7 +213,7 @@ impl Again {
             misses: nodes.map(|node| node.counts.misses).sum(),
             faults: count(&[What::Injected]),
             deaths: count(&[What::Died, What::Hung]),
-            swaps: count(&[What::Kept]),
+            kept: kept.map(|event| format!("{} at {:.2} s", event.node, event.tick as f64 * sample_s)).collect(),
             read_s,
             replay_s,
             state_hash: recorded.run.state_hash.clone(),
@@ -208,7 +225,7 @@ impl Again {
 fn start(kind: Kind, duration_s: f64, namespace: &str, folder: &Path) -> anyhow::Result<Launcher> {
     std::fs::create_dir_all(folder)?;
     let file = folder.join("scenario.toml");
-    write_whole(&file, to_toml(&kind.scenario(duration_s)).as_bytes())?;
+    write_whole(&file, to_toml(&kind.scenario(duration_s)?).as_bytes())?;
     Launcher::start(namespace, folder, &[&file.display().to_string()])
 }
 
@@ -263,5 +280,36 @@ fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Op
     std::thread::sleep(wait);
     let process = launcher.wait_for(newest)?;
     let at_ns = process.signal(&launcher.namespace, Signal::KILL)?;
-    Some(Kill::new(victim, process.epoch, moment, at_ns))
+    let noticed_ms = (moment == Moment::Flying).then(|| noticed_ms(launcher, &process, at_ns)).flatten();
+    Some(Kill { noticed_ms, ..Kill::new(victim, process.epoch, moment, at_ns) })
+}
+
+/// Waits until the role of a `process` that was killed at `at_ns` is vacant; returns the time since then \[ms\], `None`
+/// for one that was not active.
+fn noticed_ms(launcher: &Launcher, process: &Process, at_ns: u64) -> Option<f64> {
+    let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == process.name)?;
+    let page = ControlPage::open(&Domain::find(&launcher.namespace).ok()?.file("page")).ok()?;
+    let is_active = || page.role(topic).active() == process.epoch;
+    if !is_active() {
+        return None;
+    }
+    while is_active() && now_ns() < at_ns + NOTICED.as_nanos() as u64 {
+        std::thread::sleep(Duration::from_micros(100));
+    }
+    (!is_active()).then(|| milliseconds(now_ns() - at_ns))
+}
+
+/// Counts the ticks on which a node sent no message that was delivered, or more than one. The first and the last second
+/// are left out: there is no swap in them, and at the end the nodes leave.
+fn lost_ticks(log: &Log) -> usize {
+    let mut sent = vec![[0_u8; Topic::COUNT]; log.states.len()];
+    for record in log.tick_by_tick() {
+        if let Some((topic, stamp)) = record.stamped().filter(|(_, stamp)| stamp.is_delivered())
+            && let Some(tick) = sent.get_mut(stamp.tick as usize)
+        {
+            tick[topic as usize] += 1;
+        }
+    }
+    let counted = 100..sent.len().saturating_sub(100);
+    sent.get(counted).unwrap_or_default().iter().filter(|tick| **tick != [1; Topic::COUNT]).count()
 }

@@ -2,7 +2,8 @@
 //!
 //! | number, of 20 | kind |
 //! |---|---|
-//! | 10 | undisturbed, at 100 Hz |
+//! | 8 | undisturbed, at 100 Hz |
+//! | 1 | with sixty good candidates, 1 with thirty wrong ones ([`candidates`](super::candidates)) |
 //! | 5 | disturbed in flight by commands: two processes killed, one swapped, three faults given |
 //! | 3 | under `stress-ng --cpu 4` at `SCHED_OTHER` |
 //! | 2 | undisturbed, at 500 Hz |
@@ -13,6 +14,7 @@ use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Policy, Swap, SwapNode};
 use serde::Serialize;
 
+use super::candidates;
 use crate::timing::timed_flights::realtime;
 
 /// Conditions of a flight.
@@ -25,18 +27,20 @@ pub enum Kind {
     Disturbed,
     Loaded,
     Fast,
+    Good,
+    Wrong,
 }
-use Kind::{Alone, Disturbed, Fast, Killed, Loaded};
+use Kind::{Alone, Disturbed, Fast, Good, Killed, Loaded, Wrong};
 
 /// Kinds of twenty long flights, mixed so that a short series already has several kinds.
 const KINDS: [Kind; 20] = [
-    Disturbed, Fast, Alone, Loaded, Alone, Alone, Disturbed, Alone, Alone, Loaded, Disturbed, Alone, Alone, Fast,
-    Alone, Disturbed, Loaded, Alone, Disturbed, Alone,
+    Disturbed, Fast, Good, Loaded, Wrong, Alone, Disturbed, Alone, Alone, Loaded, Disturbed, Alone, Alone, Fast, Alone,
+    Disturbed, Loaded, Alone, Disturbed, Alone,
 ];
 
 impl Kind {
     /// All kinds, in the order of the table.
-    pub const ALL: [Self; 5] = [Killed, Alone, Disturbed, Loaded, Fast];
+    pub const ALL: [Self; 7] = [Killed, Alone, Disturbed, Loaded, Fast, Good, Wrong];
 
     /// Returns the kind of long flight `number`, counted from 0.
     pub fn of(number: u64) -> Self {
@@ -50,12 +54,28 @@ impl Kind {
             Disturbed => "100 Hz, kills, a swap, live faults",
             Loaded => "100 Hz, SCHED_OTHER, stress-ng",
             Fast => "500 Hz",
+            Good => "100 Hz, good candidates",
+            Wrong => "100 Hz, wrong candidates",
         }
     }
 
-    pub fn scenario(self, duration_s: f64) -> Scenario {
-        let rate_hz = if self == Fast { 500 } else { 100 };
-        realtime(rate_hz, if self == Loaded { Policy::Other } else { Policy::Fifo }, duration_s)
+    /// Returns whether the flight has [`candidates`].
+    pub fn has_candidates(self) -> bool {
+        matches!(self, Good | Wrong)
+    }
+
+    pub fn rate_hz(self) -> u32 {
+        if self == Fast { 500 } else { 100 }
+    }
+
+    /// Returns what is flown; flights with candidates are as long as these need.
+    pub fn scenario(self, duration_s: f64) -> anyhow::Result<Scenario> {
+        let survey = realtime(self.rate_hz(), if self == Loaded { Policy::Other } else { Policy::Fifo }, duration_s);
+        match self {
+            Good => Ok(candidates::good(survey)),
+            Wrong => candidates::wrong(),
+            _ => Ok(survey),
+        }
     }
 }
 
@@ -94,6 +114,6 @@ mod tests {
     #[test]
     fn twenty_flights_have_the_kinds_of_the_table() {
         let count = |kind| (0..20).filter(|number| Kind::of(*number) == kind).count();
-        assert_eq!([Alone, Disturbed, Loaded, Fast].map(count), [10, 5, 3, 2]);
+        assert_eq!([Alone, Disturbed, Loaded, Fast, Good, Wrong].map(count), [8, 5, 3, 2, 1, 1]);
     }
 }

@@ -1,0 +1,99 @@
+//! Flights with many swaps: twenty good candidates of each node in the survey, or thirty wrong ones in gusts.
+//!
+//! Every other good candidate has other settings. Each wrong candidate fails either on standby or, if it gets that far,
+//! while active, in one of these ways:
+//!
+//! | way | its answers |
+//! |---|---|
+//! | garbage | numbers that are not finite, with a correct checksum |
+//! | drop | none |
+//! | wrong | finite and plausible, times -1 |
+//! | slow | 30 ms late |
+//! | exit | none, because the process has ended |
+
+use contract::Scenario;
+use contract::scenario::{Mode, Swap, SwapNode};
+use contract::topic::Topic;
+
+use crate::flights::hover_in_gusts;
+
+/// Nodes in the order of their swaps, with their topics and the settings of every other good candidate.
+const NODES: [(SwapNode, Topic, &str); 3] = [
+    (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
+    (SwapNode::AttitudeMpc, Topic::Controls, "attitude.law=\"lqr\""),
+    (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
+];
+/// Faults of the wrong candidates: of the topic or of the process.
+const WAYS: [(FaultTargetOf, &str); 5] = [
+    (Topic::name, "kind=\"garbage\""),
+    (Topic::name, "kind=\"drop\", probability=1.0"),
+    (Topic::name, "kind=\"wrong\", how=\"sign\""),
+    (Topic::publisher, "kind=\"slow\", ms=30.0"),
+    (Topic::publisher, "kind=\"exit\""),
+];
+/// Returns the target of a fault, for the publisher of a topic.
+type FaultTargetOf = fn(Topic) -> &'static str;
+/// Number of good candidates of each node.
+const ROUNDS: usize = 20;
+/// Number of all good candidates.
+pub const GOOD: usize = ROUNDS * NODES.len();
+/// Time at which the first swap begins \[s\].
+const FIRST_S: f64 = 1.0;
+/// Duration of standby of a good candidate, and interval between two swaps \[s\].
+const GOOD_S: (f64, f64) = (0.1, 0.4);
+/// Duration and interval for wrong candidates, long enough for the error to show \[s\].
+const WRONG_S: (f64, f64) = (0.2, 1.0);
+/// Pause between the end of a swap and the next one \[s\].
+const REST_S: f64 = 0.1;
+/// Delay from the beginning of a swap until its candidate fails: on standby, or active. Leaves time to start \[s\].
+const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
+/// Interval between two gusts \[s\].
+const GUST_S: f64 = 2.0;
+
+/// Adds the good candidates to the `survey`.
+pub fn good(survey: Scenario) -> Scenario {
+    let mut swaps = vec![];
+    for round in 0..ROUNDS {
+        for (node, _, other) in NODES {
+            let set = if round % 2 == 1 { vec![other.to_owned()] } else { vec![] };
+            swaps.push(swap(swaps.len(), GOOD_S, node, set));
+        }
+    }
+    with_swaps(survey, swaps)
+}
+
+/// Returns the gusts, repeated, with a candidate of every node that fails in every way, on standby and active.
+pub fn wrong() -> anyhow::Result<Scenario> {
+    let (mut gusts, mut swaps) = (hover_in_gusts()?, vec![]);
+    for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
+        for (node, topic, _) in NODES {
+            let at_s = begins_s(swaps.len(), WRONG_S) + after_s;
+            let set = format!("fault=[{{at_s={at_s:?}, target=\"{}\", {fault}}}]", target(topic));
+            swaps.push(Swap { may_fail: true, ..swap(swaps.len(), WRONG_S, node, vec![set]) });
+        }
+    }
+    let gust = gusts.plant.wind_ned_mps.split_off(1); // the first entry is the steady wind
+    for i in 1..(begins_s(swaps.len(), WRONG_S) / GUST_S) as usize {
+        let later_s = FIRST_S + GUST_S * i as f64 - gust[0].0;
+        gusts.plant.wind_ned_mps.extend(gust.iter().map(|(at_s, wind_mps)| (at_s + later_s, *wind_mps)));
+    }
+    gusts.run.mode = Mode::Realtime;
+    Ok(with_swaps(gusts, swaps))
+}
+
+fn begins_s(i: usize, (_, apart_s): (f64, f64)) -> f64 {
+    FIRST_S + apart_s * i as f64
+}
+
+/// Returns swap number `i`, with standby and interval in `times_s`.
+fn swap(i: usize, times_s: (f64, f64), node: SwapNode, set: Vec<String>) -> Swap {
+    let (standby_s, apart_s) = times_s;
+    Swap { set, standby_s, watch_s: apart_s - standby_s - REST_S, ..Swap::new(node, begins_s(i, times_s)) }
+}
+
+fn with_swaps(mut scenario: Scenario, swaps: Vec<Swap>) -> Scenario {
+    let end_s = swaps.last().map_or(0.0, |last| last.at_s + last.standby_s + last.watch_s);
+    scenario.run.duration_s = (end_s + 1.0).ceil();
+    scenario.swap = swaps;
+    scenario
+}
