@@ -47,8 +47,8 @@ const WAYS: [(FaultTargetOf, &str); 5] = [
 ];
 /// Returns the target of a fault, for the publisher of a topic.
 type FaultTargetOf = fn(Topic) -> &'static str;
-/// Number of good candidates of each node in a full run.
-pub const ROUNDS: usize = 20;
+/// Number of good candidates of each node.
+const ROUNDS: usize = 20;
 /// Time at which the first swap begins \[s\].
 const FIRST_S: f64 = 1.0;
 /// Duration of standby of a good candidate, and interval between two swaps \[s\].
@@ -97,9 +97,9 @@ struct Answers {
 }
 
 impl Relay {
-    /// Flies `rounds` good candidates of each node and every wrong one, in lockstep and in real time.
-    pub fn fly_all(rounds: usize, interrupts: &AtomicU32) -> anyhow::Result<Vec<Self>> {
-        let flights = [(true, good_candidates(rounds)), (false, wrong_candidates(hover_in_gusts()?))];
+    /// Flies [`ROUNDS`] good candidates of each node and every wrong one, in lockstep and in real time.
+    pub fn fly_all(interrupts: &AtomicU32) -> anyhow::Result<Vec<Self>> {
+        let flights = [(true, good_candidates()), (false, wrong_candidates(hover_in_gusts()?))];
         let modes = [Mode::Lockstep, Mode::Realtime].into_iter();
         let each = modes.flat_map(|mode| flights.clone().map(|(good, scenario)| (good, scenario, mode)));
         each.map(|(good, scenario, mode)| Self::fly(good, scenario, mode, interrupts)).collect()
@@ -146,10 +146,10 @@ impl Relay {
     }
 }
 
-/// Returns the survey with `rounds` good candidates of each node.
-fn good_candidates(rounds: usize) -> Scenario {
+/// Returns the survey with [`ROUNDS`] good candidates of each node.
+fn good_candidates() -> Scenario {
     let mut swaps = vec![];
-    for round in 0..rounds {
+    for round in 0..ROUNDS {
         for (node, _, other) in NODES {
             let set = if round % 2 == 1 { vec![other.to_owned()] } else { vec![] };
             swaps.push(swap(swaps.len(), GOOD_S, node, set));

@@ -33,6 +33,8 @@ use crate::timing::canary::{Canary, CanarySummary, LONGEST};
 const APART: Duration = Duration::from_micros(703_700);
 /// Time after which a strike counts as without effect \[ns\].
 const LIMIT_NS: u64 = 1_500_000_000;
+/// Number of flights with each signal.
+const FLIGHTS: usize = 5;
 /// Topics of the nodes, in the order of their strikes.
 const VICTIMS: [Topic; 3] = [Topic::Controls, Topic::Reference, Topic::Actuators];
 
@@ -62,11 +64,11 @@ pub struct Strike {
 }
 
 impl Strikes {
-    /// Strikes every node once in each flight, in `flights` flights with each signal.
-    pub fn measure(flights: usize, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+    /// Strikes every node once in each flight, in [`FLIGHTS`] flights with each signal.
+    pub fn measure(interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let canary = Canary::start(LONGEST)?;
         let all = |signal| -> anyhow::Result<Vec<Strike>> {
-            let each = (0..flights).map(|_| fly(signal, interrupts));
+            let each = (0..FLIGHTS).map(|_| fly(signal, interrupts));
             Ok(each.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
         };
         let (kills, hangs) = (all(Signal::KILL), all(Signal::STOP));
