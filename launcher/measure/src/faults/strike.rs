@@ -14,9 +14,8 @@ use std::time::Duration;
 
 use anyhow::bail;
 use contract::exit;
-use contract::scenario::{Mode, to_toml};
+use contract::scenario::Mode;
 use contract::topic::Topic;
-use flight::files::write_whole;
 use flight::log::{self, Log, Record};
 use flight::stack::StartError;
 use outcome::faults::reacts;
@@ -83,18 +82,12 @@ fn fly(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>> {
     scenario.run.duration_s = (APART * 4).as_secs_f64().ceil() + 1.0;
     let namespace = namespace();
     let folder = tempfile::Builder::new().prefix(&namespace).tempdir()?;
-    let file = folder.path().join("scenario.toml");
-    write_whole(&file, to_toml(&scenario).as_bytes())?;
-    let mut launcher = Launcher::start(&namespace, folder.path(), &[&file.display().to_string()])?;
-    let mut page = None;
-    while page.is_none() && !launcher.has_ended() {
-        page = launcher.wait_for_flight(); // on a loaded machine a stack takes seconds to start
-    }
+    let mut launcher = Launcher::start(&scenario, &namespace, folder.path())?;
     let mut strikes = vec![];
-    if let Some(page) = &page {
+    if let Some(page) = launcher.wait_for_flight() {
         for topic in VICTIMS {
             std::thread::sleep(APART);
-            strikes.extend(strike(signal, topic, &namespace, page));
+            strikes.extend(strike(signal, topic, &namespace, &page));
         }
     }
     let code = launcher.end();
