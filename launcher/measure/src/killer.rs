@@ -8,9 +8,11 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use contract::Topic;
 use contract::message::{Message, Stamp};
+use contract::scenario::to_toml;
 use contract::stamp::delivery;
+use contract::{Scenario, Topic};
+use flight::files::write_whole;
 use flight::log::Log;
 use flight::own_program;
 use runtime::domain::Domain;
@@ -74,13 +76,15 @@ pub struct Launcher {
 }
 
 impl Launcher {
-    /// Starts it with `arguments`. Writes the run to `run` in `folder`, standard error to `stderr`.
-    pub fn start(namespace: &str, folder: &Path, arguments: &[&str]) -> anyhow::Result<Self> {
+    /// Starts a flight of `scenario`. Writes the run to `run` in `folder`, standard error to `stderr`.
+    pub fn start(scenario: &Scenario, namespace: &str, folder: &Path) -> anyhow::Result<Self> {
         let cannot = || format!("cannot write to {}", folder.display());
         fs::create_dir_all(folder).with_context(cannot)?;
         let stderr = File::create(folder.join("stderr")).with_context(cannot)?;
+        let file = folder.join("scenario.toml");
+        write_whole(&file, to_toml(scenario).as_bytes())?;
         let mut command = own_program();
-        command.args(["fly", "--namespace", namespace]).args(arguments).arg("--out").arg(folder.join("run"));
+        command.args(["fly", "--namespace", namespace]).arg(file).arg("--out").arg(folder.join("run"));
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr).spawn();
         let child = child.context("cannot start a flight")?;
         Ok(Self { namespace: namespace.to_owned(), started: Instant::now(), child })
@@ -98,12 +102,16 @@ impl Launcher {
         }
     }
 
-    /// Waits until the plant has sent a sample.
+    /// Waits until the plant has sent a sample, for seconds on a loaded machine; `None` if the flight ends before.
     pub fn wait_for_flight(&mut self) -> Option<ControlPage> {
-        self.wait_for(|namespace| {
-            let page = ControlPage::open(&Domain::find(namespace).ok()?.file("page")).ok()?;
-            (page.role(Topic::State).done(1).get() > 0).then_some(page)
-        })
+        let mut page = None;
+        while page.is_none() && !self.has_ended() {
+            page = self.wait_for(|namespace| {
+                let page = ControlPage::open(&Domain::find(namespace).ok()?.file("page")).ok()?;
+                (page.role(Topic::State).done(1).get() > 0).then_some(page)
+            });
+        }
+        page
     }
 
     pub fn has_ended(&mut self) -> bool {

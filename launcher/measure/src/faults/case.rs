@@ -76,13 +76,9 @@ impl Case {
         matches!(target, FaultTarget::Clock | FaultTarget::Host) || target.is_of_the_unit()
     }
 
-    pub fn is_of_a_process(&self) -> bool {
-        self.0.target.process().is_some()
-    }
-
     /// Returns whether the fault acts on a process or on a message.
     pub fn is_of_software(&self) -> bool {
-        self.is_of_a_process() || self.0.target.topic().is_some()
+        self.0.target.process().is_some() || self.0.target.topic().is_some()
     }
 
     /// Returns the promise if the state was unknown for `blind_s` at most; `fell`: the paper's controller lost thrust.

@@ -50,10 +50,9 @@ pub struct Handling {
     pub restarts: usize,
 }
 
-/// Flies every process fault in both modes; with `quick` the kills only.
-pub fn compare(base: &Scenario, quick: bool, interrupts: &AtomicU32) -> anyhow::Result<Vec<FaultHandling>> {
-    let kinds = if quick { &KINDS[..1] } else { &KINDS[..] };
-    let cases = kinds.iter().flat_map(|kind| NODES.map(|node| (*kind, node)));
+/// Flies every process fault in both modes.
+pub fn compare(base: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<Vec<FaultHandling>> {
+    let cases = KINDS.into_iter().flat_map(|kind| NODES.map(|node| (kind, node)));
     cases
         .map(|(kind, (target, topic))| {
             let mut scenario = base.clone();

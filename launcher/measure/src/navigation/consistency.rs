@@ -9,7 +9,7 @@
 //! tracking and navigation* (2001), section 5.4. One number of each seed counts, because those of a flight go together.
 
 use contract::message::{Kinematics, State, Truth};
-use contract::scenario::{SensorPreset, Sensors};
+use contract::scenario::Sensors;
 use flight::inprocess;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use navigation::state::{ATTITUDE, POSITION, VELOCITY};
@@ -19,8 +19,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 use view::table::Table;
 
-/// Sensors whose filter is looked at.
-const PRESETS: [(&str, SensorPreset); 2] = [("typical", SensorPreset::Typical), ("good", SensorPreset::Good)];
+use super::WITH_FILTER;
+
 /// Times at which the errors are weighed \[s\]; the last one ends the flight.
 const CHECKS_S: [u64; 4] = [30, 60, 300, 600];
 /// Parts of the error, each with its first state and the number of its states.
@@ -68,7 +68,7 @@ pub struct Row {
 /// Flies `seeds` of each preset, and adds the targets.
 pub fn measure(seeds: u64, targets: &mut Vec<Target>) -> anyhow::Result<Vec<Row>> {
     let mut rows = vec![];
-    for (preset, sensors) in PRESETS.into_iter().filter(|_| seeds > 0) {
+    for (preset, sensors) in WITH_FILTER.into_iter().filter(|_| seeds > 0) {
         let flown = (1..=seeds).into_par_iter().map(|seed| fly(seed, &Sensors::from(sensors)));
         let flown: Vec<Seed> = flown.collect::<anyhow::Result<_>>()?;
         let mut add = |what: String, freedom: usize, of: &dyn Fn(&Seed) -> f64| {

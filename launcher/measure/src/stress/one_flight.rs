@@ -7,11 +7,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use contract::exit;
 use contract::message::State;
-use contract::scenario::to_toml;
 use contract::topic::Topic;
 use flight::control::{Request, ask};
 use flight::event::What;
-use flight::files::write_whole;
 use flight::log::{self, Log};
 use flight::replay::Plan;
 use flight::stack::StartError;
@@ -96,8 +94,7 @@ pub struct Again {
     pub deaths: usize,
     /// Candidates that were kept: node and time.
     pub kept: Vec<String>,
-    /// Wall time to read the log, and to replay it \[s\].
-    pub read_s: f64,
+    /// Wall time to replay the log \[s\].
     pub replay_s: f64,
     /// State hash that the flight recorded.
     pub state_hash: Option<String>,
@@ -109,13 +106,14 @@ impl StressFlight {
     /// Flies short flight `number` with the kills of its `plan`.
     pub fn short(number: u64, plan: &[PlannedKill], namespace: &str) -> anyhow::Result<Self> {
         let folder = tempfile::Builder::new().prefix(namespace).tempdir()?;
-        let mut launcher = start(Kind::Killed, DURATION_S, namespace, folder.path())?;
+        let mut launcher = Launcher::start(&Kind::Killed.scenario(DURATION_S)?, namespace, folder.path())?;
         let kills = kill_all(&mut launcher, plan);
         let mut row = Self { flight: number, ..Self::default() };
         match kills.last() {
             Some(kill) if kill.victim == Victim::Launcher => {
                 row.gone_ms = launcher.until_gone(kill.at_ns)?;
-                row.next_code = start(Kind::Killed, NEXT_S, namespace, &folder.path().join("next"))?.end();
+                row.next_code =
+                    Launcher::start(&Kind::Killed.scenario(NEXT_S)?, namespace, &folder.path().join("next"))?.end();
             }
             _ => row.code = launcher.end(),
         }
@@ -137,10 +135,9 @@ impl StressFlight {
         if let Some(None) = load {
             return Ok(None);
         }
-        let mut launcher = start(kind, duration_s, &namespace, folder.path())?;
-        while launcher.wait_for_flight().is_none() && !launcher.has_ended() {} // under load it takes seconds to start
+        let mut launcher = Launcher::start(&kind.scenario(duration_s)?, &namespace, folder.path())?;
         let canary = kind.has_candidates().then(|| Canary::start(LONGEST)).transpose()?;
-        if kind == Kind::Disturbed {
+        if launcher.wait_for_flight().is_some() && kind == Kind::Disturbed {
             disturb(number, duration_s, &namespace);
         }
         let code = launcher.end_within(Duration::from_secs_f64(duration_s) + AROUND);
@@ -194,9 +191,7 @@ impl StressFlight {
 
 impl Again {
     fn of(run: &Path) -> anyhow::Result<Self> {
-        let started = Instant::now();
         let recorded = Recorded::read(run)?;
-        let read_s = started.elapsed().as_secs_f64();
         let started = Instant::now();
         let recording = recorded.recording()?;
         let (mut flown_s, mut messages, mut replay_s) = (0.0, 0, 0.0);
@@ -214,19 +209,11 @@ impl Again {
             faults: count(&[What::Injected]),
             deaths: count(&[What::Died, What::Hung]),
             kept: kept.map(|event| format!("{} at {:.2} s", event.node, event.tick as f64 * sample_s)).collect(),
-            read_s,
             replay_s,
             state_hash: recorded.run.state_hash.clone(),
             differs: (verdict.exit_code != exit::FLOWN).then(|| verdict.text.trim_end().replace('\n', "; ")),
         })
     }
-}
-
-fn start(kind: Kind, duration_s: f64, namespace: &str, folder: &Path) -> anyhow::Result<Launcher> {
-    std::fs::create_dir_all(folder)?;
-    let file = folder.join("scenario.toml");
-    write_whole(&file, to_toml(&kind.scenario(duration_s)?).as_bytes())?;
-    Launcher::start(namespace, folder, &[&file.display().to_string()])
 }
 
 /// Gives a disturbed flight its orders. A flight that is ending refuses them; the log shows which took effect.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use contract::message::Controls;
 use runtime::domain::Hold;
 use runtime::port::{Bus, MIN_OBSERVER_DEPTH, ReceivePort};
-use runtime::realtime::{now_ns, thread_cpu_ns};
+use runtime::realtime::now_ns;
 use runtime::timed;
 use serde::Serialize;
 
@@ -31,8 +31,6 @@ const CLOCK_READINGS: f64 = 2.0;
 pub struct Costs {
     /// Reading `CLOCK_MONOTONIC`.
     pub clock_ns: f64,
-    /// Reading the thread's processor time; once a cycle, at the warm-up, when no node waits.
-    pub cpu_clock_ns: f64,
     /// Loan, copy and send of one message to two subscribers, as in a ring that the launcher watches.
     pub send_ns: f64,
     /// Receive and copy of one message.
@@ -75,11 +73,11 @@ impl Costs {
             cold_receives.push(timed(|| take(&receivers[0])).1);
             take(&receivers[1]);
         }
-        let clock_ns = per_call(|| _ = black_box(now_ns()));
+        let clock_batch = |_| timed(|| (0..CALLS).for_each(|_| _ = black_box(now_ns()))).1;
+        let clock_ns = median_ns((0..BATCHES).map(clock_batch)) as f64 / CALLS as f64;
         let one = |batches: Vec<u64>| median_ns(batches) as f64 / CALLS as f64 - clock_ns;
         Ok(Self {
             clock_ns,
-            cpu_clock_ns: per_call(|| _ = black_box(thread_cpu_ns())),
             send_ns: one(sends),
             receive_ns: one(receives) / receivers.len() as f64,
             cold_send_ns: median_ns(cold_sends) as f64 - clock_ns,
@@ -91,9 +89,4 @@ impl Costs {
     pub fn stamps_ns(&self) -> f64 {
         CLOCK_READINGS * self.clock_ns
     }
-}
-
-fn per_call(mut call: impl FnMut()) -> f64 {
-    let batch = |_| timed(|| (0..CALLS).for_each(|_| call())).1;
-    median_ns((0..BATCHES).map(batch)) as f64 / CALLS as f64
 }
