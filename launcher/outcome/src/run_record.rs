@@ -216,9 +216,9 @@ fn replays(summary: &Summary, how: &Circumstances, scenario: &Scenario) -> bool 
     is_whole && summary.state_hash().is_some() && (summary.solves.stopped() == 0 || !may_stop)
 }
 
-fn by_node<const N: usize>(counts: &[(&str, [u32; N])], causes: [&str; N]) -> Counts {
+fn by_node<const N: usize>(counts: &[(impl ToString, [u32; N])], causes: [&str; N]) -> Counts {
     let by_cause = |counts: &[u32; N]| causes.iter().map(|&cause| cause.to_owned()).zip(*counts).collect();
-    counts.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
+    counts.iter().map(|(node, counts)| (node.to_string(), by_cause(counts))).collect()
 }
 
 /// Says how the flight met the ground at its end, or "in the air"; `None` where there is no ground.

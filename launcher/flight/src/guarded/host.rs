@@ -101,13 +101,18 @@ impl Host {
                     Ok(Answer::Record(record)) => {
                         tick = record.tick();
                         if !watch(&record) {
-                            return Ok(flown(Ended::Flown, vec![], vec![]));
+                            return Ok(flown(Ended::Flown, vec![]));
                         }
                     }
                     Ok(Answer::Memory(memory)) => remember(&memory),
                     Ok(Answer::End(end, is_as_before)) => {
                         self.is_idle = is_as_before && self.taken == self.words.len();
-                        return whole(end);
+                        return match end {
+                            End::Flown(flown) => Ok(flown),
+                            End::Refused(why) => Err(SessionError::InChild(why)),
+                            End::Panicked(said) => panic!("{said}"),
+                            End::Tried => unreachable!("a flight was asked for"),
+                        };
                     }
                     Err(loss) => break loss,
                 }
@@ -215,24 +220,11 @@ fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> Flo
     let names: Vec<&str> = scenario.node.libraries().map(Topic::publisher).collect();
     let name = if names.is_empty() { "a candidate".to_owned() } else { names.join(" or ") };
     let events = names.first().map(|node| Event::new(tick, node, 1, *what).because(format!("its library {why}")));
-    flown(Ended::Lost(format!("{name} (its library {why})")), events.into_iter().collect(), vec![])
+    flown(Ended::Lost(format!("{name} (its library {why})")), events.into_iter().collect())
 }
 
-/// Makes the result of a flight that the child has flown to its end.
-fn whole(end: End) -> Result<Flown, SessionError> {
-    match end {
-        End::Flown { lost, events, refused, failures } => {
-            let ended = lost.map_or(Ended::Flown, Ended::Lost);
-            let refused = Topic::ALL.map(Topic::publisher).into_iter().zip(refused).collect();
-            Ok(Flown { refused, ..flown(ended, events, failures) })
-        }
-        End::Refused(why) => Err(SessionError::InChild(why)),
-        End::Panicked(said) => panic!("{said}"),
-        End::Tried => unreachable!("a flight was asked for"),
-    }
-}
-
-fn flown(ended: Ended, events: Vec<Event>, failures: Vec<String>) -> Flown {
-    let refused = Topic::ALL.map(|topic| (topic.publisher(), [0; Refusal::ALL.len()])).into();
-    Flown { ended, events, refused, failures }
+/// Makes the result of a flight that the child has not told to its end.
+fn flown(ended: Ended, events: Vec<Event>) -> Flown {
+    let refused = Topic::ALL.map(|topic| (topic.publisher().into(), [0; Refusal::ALL.len()])).into();
+    Flown { ended, events, refused, failures: vec![] }
 }
