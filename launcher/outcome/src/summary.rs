@@ -235,12 +235,12 @@ impl Summary {
     /// Returns the work of the solver; of the ticks without a reference only those in the air, because guidance gives
     /// none to a vehicle that stands.
     pub fn solver(&self) -> SolverRecord {
-        SolverRecord { no_reference: self.in_air.without_reference(), ..self.solves.record() }
+        SolverRecord { no_reference: self.in_air.without_reference, ..self.solves.record() }
     }
 
     /// Time of the first sample outside a bound that is judged all the way \[s\]; `None` while there is none.
     pub fn outside_since_s(&self) -> Option<f64> {
-        self.in_air.outside_since_s()
+        self.in_air.outside.since_s
     }
 
     /// Time \[s\] and status of the plant, at the first state and at every change.
