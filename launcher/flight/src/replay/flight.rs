@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 use contract::Topic;
 use contract::message::Truth;
 use contract::snapshot::Snapshot;
+use contract::stamp::delivery::DELIVERED;
 use runtime::shared_role::Origin;
 
 use super::course::{Course, LATEST, Runs};
@@ -372,7 +373,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         self.courses[i].follows = is_known;
         let message = |Read { key, unharmed }: &Read| {
             let (_, meant, delivered) = self.course_of(key)?.sent(key.tick)?;
-            if *unharmed { Some(meant.as_delivered()) } else { *delivered }
+            if *unharmed { Some(meant.with_stamp(|stamp| stamp.delivery = DELIVERED)) } else { *delivered }
         };
         for read in next.inputs.iter().flatten() {
             if self.courses[i].read[read.key.topic as usize] != Some(*read)
