@@ -83,7 +83,7 @@ impl Recorded {
         let file = path.with_file_name("run.json");
         let run = RunRecord::read(&file)?;
         let begin = |log: &Log| {
-            settings(log, run.as_ref(), &path).map(|scenario| {
+            settings(log, &path).map(|scenario| {
                 let summary = Summary::new(&scenario);
                 let ticks = part.ticks(scenario.sample_s());
                 (scenario, summary, ticks)
@@ -181,14 +181,8 @@ impl Recorded {
 }
 
 /// Returns the settings of a log; an error if its messages are not laid out as in this program.
-fn settings(log: &Log, run: Option<&RunRecord>, path: &Path) -> anyhow::Result<Scenario> {
-    let mut written_by = log.written_by.clone();
-    if written_by.layout.is_none()
-        && let Some(run) = run
-    {
-        // Logs without a layout lack the commit too; run.json has it.
-        written_by.program.commit = run.git().map(|git| git.commit.clone());
-    }
+fn settings(log: &Log, path: &Path) -> anyhow::Result<Scenario> {
+    let written_by = &log.written_by;
     written_by.check_layout().with_context(|| format!("cannot read {}", path.display()))?;
     let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()));
     scenario.map_err(|error| match written_by.other_program() {

@@ -13,7 +13,7 @@ use contract::scenario::{self, Mode, Profile, Scenario, Solver, candidate, schem
 use flight::event::TimedEvent;
 use flight::files;
 use flight::hover::Hover;
-use flight::provenance::{Git, Provenance, SCHEMA_VERSION};
+use flight::provenance::{Provenance, SCHEMA_VERSION};
 use flight::recorder::LogOutcome;
 use runtime::port::PortFailure;
 use schemars::JsonSchema;
@@ -194,11 +194,6 @@ impl RunRecord {
     /// Returns the settings of the run, with the orders given in flight; `None` if it does not tell them.
     pub fn scenario(&self) -> Option<Scenario> {
         scenario::from_merged(&self.provenance.as_ref()?.scenario, "run.json").ok()
-    }
-
-    /// Returns the commit of the program that flew, if it is known.
-    pub fn git(&self) -> Option<&Git> {
-        self.provenance.as_ref()?.host.git.as_ref()
     }
 }
 
