@@ -40,7 +40,8 @@ pub struct Host {
     /// Answers that were read; the first `taken` words were taken.
     words: Vec<u64>,
     taken: usize,
-    is_idle: bool,
+    /// `true` if the child waits for a flight.
+    pub is_idle: bool,
 }
 
 /// End of a flight that its library has cut short.
@@ -69,11 +70,6 @@ impl Host {
     /// have.
     pub fn suits(&self, scenario: &Scenario) -> bool {
         self.env == libraries::env_of(scenario) && self.libraries == libraries::files(scenario)
-    }
-
-    /// Returns whether the child waits for a flight.
-    pub fn is_idle(&self) -> bool {
-        self.is_idle
     }
 
     /// Lets the child fly `scenario`; gives `watch` every message, until it returns false.
