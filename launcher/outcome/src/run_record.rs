@@ -151,7 +151,7 @@ impl RunRecord {
             speed: Speed { wall_s, times_realtime: flown_s / wall_s },
             timing: summary.timing.as_ref().map(|timing| timing.record(&happened)),
             log: how.log.clone(),
-            unobserved: summary.missed(),
+            unobserved: summary.missed,
             faults,
             events,
             refused: by_node(&how.refused, Refusal::ALL.map(Refusal::name)),
@@ -229,7 +229,7 @@ pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static st
 
 /// Returns the phases of take-off, flight and landing; `None` without a ground.
 pub fn phases(scenario: &Scenario, summary: &Summary) -> Option<Vec<Phase>> {
-    let in_flight = summary.phases().iter().filter(|(_, phase)| !phase.is_last());
+    let in_flight = summary.phases.iter().filter(|(_, phase)| !phase.is_last());
     let all = in_flight.map(|(at_s, phase)| Phase { at_s: *at_s, phase: phase.describe().into() });
     scenario.plant.ground.present.then(|| all.collect())
 }
