@@ -7,7 +7,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory, Parser};
 use contract::exit;
 use contract::scenario::moved::{self, Kind, MOVED};
-use flight::provenance::Program;
+use flight::provenance::{Git, Program};
 
 /// Commands in the list of `--help`, by what they are for. Those that packagers and other programs call have no place.
 pub const GROUPS: [(&str, &[&str]); 5] = [
@@ -164,10 +164,11 @@ impl Help {
 
 /// Returns the command line of `C` with version, examples and exit codes.
 pub fn command<C: CommandFactory>() -> Command {
-    let Program { version, commit, changed } = Program::this();
-    let changed = if changed { ", with changed sources" } else { "" };
-    let commit = commit.map(|commit| commit.get(..12).map_or(commit.clone(), str::to_owned));
-    let version = commit.map_or(version.clone(), |commit| format!("{version} (commit {commit}{changed})"));
+    let Program { version, git } = Program::this();
+    let version = git.map_or(version.clone(), |Git { commit, changed }| {
+        let changed = if changed { ", with changed sources" } else { "" };
+        format!("{version} (commit {}{changed})", commit.get(..12).unwrap_or(&commit))
+    });
     let command = C::command().version(&*version.leak());
     let command =
         HELP.iter().fold(command, |command, help| add(command, &help.command.split(' ').collect::<Vec<_>>(), help));

@@ -60,12 +60,12 @@ mod web;
 
 use std::process::ExitCode;
 
-use flight::provenance::{BUILT_FROM, BuiltFrom};
+use flight::provenance::{BUILT_FROM, Git};
 
 fn main() -> ExitCode {
     if let Some(commit) = option_env!("TREFOIL_COMMIT") {
         let changed = option_env!("TREFOIL_CHANGED") == Some("true");
-        let _ = BUILT_FROM.set(BuiltFrom { commit, changed }); // fails only if it was set before
+        let _ = BUILT_FROM.set(Git { commit: commit.into(), changed }); // fails only if it was set before
     }
     cli::main()
 }

@@ -3,9 +3,10 @@
 use contract::guard::Refusal;
 use contract::topic::Topic;
 use runtime::realtime::ControlPage;
+use serde::{Deserialize, Serialize};
 
 /// End of a flight.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Ended {
     /// The plant flew to the end.
     Flown,
@@ -18,10 +19,11 @@ pub enum Ended {
     Unseen(String),
 }
 
-pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
+pub type Refused = Vec<(String, [u32; Refusal::ALL.len()])>;
 
 /// Counts the messages that each node has refused by now, by cause.
 pub fn refused_by_listener(page: &ControlPage) -> Refused {
-    let count = |topic: Topic| (topic.publisher(), Refusal::ALL.map(|r| page.role(topic).refused[r as usize].get()));
+    let count =
+        |topic: Topic| (topic.publisher().into(), Refusal::ALL.map(|r| page.role(topic).refused[r as usize].get()));
     Topic::ALL.map(count).into()
 }

@@ -4,7 +4,6 @@ use std::any::Any;
 
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State, Truth};
-use contract::stamp::delivery;
 
 /// Evaluates an expression with the message in a record, whatever its type.
 #[macro_export]
@@ -58,19 +57,19 @@ impl Record {
         }
     }
 
-    /// Returns the message as receivers would get it without faults: marked as delivered, with a valid checksum.
+    /// Returns the message with its stamp changed and a valid checksum; TRUTH, which has no stamp, as it is.
     #[must_use]
-    pub fn as_delivered(&self) -> Self {
-        fn delivered<M: Message + Into<Record>>(message: &M) -> Record {
+    pub fn with_stamp(&self, change: impl FnOnce(&mut Stamp)) -> Self {
+        fn changed<M: Message + Into<Record>>(message: &M, change: impl FnOnce(&mut Stamp)) -> Record {
             let mut message = *message;
-            message.stamp_mut().delivery = delivery::DELIVERED;
+            change(message.stamp_mut());
             message.with_checksum().into()
         }
         match self {
-            Self::State(message) => delivered(message),
-            Self::Reference(message) => delivered(message),
-            Self::Controls(message) => delivered(message),
-            Self::Actuators(message) => delivered(message),
+            Self::State(message) => changed(message, change),
+            Self::Reference(message) => changed(message, change),
+            Self::Controls(message) => changed(message, change),
+            Self::Actuators(message) => changed(message, change),
             Self::Truth(truth) => Self::Truth(*truth),
         }
     }

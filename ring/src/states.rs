@@ -17,11 +17,16 @@ impl StateHash {
 
     /// Returns the hash of the samples so far, in hexadecimal digits.
     pub fn text(&self) -> String {
-        self.0.clone().finalize().iter().fold(String::new(), |mut text, byte| {
-            let _ = write!(text, "{byte:02x}"); // writing to a String cannot fail
-            text
-        })
+        hex(&self.0.clone().finalize())
     }
+}
+
+/// Formats bytes in hexadecimal.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut digits, byte| {
+        let _ = write!(digits, "{byte:02x}"); // writing to a String cannot fail
+        digits
+    })
 }
 
 /// Position that the mission asks for less the true position, NED \[m\].

@@ -17,6 +17,7 @@ use runtime::input::Input;
 use runtime::node::{Asked, Open};
 use runtime::output::{Output, TruthOutput};
 use runtime::shared_role::Origin;
+use serde::{Deserialize, Serialize};
 
 use crate::ended::{Ended, Refused, refused_by_listener};
 use crate::event::Event;
@@ -33,6 +34,7 @@ use crate::workers::{Ring, Workers};
 pub const TOPICS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
 
 /// Result of a flight in one thread, except its messages.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Flown {
     pub ended: Ended,
     pub events: Vec<Event>,

@@ -168,7 +168,7 @@ fn try_to_fly(
         Value::Number(number) if number.is_u64() => Cell::Int(number.as_u64().unwrap_or_default() as i64),
         value => value.as_f64().map_or(Cell::None, Cell::Real),
     }));
-    cells.push(Cell::Text(hash(summary.last(), &metrics)));
+    cells.push(Cell::Text(hash(&summary.last, &metrics)));
     let events = TimedEvent::all(&how.events, scenario.run.rate_hz);
     let happened = Happenings::new(&summary.faults.records(&how.events), &events)
         .with_phases(&phases(scenario, &summary).unwrap_or_default());

@@ -32,7 +32,7 @@ pub fn program() -> &'static str {
     static PROGRAM: OnceLock<String> = OnceLock::new();
     PROGRAM.get_or_init(|| {
         let built = match BUILT_FROM.get() {
-            Some(built) if !built.changed => built.commit.to_owned(),
+            Some(built) if !built.changed => built.commit.clone(),
             Some(built) => format!("{}, changed, {}", built.commit, own_digest()),
             None => own_digest(),
         };

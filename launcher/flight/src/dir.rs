@@ -129,67 +129,43 @@ impl Dir {
 
     /// Writes the file `name` completely or not at all: a temporary file replaces `name` at the end.
     pub fn write_whole(&self, name: impl AsRef<Path>, bytes: &[u8]) -> anyhow::Result<()> {
-        let name = name.as_ref();
-        let put = |part: &str| Ok(renameat(&self.fd, part, &self.fd, name)?);
-        self.write(name, bytes, put).with_context(|| format!("cannot write {}", self.at(name).display()))
-    }
-
-    /// Begins the file `name`, which replaces one of that name when it is complete.
-    pub fn begin(&self, name: &str) -> Result<NewFile<'_>> {
-        self.check_regular(Path::new(name))?;
-        let (part, file) = self.part()?;
-        Ok(NewFile { folder: self, name: name.into(), part, file: Some(file) })
+        self.write(name.as_ref(), bytes, NewFile::finish)
     }
 
     /// Writes the file `name` completely, unless a file has the name: then that one stays, without an error.
     pub fn write_new(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
-        let put = |part: &str| {
-            let put = match renameat_with(&self.fd, part, &self.fd, name, RenameFlags::NOREPLACE) {
-                // The file system does not support NOREPLACE.
-                Err(Errno::INVAL | Errno::NOSYS) => linkat(&self.fd, part, &self.fd, name, AtFlags::empty())
-                    .and_then(|()| unlinkat(&self.fd, part, AtFlags::empty())),
-                put => put,
-            };
-            match put {
-                Err(Errno::EXIST) => Ok(unlinkat(&self.fd, part, AtFlags::empty())?),
-                put => Ok(put?),
-            }
-        };
-        self.write(Path::new(name), bytes, put).with_context(|| format!("cannot write {}", self.at(name).display()))
+        self.write(Path::new(name), bytes, NewFile::finish_unless_there)
     }
 
-    /// Removes the file or link `name`; the target of a link stays.
-    pub fn remove(&self, name: impl AsRef<Path>) -> Result<()> {
-        Ok(unlinkat(&self.fd, name.as_ref(), AtFlags::empty())?)
+    fn write<'a>(&'a self, name: &Path, bytes: &[u8], finish: fn(NewFile<'a>) -> Result<()>) -> anyhow::Result<()> {
+        let written = self.begin(name).and_then(|mut file| {
+            file.write_all(bytes)?;
+            finish(file)
+        });
+        written.with_context(|| format!("cannot write {}", self.at(name).display()))
     }
 
-    /// Writes a temporary file, and calls `put` to rename it to `name`; removes it on an error.
-    fn write(&self, name: &Path, bytes: &[u8], put: impl Fn(&str) -> Result<()>) -> Result<()> {
-        self.check_regular(name)?;
-        let (part, mut file) = self.part()?;
-        let written = file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| put(&part));
-        written.inspect_err(|_| _ = self.remove(&part)) // a temporary file that stays does no harm
-    }
-
-    /// Fails if anything but a regular file has the name.
-    fn check_regular(&self, name: &Path) -> Result<()> {
-        match self.kind(name) {
-            Some(kind) if kind != FileType::RegularFile => Err(self.refusal(name, FileType::RegularFile, Errno::EXIST)),
-            _ => Ok(()),
-        }
-    }
-
-    /// Creates a temporary file under an unused name.
-    fn part(&self) -> Result<(String, File)> {
+    /// Begins the file `name`, which replaces one of that name when it is complete; an error if anything but a regular
+    /// file has the name.
+    pub fn begin(&self, name: impl AsRef<Path>) -> Result<NewFile<'_>> {
         static NEXT: AtomicU32 = AtomicU32::new(0);
+        let name = name.as_ref();
+        if self.kind(name).is_some_and(|kind| kind != FileType::RegularFile) {
+            return Err(self.refusal(name, FileType::RegularFile, Errno::EXIST));
+        }
         let flags = NEVER_WAIT | OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL;
         loop {
             let part = format!(".{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
             match openat(&self.fd, &part, flags, Mode::from_raw_mode(0o666)) {
                 Err(Errno::EXIST) => {} // left by a process on another machine, or by one that was killed
-                opened => return Ok((part, File::from(opened?))),
+                opened => return Ok(NewFile { folder: self, name: name.into(), part, file: opened?.into() }),
             }
         }
+    }
+
+    /// Removes the file or link `name`; the target of a link stays.
+    pub fn remove(&self, name: impl AsRef<Path>) -> Result<()> {
+        Ok(unlinkat(&self.fd, name.as_ref(), AtFlags::empty())?)
     }
 
     /// Opens the regular file `name`, and reports its owner if that is another user.
@@ -223,36 +199,44 @@ impl Dir {
     }
 }
 
-/// A file that is being written. It gets its name from [`NewFile::finish`]; dropped before, it leaves nothing.
+/// A file that is being written, under an unused name. It gets its own from [`NewFile::finish`]; dropped before, it
+/// leaves nothing.
 #[derive(Debug)]
 pub struct NewFile<'a> {
     folder: &'a Dir,
-    name: String,
+    name: PathBuf,
     part: String,
-    /// `None` once it is finished.
-    file: Option<File>,
+    file: File,
 }
 
 impl NewFile<'_> {
     /// Returns another handle of the open file, for a writer that needs its own.
     pub fn handle(&self) -> Result<File> {
-        self.file.as_ref().ok_or(ErrorKind::BrokenPipe)?.try_clone()
+        self.file.try_clone()
     }
 
     /// Puts the complete file in its place.
-    pub fn finish(mut self) -> Result<()> {
-        if let Some(file) = &self.file {
-            file.sync_all()?;
-            renameat(&self.folder.fd, &self.part, &self.folder.fd, &self.name)?;
-        }
-        self.file = None;
-        Ok(())
+    pub fn finish(self) -> Result<()> {
+        self.file.sync_all()?;
+        Ok(renameat(&self.folder.fd, &self.part, &self.folder.fd, &self.name)?)
+    }
+
+    /// Puts the complete file in its place, unless a file is there already.
+    fn finish_unless_there(self) -> Result<()> {
+        self.file.sync_all()?;
+        let (fd, part) = (&self.folder.fd, &self.part);
+        let put = match renameat_with(fd, part, fd, &self.name, RenameFlags::NOREPLACE) {
+            // The file system does not support NOREPLACE.
+            Err(Errno::INVAL | Errno::NOSYS) => linkat(fd, part, fd, &self.name, AtFlags::empty()),
+            put => put,
+        };
+        if put == Err(Errno::EXIST) { Ok(()) } else { Ok(put?) }
     }
 }
 
 impl Write for NewFile<'_> {
     fn write(&mut self, bytes: &[u8]) -> Result<usize> {
-        self.file.as_mut().map_or(Ok(0), |file| file.write(bytes))
+        self.file.write(bytes)
     }
 
     fn flush(&mut self) -> Result<()> {
@@ -262,9 +246,7 @@ impl Write for NewFile<'_> {
 
 impl Drop for NewFile<'_> {
     fn drop(&mut self) {
-        if self.file.is_some() {
-            let _ = self.folder.remove(&self.part); // a temporary file that stays does no harm
-        }
+        let _ = self.folder.remove(&self.part); // gone if it has its own name; one that stays does no harm
     }
 }
 

@@ -142,17 +142,8 @@ impl Loops {
         };
         let is_stable = decays(scenario, scenario);
         Self {
-            attitude: attitude_decays(scenario).then(|| attitude_bandwidths(scenario)).map(
-                |[w_radps, phi_radps, theta_radps, psi_radps]| AttitudeBandwidths {
-                    w_radps,
-                    phi_radps,
-                    theta_radps,
-                    psi_radps,
-                },
-            ),
-            position: is_stable.then(|| position_bandwidths(scenario)).map(|[north_radps, east_radps, down_radps]| {
-                PositionBandwidths { north_radps, east_radps, down_radps }
-            }),
+            attitude: attitude_decays(scenario).then(|| attitude_bandwidths(scenario)),
+            position: is_stable.then(|| position_bandwidths(scenario)),
             delay_margin: is_stable.then(|| Margin::search(own_ms[0], MAX_DELAY_MS, delayed)),
             lag_margin: is_stable.then(|| Margin::search(own_ms[1], MAX_LAG_MS, lagging)),
         }

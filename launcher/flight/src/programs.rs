@@ -4,7 +4,6 @@
 //! error of the settings, and costs no flight.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::iter;
@@ -13,6 +12,7 @@ use std::sync::Mutex;
 
 use contract::Topic;
 use contract::scenario::{Mode, NodeSettings, ProgramKind, Scenario, ScenarioError, Swap, candidate};
+pub use ring::states::hex;
 use rustix::fs::{Access, access};
 use sha2::{Digest, Sha256};
 
@@ -97,19 +97,15 @@ pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError>
     if program.kind() != ProgramKind::Library {
         return pin(&mut program.clone(), topic.publisher());
     }
-    let what = format!("{topic:?} {program:?}");
-    if TRIED.lock().is_ok_and(|tried| tried.contains(&what)) {
-        return Ok(());
-    }
-    pin(&mut program.clone(), topic.publisher())?;
-    guarded::try_out(scenario, Some(topic), program.env.clone()).map_err(|why| {
-        let file = &program.exec;
-        let why = why.strip_prefix(&format!("{file}: ")).unwrap_or(&why);
-        let title = format!("the library `{file}` of {} cannot be flown: {why}", topic.publisher());
-        ScenarioError::of(title, String::new())
-    })?;
-    TRIED.lock().map(|mut tried| tried.insert(what)).ok();
-    Ok(())
+    try_once(format!("{topic:?} {program:?}"), || {
+        pin(&mut program.clone(), topic.publisher())?;
+        guarded::try_out(scenario, Some(topic), program.env.clone()).map_err(|why| {
+            let file = &program.exec;
+            let why = why.strip_prefix(&format!("{file}: ")).unwrap_or(&why);
+            let title = format!("the library `{file}` of {} cannot be flown: {why}", topic.publisher());
+            ScenarioError::of(title, String::new())
+        })
+    })
 }
 
 /// Checks that all libraries of a flight of `scenario` can be loaded into one process, if the flight is in process.
@@ -119,17 +115,24 @@ pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError>
 pub fn check_together(scenario: &Scenario) -> Result<(), ScenarioError> {
     let files = libraries::files(scenario);
     let env: BTreeMap<String, String> = libraries::env_of(scenario);
-    let what = format!("{files:?} {env:?}");
-    let is_known = || TRIED.lock().is_ok_and(|tried| tried.contains(&what));
-    if scenario.run.mode != Mode::Inprocess || files.len() < 2 || is_known() {
+    if scenario.run.mode != Mode::Inprocess || files.len() < 2 {
         return Ok(());
     }
-    guarded::try_out(scenario, None, env).map_err(|why| {
-        let names: Vec<String> = files.iter().map(|(exec, _)| format!("`{exec}`")).collect();
-        let title = format!("the libraries {} cannot be flown in one process: {why}", names.join(" and "));
-        ScenarioError::of(title, String::new())
-    })?;
-    TRIED.lock().map(|mut tried| tried.insert(what)).ok();
+    try_once(format!("{files:?} {env:?}"), || {
+        guarded::try_out(scenario, None, env).map_err(|why| {
+            let names: Vec<String> = files.iter().map(|(exec, _)| format!("`{exec}`")).collect();
+            let title = format!("the libraries {} cannot be flown in one process: {why}", names.join(" and "));
+            ScenarioError::of(title, String::new())
+        })
+    })
+}
+
+/// Runs a `trial` of `what`, unless this process has run it with success before.
+fn try_once(what: String, trial: impl FnOnce() -> Result<(), ScenarioError>) -> Result<(), ScenarioError> {
+    if !TRIED.lock().is_ok_and(|tried| tried.contains(&what)) {
+        trial()?;
+        TRIED.lock().map(|mut tried| tried.insert(what)).ok();
+    }
     Ok(())
 }
 
@@ -158,12 +161,4 @@ pub fn sha256_of(path: &Path) -> io::Result<String> {
         file.consume(length);
     }
     Ok(hex(&hash.finalize()))
-}
-
-/// Formats bytes in hexadecimal.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut digits, byte| {
-        let _ = write!(digits, "{byte:02x}"); // writing to a string does not fail
-        digits
-    })
 }

@@ -71,7 +71,7 @@ pub struct Host {
 }
 
 /// Commit of a program, and whether its sources differed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Git {
     /// Hash of the commit.
     pub commit: String,
@@ -79,52 +79,35 @@ pub struct Git {
     pub changed: bool,
 }
 
-/// Commit from which the program was built.
-#[derive(Debug)]
-pub struct BuiltFrom {
-    pub commit: &'static str,
-    /// `true` if the sources differed from the commit.
-    pub changed: bool,
-}
-
 /// Commit of this program, set once by its `main`; empty if the build does not know it.
-pub static BUILT_FROM: OnceLock<BuiltFrom> = OnceLock::new();
+pub static BUILT_FROM: OnceLock<Git> = OnceLock::new();
 
 /// Identity of a program of this repository, as written into its logs and results.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Program {
     pub version: String,
     /// Commit from which it was built, if its build knew.
-    pub commit: Option<String>,
-    /// `true` if the sources differed from the commit.
-    pub changed: bool,
+    pub git: Option<Git>,
 }
 
 impl Program {
     /// Returns the identity of the running program.
     pub fn this() -> Self {
-        let built = BUILT_FROM.get();
-        Self {
-            version: env!("CARGO_PKG_VERSION").into(),
-            commit: built.map(|built| built.commit.into()),
-            changed: built.is_some_and(|built| built.changed),
-        }
+        Self { version: env!("CARGO_PKG_VERSION").into(), git: BUILT_FROM.get().cloned() }
     }
 
     /// Returns whether both are known to be built from the same sources.
     pub fn is_same(&self, other: &Self) -> bool {
-        self == other && self.commit.is_some() && !self.changed
+        self == other && self.git.as_ref().is_some_and(|git| !git.changed)
     }
 }
 
 impl Display for Program {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         write!(f, "version {}", self.version)?;
-        match &self.commit {
-            Some(commit) => write!(f, " commit {}", commit.get(..12).unwrap_or(commit))?,
-            None => write!(f, " of an unknown commit")?,
-        }
-        f.write_str(if self.changed { " with changed sources" } else { "" })
+        let Some(Git { commit, changed }) = &self.git else { return f.write_str(" of an unknown commit") };
+        let changed = if *changed { " with changed sources" } else { "" };
+        write!(f, " commit {}{changed}", commit.get(..12).unwrap_or(commit))
     }
 }
 
@@ -171,12 +154,12 @@ pub fn host() -> Host {
     let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
     let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = cpu.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name.to_owned()));
-    let Program { version, commit, changed } = Program::this();
+    let Program { version, git } = Program::this();
     Host {
         schema_version: SCHEMA_VERSION,
         date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
         command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
-        git: commit.map(|commit| Git { commit, changed }),
+        git,
         host: uname().nodename().to_string_lossy().into_owned(),
         version,
         kernel: line("/proc/sys/kernel/osrelease"),

@@ -226,7 +226,7 @@ fn autopilot_version() -> MavMessage {
     let mut next = || numbers.next().unwrap_or(0) & 0xff;
     let (major, minor, patch) = (next(), next(), next());
     let mut flight_custom_version = [0; 8];
-    let commit = program.commit.unwrap_or_default();
+    let commit = program.git.unwrap_or_default().commit;
     flight_custom_version.iter_mut().zip(commit.bytes()).for_each(|(to, byte)| *to = byte);
     MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
         capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2

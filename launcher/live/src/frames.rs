@@ -194,7 +194,7 @@ impl Frames {
             "time_s": self.summary.time_s(),
             "vehicle": self.summary.status().describe(),
             "error_m": errors_m.map(round),
-            "seen_none_of": self.summary.missed(),
+            "seen_none_of": self.summary.missed,
         })
     }
 }

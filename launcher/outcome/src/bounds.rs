@@ -70,7 +70,8 @@ pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
 #[derive(Debug, Clone)]
 pub struct Outside {
     bounds: Bounds,
-    since_s: Option<f64>,
+    /// Time of the first sample outside a bound \[s\]; `None` if there is none.
+    pub since_s: Option<f64>,
 }
 
 impl Outside {
@@ -91,11 +92,6 @@ impl Outside {
         if is_outside && self.since_s.is_none() {
             self.since_s = Some(t_s);
         }
-    }
-
-    /// Time of the first sample outside a bound \[s\]; `None` if there is none.
-    pub fn since_s(&self) -> Option<f64> {
-        self.since_s
     }
 }
 
@@ -153,6 +149,6 @@ mod tests {
         for (t_s, max_position_error_m) in [(0.0, 0.05), (1.0, 0.1), (2.0, 0.2), (3.0, 0.3)] {
             outside.observe(t_s, &Metrics { max_position_error_m, ..Metrics::default() });
         }
-        assert_eq!(outside.since_s(), Some(2.0));
+        assert_eq!(outside.since_s, Some(2.0));
     }
 }

@@ -21,8 +21,8 @@ pub struct InAir {
     /// Sum of u'Ru over the demands, and their number.
     effort: (f64, u64),
     /// Number of demands without a reference of their tick.
-    without_reference: u64,
-    outside: Outside,
+    pub without_reference: u64,
+    pub outside: Outside,
     sample_s: f64,
     /// Weights of the demand in the cost (4).
     r: [f64; 4],
@@ -90,15 +90,5 @@ impl InAir {
             demand_effort: self.effort.0 / self.effort.1 as f64,
             ..self.metrics
         }
-    }
-
-    /// Number of demands without a reference of their tick.
-    pub fn without_reference(&self) -> u64 {
-        self.without_reference
-    }
-
-    /// Time of the first sample outside a bound that is judged all the way \[s\]; `None` while there is none.
-    pub fn outside_since_s(&self) -> Option<f64> {
-        self.outside.since_s()
     }
 }

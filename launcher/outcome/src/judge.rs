@@ -187,7 +187,7 @@ fn reservations(
     told.extend(
         failures.filter(|(_, n): &(_, u64)| *n > 0).map(|(node, n)| format!("ports of {node} failed {n} times")),
     );
-    told.extend((summary.missed() > 0).then(|| format!("{} messages were not seen", summary.missed())));
+    told.extend((summary.missed > 0).then(|| format!("{} messages were not seen", summary.missed)));
     told.extend(how.observers.iter().cloned());
     told
 }

@@ -83,7 +83,7 @@ impl Recorded {
         let file = path.with_file_name("run.json");
         let run = RunRecord::read(&file)?;
         let begin = |log: &Log| {
-            settings(log, run.as_ref(), &path).map(|scenario| {
+            settings(log, &path).map(|scenario| {
                 let summary = Summary::new(&scenario);
                 let ticks = part.ticks(scenario.sample_s());
                 (scenario, summary, ticks)
@@ -114,7 +114,7 @@ impl Recorded {
         let settings = self.path.with_file_name("scenario.toml");
         let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
         let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
-        let last_tick = self.summary.last().state.stamp.tick;
+        let last_tick = self.summary.last.state.stamp.tick;
         Recording::new(&self.path, &self.log.events, self.messages, last_tick, &self.scenario, settled.as_ref())
     }
 
@@ -127,7 +127,7 @@ impl Recorded {
     pub fn missing(&self) -> Option<String> {
         let Self { path, log, summary, .. } = self;
         let run = self.has_summary.then_some(&self.run);
-        let is_to_end = summary.last().state.stamp.tick < *self.ticks.end();
+        let is_to_end = summary.last.state.stamp.tick < *self.ticks.end();
         let unlike = match run {
             Some(run) if self.ticks == Part::ALL.ticks(self.scenario.sample_s()) => self.unlike_summary(run),
             Some(run) if is_to_end => self.ends_early(run).into_iter().collect(),
@@ -135,12 +135,12 @@ impl Recorded {
             _ => vec![],
         };
         let why: Vec<String> = log.defect.iter().cloned().chain(unlike).collect();
-        let lost = summary.missed();
+        let lost = summary.missed;
         if why.is_empty() && lost == 0 {
             return None;
         }
         let why = if why.is_empty() { "there are gaps in it".into() } else { why.join("; ") };
-        let read = if summary.last().state.stamp.sequence == 0 {
+        let read = if summary.last.state.stamp.sequence == 0 {
             "it has no message of the plant".into()
         } else {
             let last_s = summary.time_s();
@@ -153,7 +153,7 @@ impl Recorded {
     /// Text for people if the log ends before both the flight and the part; else `None`.
     fn ends_early(&self, run: &RunRecord) -> Option<String> {
         let flown = (run.flown_s / self.scenario.sample_s()).round() as u64;
-        (self.summary.last().state.stamp.tick < flown.min(*self.ticks.end()))
+        (self.summary.last.state.stamp.tick < flown.min(*self.ticks.end()))
             .then(|| "it ends before the flight did".into())
     }
 
@@ -181,14 +181,8 @@ impl Recorded {
 }
 
 /// Returns the settings of a log; an error if its messages are not laid out as in this program.
-fn settings(log: &Log, run: Option<&RunRecord>, path: &Path) -> anyhow::Result<Scenario> {
-    let mut written_by = log.written_by.clone();
-    if written_by.layout.is_none()
-        && let Some(run) = run
-    {
-        // Logs without a layout lack the commit too; run.json has it.
-        written_by.program.commit = run.git().map(|git| git.commit.clone());
-    }
+fn settings(log: &Log, path: &Path) -> anyhow::Result<Scenario> {
+    let written_by = &log.written_by;
     written_by.check_layout().with_context(|| format!("cannot read {}", path.display()))?;
     let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()));
     scenario.map_err(|error| match written_by.other_program() {
@@ -200,7 +194,7 @@ fn settings(log: &Log, run: Option<&RunRecord>, path: &Path) -> anyhow::Result<S
 /// Makes the record of a log with this number of `messages`.
 fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) -> RunRecord {
     let records = messages + log.events.len() as u64;
-    let outcome = LogOutcome { records, dropped: summary.missed(), error: log.defect.clone() };
+    let outcome = LogOutcome { records, dropped: summary.missed, error: log.defect.clone() };
     let how = Circumstances {
         ended: Ended::Lost("the launcher (no run.json; this summary is made from the log)".into()),
         log: Some(outcome),

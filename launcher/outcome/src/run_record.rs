@@ -13,7 +13,7 @@ use contract::scenario::{self, Mode, Profile, Scenario, Solver, candidate, schem
 use flight::event::TimedEvent;
 use flight::files;
 use flight::hover::Hover;
-use flight::provenance::{Git, Provenance, SCHEMA_VERSION};
+use flight::provenance::{Provenance, SCHEMA_VERSION};
 use flight::recorder::LogOutcome;
 use runtime::port::PortFailure;
 use schemars::JsonSchema;
@@ -151,7 +151,7 @@ impl RunRecord {
             speed: Speed { wall_s, times_realtime: flown_s / wall_s },
             timing: summary.timing.as_ref().map(|timing| timing.record(&happened)),
             log: how.log.clone(),
-            unobserved: summary.missed(),
+            unobserved: summary.missed,
             faults,
             events,
             refused: by_node(&how.refused, Refusal::ALL.map(Refusal::name)),
@@ -195,11 +195,6 @@ impl RunRecord {
     pub fn scenario(&self) -> Option<Scenario> {
         scenario::from_merged(&self.provenance.as_ref()?.scenario, "run.json").ok()
     }
-
-    /// Returns the commit of the program that flew, if it is known.
-    pub fn git(&self) -> Option<&Git> {
-        self.provenance.as_ref()?.host.git.as_ref()
-    }
 }
 
 /// Returns whether a replay of the flight gives the same state hash: the log has every message, and no solve was
@@ -216,9 +211,9 @@ fn replays(summary: &Summary, how: &Circumstances, scenario: &Scenario) -> bool 
     is_whole && summary.state_hash().is_some() && (summary.solves.stopped() == 0 || !may_stop)
 }
 
-fn by_node<const N: usize>(counts: &[(&str, [u32; N])], causes: [&str; N]) -> Counts {
+fn by_node<const N: usize>(counts: &[(impl ToString, [u32; N])], causes: [&str; N]) -> Counts {
     let by_cause = |counts: &[u32; N]| causes.iter().map(|&cause| cause.to_owned()).zip(*counts).collect();
-    counts.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
+    counts.iter().map(|(node, counts)| (node.to_string(), by_cause(counts))).collect()
 }
 
 /// Says how the flight met the ground at its end, or "in the air"; `None` where there is no ground.
@@ -234,7 +229,7 @@ pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static st
 
 /// Returns the phases of take-off, flight and landing; `None` without a ground.
 pub fn phases(scenario: &Scenario, summary: &Summary) -> Option<Vec<Phase>> {
-    let in_flight = summary.phases().iter().filter(|(_, phase)| !phase.is_last());
+    let in_flight = summary.phases.iter().filter(|(_, phase)| !phase.is_last());
     let all = in_flight.map(|(at_s, phase)| Phase { at_s: *at_s, phase: phase.describe().into() });
     scenario.plant.ground.present.then(|| all.collect())
 }

@@ -49,10 +49,12 @@ pub struct Summary {
     /// Hash over all samples; `None` if it is not kept.
     hash: Option<StateHash>,
     count: Count,
-    missed: u64,
-    last: Sample,
+    /// Messages that the observer missed, by gaps in the sequence numbers.
+    pub missed: u64,
+    /// Newest sample.
+    pub last: Sample,
     /// Time \[s\] and status of the plant, at the first state and at every change: take-off and landing.
-    phases: Vec<(f64, PlantStatus)>,
+    pub phases: Vec<(f64, PlantStatus)>,
     pub solves: Solves,
     pub faults: Faults,
     pub cold_starts: ColdStarts,
@@ -235,22 +237,12 @@ impl Summary {
     /// Returns the work of the solver; of the ticks without a reference only those in the air, because guidance gives
     /// none to a vehicle that stands.
     pub fn solver(&self) -> SolverRecord {
-        SolverRecord { no_reference: self.in_air.without_reference(), ..self.solves.record() }
+        SolverRecord { no_reference: self.in_air.without_reference, ..self.solves.record() }
     }
 
     /// Time of the first sample outside a bound that is judged all the way \[s\]; `None` while there is none.
     pub fn outside_since_s(&self) -> Option<f64> {
-        self.in_air.outside_since_s()
-    }
-
-    /// Time \[s\] and status of the plant, at the first state and at every change.
-    pub fn phases(&self) -> &[(f64, PlantStatus)] {
-        &self.phases
-    }
-
-    /// The newest sample.
-    pub fn last(&self) -> &Sample {
-        &self.last
+        self.in_air.outside.since_s
     }
 
     /// SHA-256 over every sample's payload bits in order; `None` when a message was missed, none came, or it is not
@@ -265,11 +257,6 @@ impl Summary {
 
     pub fn status(&self) -> PlantStatus {
         PlantStatus::from_wire(self.last.state.status).unwrap_or(PlantStatus::NonFinite)
-    }
-
-    /// Messages the observer missed, by gaps in the sequence numbers.
-    pub fn missed(&self) -> u64 {
-        self.missed
     }
 }
 
@@ -349,7 +336,7 @@ mod tests {
                     summary.observe(&truth(tick, Kinematics::default()));
                 }
             }
-            (summary.missed(), summary.state_hash().is_some(), summary.last().state.stamp.tick)
+            (summary.missed, summary.state_hash().is_some(), summary.last.state.stamp.tick)
         };
         assert_eq!([missed(None), missed(Some(2))], [(0, true, 4), (1, false, 4)]);
     }

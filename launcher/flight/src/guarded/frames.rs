@@ -2,17 +2,14 @@
 //! word, then these.
 
 use bytemuck::{cast_slice, pod_read_unaligned};
-use contract::guard::Refusal;
 use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
 use contract::scenario::{self, Scenario, to_toml};
 use contract::topic::Topic;
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
 
-use crate::event::Event;
 use crate::inprocess::Flown;
 use crate::log::{Memory, Record};
-use crate::stack::Ended;
 
 /// Kinds of frames after those of messages, which are their [`Record::kind`].
 const MEMORY: u64 = Record::KINDS as u64;
@@ -57,29 +54,13 @@ pub enum Answer {
 /// End of a flight, in words that travel.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum End {
-    Flown {
-        lost: Option<String>,
-        events: Vec<Event>,
-        refused: Vec<[u32; Refusal::ALL.len()]>,
-        failures: Vec<String>,
-    },
+    Flown(Flown),
     /// The libraries have answered.
     Tried,
     /// The flight cannot be flown.
     Refused(String),
     /// The launcher's own code has panicked.
     Panicked(String),
-}
-
-impl End {
-    pub fn of(flown: Flown) -> Self {
-        let lost = match flown.ended {
-            Ended::Lost(name) => Some(name),
-            _ => None, // in one thread a flight ends in no other way
-        };
-        let refused = flown.refused.into_iter().map(|(_, counts)| counts).collect();
-        Self::Flown { lost, events: flown.events, refused, failures: flown.failures }
-    }
 }
 
 impl Request {
@@ -93,9 +74,10 @@ impl Request {
     /// # Errors
     /// The words are no request.
     pub fn take(words: &mut Vec<u64>) -> Option<Result<Self, String>> {
-        let (flight, kind, body) = take_frame(words)?;
+        let (flight, kind, body, next) = frame(words)?;
+        let text = text_of(body).filter(|_| kind == TEXT);
+        words.drain(..next);
         let request = || -> Result<Self, String> {
-            let text = if kind == TEXT { text_of(&body) } else { None };
             let text = text.ok_or("no request")?;
             let (work, settings) = text.split_once('\n').ok_or("a request without settings")?;
             let work = serde_json::from_str(work).map_err(|e| e.to_string())?;
@@ -169,13 +151,6 @@ fn frame(words: &[u64]) -> Option<(u16, u64, &[u64], usize)> {
     let length = (head & u64::from(u32::MAX)) as usize;
     let kind = head >> KIND_SHIFT & 0xff;
     Some(((head >> FLIGHT_SHIFT) as u16, kind, rest.get(..length)?, 1 + length))
-}
-
-fn take_frame(words: &mut Vec<u64>) -> Option<(u16, u64, Vec<u64>)> {
-    let (flight, kind, body, next) = frame(words)?;
-    let body = body.to_vec();
-    words.drain(..next);
-    Some((flight, kind, body))
 }
 
 fn text_of(body: &[u64]) -> Option<String> {

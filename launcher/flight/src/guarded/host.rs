@@ -40,7 +40,8 @@ pub struct Host {
     /// Answers that were read; the first `taken` words were taken.
     words: Vec<u64>,
     taken: usize,
-    is_idle: bool,
+    /// `true` if the child waits for a flight.
+    pub is_idle: bool,
 }
 
 /// End of a flight that its library has cut short.
@@ -71,11 +72,6 @@ impl Host {
         self.env == libraries::env_of(scenario) && self.libraries == libraries::files(scenario)
     }
 
-    /// Returns whether the child waits for a flight.
-    pub fn is_idle(&self) -> bool {
-        self.is_idle
-    }
-
     /// Lets the child fly `scenario`; gives `watch` every message, until it returns false.
     ///
     /// # Errors
@@ -101,13 +97,18 @@ impl Host {
                     Ok(Answer::Record(record)) => {
                         tick = record.tick();
                         if !watch(&record) {
-                            return Ok(flown(Ended::Flown, vec![], vec![]));
+                            return Ok(flown(Ended::Flown, vec![]));
                         }
                     }
                     Ok(Answer::Memory(memory)) => remember(&memory),
                     Ok(Answer::End(end, is_as_before)) => {
                         self.is_idle = is_as_before && self.taken == self.words.len();
-                        return whole(end);
+                        return match end {
+                            End::Flown(flown) => Ok(flown),
+                            End::Refused(why) => Err(SessionError::InChild(why)),
+                            End::Panicked(said) => panic!("{said}"),
+                            End::Tried => Err(SessionError::InChild("it has damaged the memory of its process".into())),
+                        };
                     }
                     Err(loss) => break loss,
                 }
@@ -215,24 +216,11 @@ fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> Flo
     let names: Vec<&str> = scenario.node.libraries().map(Topic::publisher).collect();
     let name = if names.is_empty() { "a candidate".to_owned() } else { names.join(" or ") };
     let events = names.first().map(|node| Event::new(tick, node, 1, *what).because(format!("its library {why}")));
-    flown(Ended::Lost(format!("{name} (its library {why})")), events.into_iter().collect(), vec![])
+    flown(Ended::Lost(format!("{name} (its library {why})")), events.into_iter().collect())
 }
 
-/// Makes the result of a flight that the child has flown to its end.
-fn whole(end: End) -> Result<Flown, SessionError> {
-    match end {
-        End::Flown { lost, events, refused, failures } => {
-            let ended = lost.map_or(Ended::Flown, Ended::Lost);
-            let refused = Topic::ALL.map(Topic::publisher).into_iter().zip(refused).collect();
-            Ok(Flown { refused, ..flown(ended, events, failures) })
-        }
-        End::Refused(why) => Err(SessionError::InChild(why)),
-        End::Panicked(said) => panic!("{said}"),
-        End::Tried => Err(SessionError::InChild("it has damaged the memory of its process".into())),
-    }
-}
-
-fn flown(ended: Ended, events: Vec<Event>, failures: Vec<String>) -> Flown {
-    let refused = Topic::ALL.map(|topic| (topic.publisher(), [0; Refusal::ALL.len()])).into();
-    Flown { ended, events, refused, failures }
+/// Makes the result of a flight that the child has not told to its end.
+fn flown(ended: Ended, events: Vec<Event>) -> Flown {
+    let refused = Topic::ALL.map(|topic| (topic.publisher().into(), [0; Refusal::ALL.len()])).into();
+    Flown { ended, events, refused, failures: vec![] }
 }

@@ -76,7 +76,7 @@ pub fn fly(
     });
     let mut host = idle.map_or_else(|| Host::start(libraries::env_of(scenario), libraries::files(scenario)), Ok)?;
     let flown = host.fly(scenario, with_checksums, watch, remember)?;
-    if host.is_idle() {
+    if host.is_idle {
         IDLE.with_borrow_mut(|idle| {
             idle.push(host);
             let surplus = idle.len().saturating_sub(MOST_IDLE);

@@ -13,6 +13,7 @@ use runtime::node::Open;
 
 use super::held::{HELD, STEP_TICK, STEPS};
 use super::small::{SMALL, fly};
+use super::{AttitudeBandwidths, PositionBandwidths};
 
 /// Durations of the flights of attitude and of position, at whose ends their responses are settled \[s\].
 const ATTITUDE_S: f64 = 5.0;
@@ -24,8 +25,8 @@ const RATIO: f64 = 1.02;
 /// Halvings of the interval between two frequencies.
 const HALVINGS: u32 = 20;
 
-/// Bandwidths of w, phi, theta and psi over their own references \[rad/s\].
-pub fn attitude_bandwidths(scenario: &Scenario) -> [Option<f64>; 4] {
+/// Computes the bandwidths of w, phi, theta and psi over their own references.
+pub fn attitude_bandwidths(scenario: &Scenario) -> AttitudeBandwidths {
     let course = |guidance| {
         course(scenario, guidance, ATTITUDE_S, |truth| {
             let ([_, _, w], [phi, theta, psi]) = (truth.actual.velocity_mps, truth.actual.attitude_rad);
@@ -33,11 +34,12 @@ pub fn attitude_bandwidths(scenario: &Scenario) -> [Option<f64>; 4] {
         })
     };
     let held = course(HELD);
-    std::array::from_fn(|i| bandwidth(i, &course(STEPS[i]), &held, scenario.sample_s()))
+    let radps = |i: usize| bandwidth(i, &course(STEPS[i]), &held, scenario.sample_s());
+    AttitudeBandwidths { w_radps: radps(0), phi_radps: radps(1), theta_radps: radps(2), psi_radps: radps(3) }
 }
 
-/// Bandwidths of the position to the north, east and down over the mission's position \[rad/s\].
-pub fn position_bandwidths(scenario: &Scenario) -> [Option<f64>; 3] {
+/// Computes the bandwidths of the position to the north, east and down over the mission's position.
+pub fn position_bandwidths(scenario: &Scenario) -> PositionBandwidths {
     let step_at_s = STEP_TICK as f64 * scenario.sample_s();
     let stepped = |i: usize| {
         let mut point_m = [0.0; 3];
@@ -50,7 +52,8 @@ pub fn position_bandwidths(scenario: &Scenario) -> [Option<f64>; 3] {
     };
     let course = |scenario: &Scenario| course(scenario, ring::nodes::open, POSITION_S, |truth| truth.actual.position_m);
     let held = course(scenario);
-    std::array::from_fn(|i| bandwidth(i, &course(&stepped(i)), &held, scenario.sample_s()))
+    let radps = |i: usize| bandwidth(i, &course(&stepped(i)), &held, scenario.sample_s());
+    PositionBandwidths { north_radps: radps(0), east_radps: radps(1), down_radps: radps(2) }
 }
 
 /// Course of some numbers from the step on.

@@ -59,7 +59,7 @@ fn write(
             let mut write = || {
                 let log = match &mut log {
                     Some(log) => log,
-                    none => none.insert(begin(part.written_by.run.as_deref().unwrap_or_default())?),
+                    none => none.insert(begin(&part.written_by.run)?),
                 };
                 log.write(record)
             };

@@ -24,26 +24,24 @@ use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, order, schema}
 use crate::event::Event;
 use crate::files;
 use crate::limits::{MAX_EVENTS, MAX_RECORD_BYTES};
-use crate::provenance::Program;
+use crate::provenance::{Git, Program};
 
 /// Program and run that wrote a log.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WrittenBy {
     pub program: Program,
-    /// Layout of its messages, as in [`LAYOUT`]; `None` in logs of earlier versions.
-    pub layout: Option<String>,
-    /// Name of the run, the same in each of its logs; `None` in logs of earlier versions.
-    pub run: Option<String>,
+    /// Layout of its messages, as in [`LAYOUT`].
+    pub layout: String,
+    /// Name of the run, the same in each of its logs.
+    pub run: String,
 }
 
 impl WrittenBy {
     fn of(mut keys: BTreeMap<String, String>) -> Self {
-        let program = Program {
-            version: keys.remove("version").unwrap_or_default(),
-            commit: keys.remove("commit").filter(|commit| !commit.is_empty()),
-            changed: keys.get("changed").is_some_and(|changed| changed == "true"),
-        };
-        Self { program, layout: keys.remove("layout"), run: keys.remove("run") }
+        let mut text = |key| keys.remove(key).unwrap_or_default();
+        let git = Git { commit: text("commit"), changed: text("changed") == "true" };
+        let program = Program { version: text("version"), git: Some(git).filter(|git| !git.commit.is_empty()) };
+        Self { program, layout: text("layout"), run: text("run") }
     }
 
     /// Returns a note for users that another program wrote the log, or may have; `None` if it is known to be this one.
@@ -58,15 +56,13 @@ impl WrittenBy {
     /// Fails if the layouts differ; the error names both versions and both layouts.
     pub fn check_layout(&self) -> anyhow::Result<()> {
         let (this, layout) = (Program::this(), LAYOUT.join(" "));
-        if self.layout.as_ref() == Some(&layout) {
-            return Ok(());
-        }
-        let theirs = self.layout.as_deref().unwrap_or("an earlier one, which it does not name");
-        let program = &self.program;
-        bail!(
+        let Self { program, layout: theirs, .. } = self;
+        ensure!(
+            *theirs == layout,
             "the log is of another layout: it was written by {program}, whose messages are laid out as {theirs}; this is {this}, \
              which reads {layout}. Read it with the program of that version"
-        )
+        );
+        Ok(())
     }
 }
 
@@ -81,7 +77,7 @@ pub struct Log {
     pub controls: Vec<Controls>,
     pub actuators: Vec<Actuators>,
     pub truths: Vec<Truth>,
-    /// Events of the processes; none are read from logs of earlier versions.
+    /// Events of the processes.
     pub events: Vec<Event>,
     /// Reason why reading stopped before the footer: the log's writer was killed, or the file is damaged. The rest of
     /// the log was read before that, and its checksums fit.
@@ -246,12 +242,10 @@ impl<F: FnMut(&Log, Found)> Contents<'_, F> {
             McapRecord::Channel(channel) => {
                 let kind = self.schemas.get(&channel.schema_id);
                 self.channels.extend(kind.map(|&kind| (channel.id, kind)));
-                // Logs of earlier versions have their events in JSON, which are not read.
-                if channel.topic == EVENTS && channel.message_encoding == "protobuf" {
-                    self.events = Some(channel.id);
-                }
-                if channel.topic == MEMORY {
-                    self.memory = Some(channel.id);
+                match channel.topic.as_str() {
+                    EVENTS => self.events = Some(channel.id),
+                    MEMORY => self.memory = Some(channel.id),
+                    _ => {}
                 }
             }
             McapRecord::Message { header, data } => {

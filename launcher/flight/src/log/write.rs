@@ -20,7 +20,7 @@ use super::{Channel, Memory, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
 use crate::files;
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
-use crate::provenance::Program;
+use crate::provenance::{Git, Program};
 
 type Mcap = Writer<Compressor<BufWriter<File>>>;
 
@@ -187,7 +187,8 @@ fn open(
     sample_ns: u64,
     run: &str,
 ) -> McapResult<(Mcap, [u16; Record::KINDS], [u16; 2])> {
-    let program = Program::this();
+    let Program { version, git } = Program::this();
+    let Git { commit, changed } = git.unwrap_or_default();
     let mut mcap = WriteOptions::new()
         .compression(None) // `Compressor` compresses the chunks
         .chunk_size(None) // `LogWriter` closes the chunks
@@ -200,9 +201,9 @@ fn open(
     mcap.write_metadata(&metadata(
         WRITTEN_BY,
         &[
-            ("version", &program.version),
-            ("commit", program.commit.as_deref().unwrap_or_default()),
-            ("changed", if program.changed { "true" } else { "false" }),
+            ("version", &version),
+            ("commit", &commit),
+            ("changed", &changed.to_string()),
             ("layout", &LAYOUT.join(" ")),
             ("run", run),
             ("log_time", &format!("simulated time: stamp.tick times {sample_ns} ns")),

@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 use contract::Topic;
 use contract::message::Truth;
 use contract::snapshot::Snapshot;
+use contract::stamp::delivery::DELIVERED;
 use runtime::shared_role::Origin;
 
 use super::course::{Course, LATEST, Runs};
@@ -73,8 +74,7 @@ const BATCH: usize = 1024;
 impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     pub(super) fn new(recording: &'a Recording, plan: &'a Plan, script: Script, each: F) -> Self {
         let messages = recording.logged.map(|logged| Messages { logged, ..Messages::default() });
-        let replayed = Replayed { messages, ..Replayed::default() };
-        let replayed = Replayed { begun_at: script.begun_at(), ..replayed };
+        let replayed = Replayed { messages, begun_at: script.begun_at(), ..Replayed::default() };
         let nodes = script.begins_with.iter().filter(|memory| memory.topic != Topic::State);
         let memories = nodes.map(|memory| ((memory.topic, memory.origin), memory.padded())).collect();
         Self { recording, plan, each, script, courses: vec![], memories, replayed, taken: 0, held_up: None }
@@ -109,7 +109,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Flies the cycles that are known so far, while more messages are to come.
     fn go_on_meanwhile(&mut self) -> anyhow::Result<()> {
-        self.go_on(self.script.reach().saturating_sub(LATEST as u64))?;
+        self.go_on(self.script.reach.saturating_sub(LATEST as u64))?;
         self.forget();
         Ok(())
     }
@@ -167,7 +167,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             }
             // The process that is furthest behind holds the others up.
             let tick = |i: usize| self.next(i).map_or(0, |next| next.tick);
-            let of_log = |i: &usize| self.waits_for(*i).is_none_or(|awaited| awaited < until || awaited == u64::MAX);
+            let of_log = |i: &usize| self.lacks(*i).is_none_or(|key| key.tick < until || key.tick == u64::MAX);
             let Some(i) = waiting().filter(of_log).min_by_key(|i| (tick(*i), place(*i))) else { return Ok(()) };
             let since = (tick(i), place(i).0, place(i).1);
             if self.held_up.as_ref().is_none_or(|(earlier, _)| since < *earlier) {
@@ -180,7 +180,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     /// Drops sent messages that no process will ask for; returns the tick before which they were sent.
     fn forget_sent(&mut self) -> u64 {
         let waiting = (0..self.courses.len()).filter_map(|i| self.next(i)).map(|next| next.tick).min();
-        let before = waiting.unwrap_or(self.script.reach()).saturating_sub(LATEST as u64);
+        let before = waiting.unwrap_or(self.script.reach).saturating_sub(LATEST as u64);
         for course in &mut self.courses {
             while course.sent.len() > 1 && course.sent.front().is_some_and(|(sent, ..)| *sent < before) {
                 course.sent.pop_front();
@@ -216,7 +216,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     /// Returns the next cycle of a process; `None` if it is held up, not known whole, or after the end of the plan.
     fn next(&self, i: usize) -> Option<&Cycle> {
         let next = self.script.processes[i].cycles.get(self.courses[i].cycle)?;
-        let is_whole = next.tick < self.script.reach();
+        let is_whole = next.tick < self.script.reach;
         (is_whole && !self.courses[i].is_held_up && next.tick <= self.plan.until.unwrap_or(u64::MAX)).then_some(next)
     }
 
@@ -266,11 +266,6 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let keys = reads.map(|read| &read.key);
         let lacking = |key: &&Key| self.course_of(key).and_then(|course| course.sent(key.tick)).is_none();
         { keys }.find(lacking)
-    }
-
-    /// Returns the tick of the message that a process waits for; `None` if it waits for no message.
-    fn waits_for(&self, i: usize) -> Option<u64> {
-        self.lacks(i).map(|key| key.tick)
     }
 
     /// Describes what the next cycle of a process waits for, for people.
@@ -372,7 +367,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         self.courses[i].follows = is_known;
         let message = |Read { key, unharmed }: &Read| {
             let (_, meant, delivered) = self.course_of(key)?.sent(key.tick)?;
-            if *unharmed { Some(meant.as_delivered()) } else { *delivered }
+            if *unharmed { Some(meant.with_stamp(|stamp| stamp.delivery = DELIVERED)) } else { *delivered }
         };
         for read in next.inputs.iter().flatten() {
             if self.courses[i].read[read.key.topic as usize] != Some(*read)

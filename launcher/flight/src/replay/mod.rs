@@ -21,6 +21,7 @@ mod plan;
 mod program;
 mod recording;
 mod script;
+mod sender;
 mod worker;
 
 pub use counterfactual::{Disturbed, disturbed, without};

@@ -3,20 +3,19 @@
 //!
 //! The program has no clock and no fault of its own link: all its answers are delivered.
 
-use std::rc::Rc;
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use contract::Topic;
-use contract::message::{Controls, Message, Reference, State};
 use contract::scenario::{Mode, Scenario};
-use runtime::port::SendPort;
-use runtime::ports::Ports;
+use runtime::error::SessionError;
 use runtime::realtime::{ControlPage, phase};
 
 use super::script::Cycle;
+use super::sender::{self, Sender};
 use crate::limits::JOIN_LIMIT;
 use crate::log::Record;
 use crate::recorder::Observers;
@@ -31,9 +30,8 @@ const LOOK_NS: u64 = 1_000_000;
 pub struct Program {
     topic: Topic,
     page: Arc<ControlPage>,
-    states: Option<Rc<dyn SendPort<State>>>,
-    references: Option<Rc<dyn SendPort<Reference>>>,
-    controls: Option<Rc<dyn SendPort<Controls>>>,
+    /// Senders of what it may read, by topic.
+    senders: HashMap<Topic, Sender>,
     /// Number of messages sent to it so far, by topic.
     sent: [u64; Topic::COUNT],
     observers: Observers,
@@ -60,11 +58,11 @@ impl Program {
         let children = Children::new(own.domain(), None);
         let program = scenario.node.of(topic).clone();
         let request = SpawnRequest { topic: Some(topic), epoch: 1, program: Some(&program), ..SpawnRequest::default() };
+        let read = [Topic::State, Topic::Reference, Topic::Controls].into_iter().filter(|other| *other != topic);
+        let senders = read.map(|other| Ok((other, sender::open(&mut ports, other, 1)?)));
         let mut started = Self {
             topic,
-            states: sender(&mut ports, topic)?,
-            references: sender(&mut ports, topic)?,
-            controls: sender(&mut ports, topic)?,
+            senders: senders.collect::<Result<_, SessionError>>()?,
             sent: [0; Topic::COUNT],
             observers: Observers::open(&mut ports, &scenario)?,
             wall_limit: match scenario.supervision.wall_limit_s {
@@ -86,14 +84,11 @@ impl Program {
     /// Sends `message` to the program, as the newest of its topic.
     pub fn read(&mut self, message: &Record) {
         let Some((of, _)) = message.stamped() else { return };
+        let Some(sender) = self.senders.get(&of) else { return }; // no node reads it but the plant
         let number = &mut self.sent[of as usize];
         *number += 1;
-        match message {
-            Record::State(state) => put(&self.page, self.states.as_ref(), *state, *number),
-            Record::Reference(reference) => put(&self.page, self.references.as_ref(), *reference, *number),
-            Record::Controls(controls) => put(&self.page, self.controls.as_ref(), *controls, *number),
-            Record::Actuators(_) | Record::Truth(_) => {} // no node reads them but the plant
-        }
+        sender(&message.with_stamp(|stamp| (stamp.epoch, stamp.sequence) = (1, *number)));
+        self.page.doorbell(of).mark();
     }
 
     /// Lets the program answer up to the tick of `cycle`; `each` gets its answer to that tick.
@@ -143,20 +138,6 @@ impl Program {
         }
         Ok(())
     }
-}
-
-/// Opens the sender of messages of `M`; `None` for those of the node itself.
-fn sender<M: Message>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn SendPort<M>>>> {
-    Ok((M::TOPIC != topic).then(|| ports.sender(1)).transpose()?)
-}
-
-/// Sends `message` as number `number` of the only process of its node.
-fn put<M: Message>(page: &ControlPage, sender: Option<&Rc<dyn SendPort<M>>>, mut message: M, number: u64) {
-    let stamp = message.stamp_mut();
-    (stamp.epoch, stamp.sequence) = (1, number);
-    // Fails if the program is gone, which the next wait for it sees.
-    let _ = sender.map(|sender| sender.send(&message.with_checksum()));
-    page.doorbell(M::TOPIC).mark();
 }
 
 impl Drop for Program {

@@ -151,7 +151,7 @@ impl Recording {
 
     /// Returns the span of the log up to tick `until`, and on: a process that slept may have read later messages.
     pub(super) fn span(&self, script: &Script, until: u64) -> Span {
-        self.log_time(script.begins())..=self.log_time(until.saturating_add((LOOK_AHEAD / Topic::COUNT) as u64))
+        self.log_time(script.begins)..=self.log_time(until.saturating_add((LOOK_AHEAD / Topic::COUNT) as u64))
     }
 
     /// Reads the script of the flight into memory, from the last place before tick `from` where it can begin up to tick

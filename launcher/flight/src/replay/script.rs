@@ -92,9 +92,10 @@ pub struct Script {
     /// Memories of the nodes, if the script begins in the middle of the flight.
     pub(super) begins_with: Vec<Memory>,
     /// First tick of which messages are taken in.
-    begins: u64,
-    /// Newest tick of which a cycle is known; `u64::MAX` when no more messages come.
-    reach: u64,
+    pub(super) begins: u64,
+    /// Newest tick of which a cycle is known, before which every cycle is known with all of its messages; `u64::MAX`
+    /// when no more messages come.
+    pub(super) reach: u64,
 }
 
 /// Messages that are held back: a minute and more of a flight at 100 Hz, and four seconds at 2 kHz.
@@ -140,11 +141,6 @@ impl Script {
         self.begins_with.first().map_or(0, |memory| memory.tick)
     }
 
-    /// First tick of which messages are taken in.
-    pub(super) fn begins(&self) -> u64 {
-        self.begins
-    }
-
     /// Takes in the next message of the log, in the order of ticks.
     pub fn push(&mut self, record: &Record) {
         if !record.is_intact() || record.tick() < self.begins {
@@ -178,11 +174,6 @@ impl Script {
             self.reach = u64::MAX;
         }
         !self.ahead.is_empty()
-    }
-
-    /// Returns the tick before which every cycle is known, with all of its messages.
-    pub(super) fn reach(&self) -> u64 {
-        self.reach
     }
 
     pub fn process(&self, topic: Topic, epoch: u64) -> Option<usize> {

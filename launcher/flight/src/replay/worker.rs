@@ -1,10 +1,11 @@
 //! Process of a replay: its core, ports, link and faults, with a control page and queues of its own. The caller sends
 //! it the messages that the process reads, and collects those that it sends.
 
-use std::rc::Rc;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use contract::Topic;
-use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::message::{Actuators, Stamp, State};
 use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 use plant::Plant;
@@ -13,11 +14,11 @@ use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
 use runtime::output::{Output, TruthOutput};
-use runtime::port::SendPort;
 use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
 use super::script::Cycle;
+use super::sender::{self, Sender};
 use crate::log::{Memory, Record};
 use crate::nodes;
 use crate::recorder::Observers;
@@ -28,9 +29,8 @@ pub struct Worker {
     member: Member,
     core: Core,
     observers: Observers,
-    states: Feed<State>,
-    references: Feed<Reference>,
-    controls: Feed<Controls>,
+    /// Senders of what it reads, by topic and epoch.
+    senders: HashMap<(Topic, u32), Sender>,
     /// Number of changes of the fault table that it knows.
     faults: u64,
 }
@@ -46,28 +46,6 @@ struct Sampler {
     output: Output<State>,
     truths: TruthOutput,
     tick: u64,
-}
-
-/// Senders of the messages of one topic, by epoch.
-struct Feed<M> {
-    senders: Vec<(u32, Rc<dyn SendPort<M>>)>,
-}
-
-impl<M: Message> Feed<M> {
-    fn put(&mut self, ring: &Ring, message: &M) -> Result<(), SessionError> {
-        let epoch = message.stamp().epoch as u32;
-        let role = ring.page.role(M::TOPIC);
-        if !self.senders.iter().any(|(known, _)| *known == epoch) {
-            role.offer(epoch);
-            self.senders.push((epoch, ring.ports().sender(epoch)?));
-        }
-        role.assign(0, |_| Assignment { active: epoch, standby: 0 });
-        let sender = self.senders.iter().find(|(known, _)| *known == epoch);
-        // Fails if no port listens; the worker's port does.
-        let _ = sender.map(|(_, sender)| sender.send(message));
-        ring.page.doorbell(M::TOPIC).mark();
-        Ok(())
-    }
 }
 
 impl Worker {
@@ -99,19 +77,27 @@ impl Worker {
             member.continues.set(*origin);
         }
         let observers = Observers::open(&mut ring.ports(), &scenario)?;
-        let (states, references, controls) =
-            (Feed { senders: vec![] }, Feed { senders: vec![] }, Feed { senders: vec![] });
-        Ok(Self { ring, member, core, observers, states, references, controls, faults: 0 })
+        Ok(Self { ring, member, core, observers, senders: HashMap::new(), faults: 0 })
     }
 
-    /// Sends `message` to the process, as the newest of its topic.
+    /// Sends `message` to the process, as the newest of its topic. The plant gets commands with their arrival instead.
     pub fn read(&mut self, message: &Record) -> Result<(), SessionError> {
-        match message {
-            Record::State(state) => self.states.put(&self.ring, state),
-            Record::Reference(reference) => self.references.put(&self.ring, reference),
-            Record::Controls(controls) => self.controls.put(&self.ring, controls),
-            Record::Actuators(_) | Record::Truth(_) => Ok(()), // the plant gets commands with their arrival
-        }
+        let Some((topic, stamp)) = message.stamped().filter(|(topic, _)| *topic != Topic::Actuators) else {
+            return Ok(());
+        };
+        let epoch = stamp.epoch as u32;
+        let role = self.ring.page.role(topic);
+        let sender = match self.senders.entry((topic, epoch)) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                role.offer(epoch);
+                new.insert(sender::open(&mut self.ring.ports(), topic, epoch)?)
+            }
+        };
+        role.assign(0, |_| Assignment { active: epoch, standby: 0 });
+        sender(message);
+        self.ring.page.doorbell(topic).mark();
+        Ok(())
     }
 
     /// Gives the plant a command that arrives `after_ns` after its last sample.

@@ -235,21 +235,32 @@ impl Drop for Children {
 
 /// Waits for `child`, called `name`, to end and returns how; kills it after `limit` or at a second interrupt (`None`).
 pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
+    let note = || format!("waiting up to {} s for the {name} to end; Ctrl-C twice kills it", limit.as_secs());
+    let ended = wait_for_end(child, limit, note, || interrupts.load(Ordering::Relaxed) > 1);
+    if ended.is_none() {
+        kill(child);
+    }
+    ended
+}
+
+/// Waits for `child` to end, at most `limit` or until `is_over`, and returns how it ended; prints `note` if that takes
+/// long.
+fn wait_for_end(
+    child: &mut Child,
+    limit: Duration,
+    note: impl Fn() -> String,
+    is_over: impl Fn() -> bool,
+) -> Option<ExitStatus> {
     let started = Instant::now();
-    let deadline = started + limit;
     let mut told = limit <= SAY_AFTER;
     loop {
-        if let Some(status) = ended(child) {
-            return Some(status);
+        let ended = ended(child);
+        if ended.is_some() || started.elapsed() > limit || is_over() {
+            return ended;
         }
         if !told && started.elapsed() > SAY_AFTER {
             told = true;
-            let limit_s = limit.as_secs();
-            eprint_line(&format!("waiting up to {limit_s} s for the {name} to end; Ctrl-C twice kills it"));
-        }
-        if Instant::now() > deadline || interrupts.load(Ordering::Relaxed) > 1 {
-            kill(child);
-            return None;
+            eprint_line(&note());
         }
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -274,18 +285,13 @@ pub fn kill(child: &mut Child) {
     }
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
     let _ = child.kill();
-    let started = Instant::now();
-    let mut told = false;
-    while ended(child).is_none() && started.elapsed() < KILL_LIMIT {
-        if !told && started.elapsed() > SAY_AFTER {
-            told = true;
-            let (limit_s, pid) = (KILL_LIMIT.as_secs(), child.id());
-            eprint_line(&format!(
-                "waiting up to {limit_s} s for process {pid}, which was killed and does not end: is it frozen, or in a device?"
-            ));
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let (limit_s, pid) = (KILL_LIMIT.as_secs(), child.id());
+    let note = || {
+        format!(
+            "waiting up to {limit_s} s for process {pid}, which was killed and does not end: is it frozen, or in a device?"
+        )
+    };
+    wait_for_end(child, KILL_LIMIT, note, || false);
 }
 
 #[cfg(test)]

@@ -18,14 +18,6 @@ use crate::limits::FILES_LOOK;
 /// Name by which events call the surroundings of the processes.
 const HOST: &str = "host";
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Loss {
-    /// The name of the file is gone.
-    Removed,
-    /// The file is shorter than it was.
-    CutShort,
-}
-
 pub struct Files {
     domain: Domain,
     looked: Instant,
@@ -47,15 +39,12 @@ impl Files {
     /// Returns the losses of the launcher and of `children` since the last look as events at `tick`.
     pub fn events(&mut self, tick: u64, children: &Children) -> Vec<Event> {
         let living = children.all.iter().map(|process| process.child.id()).chain([std::process::id()]);
-        let event = |(loss, path): (Loss, PathBuf)| {
-            let what = if loss == Loss::Removed { What::ShmRemoved } else { What::ShmCutShort };
-            Event::new(tick, HOST, 0, what).because(path.display().to_string())
-        };
+        let event = |(what, path): (What, PathBuf)| Event::new(tick, HOST, 0, what).because(path.display().to_string());
         self.look(&living.collect::<Vec<_>>()).into_iter().map(event).collect()
     }
 
     /// Returns what the processes `living` have lost since the last look; nothing before `FILES_LOOK` is over.
-    fn look(&mut self, living: &[u32]) -> Vec<(Loss, PathBuf)> {
+    fn look(&mut self, living: &[u32]) -> Vec<(What, PathBuf)> {
         if self.looked.elapsed() < FILES_LOOK {
             return vec![];
         }
@@ -66,14 +55,14 @@ impl Files {
         let mut losses = vec![];
         self.known.retain(|path, known| {
             let loss = match found.get(path) {
-                Some(bytes) if *bytes < known.bytes => Some(Loss::CutShort),
-                None if known.missing => Some(Loss::Removed),
+                Some(bytes) if *bytes < known.bytes => Some(What::ShmCutShort),
+                None if known.missing => Some(What::ShmRemoved),
                 _ => None,
             };
             known.missing = !found.contains_key(path);
             known.bytes = found.get(path).copied().unwrap_or(known.bytes);
             losses.extend(loss.filter(|_| of_the_living(path)).map(|loss| (loss, path.clone())));
-            of_the_living(path) && loss != Some(Loss::Removed)
+            of_the_living(path) && loss != Some(What::ShmRemoved)
         });
         for (path, bytes) in found {
             self.known.entry(path).or_insert(Known { bytes, missing: false });
@@ -92,7 +81,7 @@ mod tests {
     use runtime::domain::Hold;
 
     /// Looks twice: a removal counts at the second look.
-    fn look(files: &mut Files, living: &[u32]) -> Vec<(Loss, PathBuf)> {
+    fn look(files: &mut Files, living: &[u32]) -> Vec<(What, PathBuf)> {
         let mut losses = vec![];
         for _ in 0..2 {
             std::thread::sleep(FILES_LOOK);
@@ -120,7 +109,7 @@ mod tests {
             std::fs::remove_file(path).expect("it was there");
         }
         std::fs::write(&cut, [0; 16]).expect("it was there");
-        assert_eq!(look(&mut files, &[41]), [(Loss::CutShort, cut), (Loss::Removed, removed)]);
+        assert_eq!(look(&mut files, &[41]), [(What::ShmCutShort, cut), (What::ShmRemoved, removed)]);
         assert_eq!(look(&mut files, &[41]), []);
     }
 }

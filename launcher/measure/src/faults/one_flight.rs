@@ -171,7 +171,7 @@ impl Watch {
             detected_after_s: fault.detected_after_s,
             recovered_after_s: fault.recovered_after_s,
             diverged: matches!(flown.ended, Ended::Lost(_)) || summary.status().diverged(),
-            missed: summary.missed(),
+            missed: summary.missed,
             state_hash: summary.state_hash(),
             ..self.course
         }

@@ -16,7 +16,7 @@ pub struct Csv<'a> {
 
 impl<'a> Rows<'a> for Csv<'a> {
     fn begin(folder: &'a Dir, name: &str, columns: &Columns) -> anyhow::Result<Self> {
-        let mut file = BufWriter::new(folder.begin(&format!("{name}.csv"))?);
+        let mut file = BufWriter::new(folder.begin(format!("{name}.csv"))?);
         let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
         writeln!(file, "{}", names.join(","))?;
         Ok(Self { file, line: String::new() })

@@ -21,7 +21,7 @@ pub struct Parquet<'a> {
 impl<'a> Rows<'a> for Parquet<'a> {
     fn begin(folder: &'a Dir, name: &str, columns: &Columns) -> anyhow::Result<Self> {
         let schema = schema(name, columns.iter().map(|(name, kind)| (name.as_str(), *kind)))?;
-        let file = folder.begin(&format!("{name}.parquet"))?;
+        let file = folder.begin(format!("{name}.parquet"))?;
         let writer = SerializedFileWriter::new(file, schema, Arc::new(properties().build()))?;
         Ok(Self { writer, columns: columns.iter().map(|(_, kind)| (*kind, vec![])).collect(), rows: 0 })
     }

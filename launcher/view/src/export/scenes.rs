@@ -26,7 +26,7 @@ impl<'a> Scenes<'a> {
     pub fn begin(folder: &'a Dir, name: &str, scenario: &Scenario, path: &Path) -> anyhow::Result<Self> {
         // A span that no message is in: only the events are read.
         let log::Log { events, written_by, .. } = log::stream(path, u64::MAX..=u64::MAX, |_, _| {})?;
-        let run = format!("{}-scenes", written_by.run.unwrap_or_default());
+        let run = format!("{}-scenes", written_by.run);
         let file = folder.begin(name)?;
         let (settings, sample_ns) = (to_toml(scenario), scenario.sample_ns());
         let mut log = LogWriter::begin(file.handle()?, &folder.at(name), &settings, sample_ns, &run)?;

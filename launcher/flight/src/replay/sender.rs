@@ -1,0 +1,26 @@
+//! Senders of the messages that a process of a replay reads.
+
+use contract::Topic;
+use contract::message::{Actuators, Controls, Message, Reference, State};
+use runtime::error::SessionError;
+use runtime::ports::Ports;
+
+use crate::log::Record;
+
+/// Sends a message of one topic; one of another is ignored.
+pub type Sender = Box<dyn Fn(&Record)>;
+
+/// Opens the sender of the process `epoch` that publishes `topic`.
+pub fn open(ports: &mut Ports, topic: Topic, epoch: u32) -> Result<Sender, SessionError> {
+    fn of<M: Message>(ports: &mut Ports, epoch: u32) -> Result<Sender, SessionError> {
+        let port = ports.sender::<M>(epoch)?;
+        // A send fails if no port listens: that of a worker does, and the end of a program is seen by the wait for it.
+        Ok(Box::new(move |record| _ = record.message().map(|message| port.send(message))))
+    }
+    match topic {
+        Topic::State => of::<State>(ports, epoch),
+        Topic::Reference => of::<Reference>(ports, epoch),
+        Topic::Controls => of::<Controls>(ports, epoch),
+        Topic::Actuators => of::<Actuators>(ports, epoch),
+    }
+}
