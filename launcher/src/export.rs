@@ -12,7 +12,7 @@ use outcome::recorded::Part;
 use runtime::console::{eprint_line, print};
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};
 use view::export;
-use view::trace::{self, Asked};
+use view::trace;
 use zip::DateTime;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
@@ -82,19 +82,16 @@ fn of_run(run: &Path, args: &ExportArgs) -> anyhow::Result<()> {
     let ExportArgs { to, from_s, for_s, worst, ref out, .. } = *args;
     ensure!(for_s > 0.0, "--for 0 is no part of a flight");
     ensure!(!worst || to == Format::Perfetto, "--worst is for --to perfetto; choose the part with --from and --for");
+    let log = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
+    ensure!(log.exists(), "there is no {}; give the folder of a run that was flown with a log", log.display());
     let format = match to {
         Format::Csv => export::Format::Csv,
         Format::Parquet => export::Format::Parquet,
         Format::Ulog => export::Format::Ulog,
         Format::Foxglove => export::Format::Foxglove,
         Format::Fmu => unreachable!("it is of no run"),
-        Format::Perfetto => {
-            let around_s = if for_s.is_finite() { for_s } else { 1.0 };
-            let asked = if worst { Asked::Worst { for_s: around_s } } else { Asked::From { from_s, for_s } };
-            return trace::write(run, asked, out.as_deref());
-        }
+        Format::Perfetto => return trace::write(&log, (!worst).then_some(from_s), for_s, out.as_deref()),
     };
-    let log = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
     let written = export::export(&log, format, Part { from_s, to_s: from_s + for_s }, out.as_deref())?;
     for note in &written.notes {
         eprint_line(&format!("note: {note}"));

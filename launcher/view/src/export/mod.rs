@@ -19,7 +19,7 @@ mod ulog;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use contract::message::Stamp;
 use contract::scenario::Mode;
 use contract::{Scenario, Topic};
@@ -60,20 +60,21 @@ pub struct Export {
 /// The log cannot be read, the part has no message, `out` has files already, or the files cannot be written; then none
 /// of them is new.
 pub fn export(log: &Path, format: Format, part: Part, out: Option<&Path>) -> anyhow::Result<Export> {
-    let out = match (out, format) {
-        (Some(out), Format::Csv | Format::Parquet) => named_folder(out)?,
-        (Some(out), Format::Ulog) => named_file(out, "ulg")?,
-        (Some(out), Format::Foxglove) => named_file(out, "mcap")?,
-        (None, Format::Csv) => log.with_file_name("csv"),
-        (None, Format::Parquet) => log.with_file_name("parquet"),
-        (None, Format::Ulog) => log.with_file_name("flight.ulg"),
-        (None, Format::Foxglove) => log.with_file_name("foxglove.mcap"),
+    let (usual, extension) = match format {
+        Format::Csv => ("csv", None),
+        Format::Parquet => ("parquet", None),
+        Format::Ulog => ("flight.ulg", Some("ulg")),
+        Format::Foxglove => ("foxglove.mcap", Some("mcap")),
     };
-    ensure!(log.exists(), "there is no {}; give the folder of a run that was flown with a log", log.display());
+    let out = match (out, extension) {
+        (None, _) => log.with_file_name(usual),
+        (Some(out), None) => named_folder(out)?,
+        (Some(out), Some(extension)) => named_file(out, extension)?,
+    };
     let cannot = || format!("cannot write {}: choose another place with --out", out.display());
-    let folder = match format {
-        Format::Csv | Format::Parquet => Dir::make(&out),
-        Format::Ulog | Format::Foxglove => Dir::open(out.parent().unwrap_or(Path::new(""))),
+    let folder = match extension {
+        None => Dir::make(&out),
+        Some(_) => Dir::open(out.parent().unwrap_or(Path::new(""))),
     };
     let folder = folder.with_context(cannot)?;
     let name = out.file_name().unwrap_or_default().to_string_lossy();

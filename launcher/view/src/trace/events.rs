@@ -20,9 +20,9 @@
 
 use std::ops::Range;
 
-use contract::message::{Message, SolveStatus};
+use contract::message::Message;
 use contract::topic::NODES;
-use flight::log::{Log, Record, counted};
+use flight::log::{Log, Record, counted, status_name};
 use serde_json::{Value, json};
 
 use crate::cycle::{Cycle, micros};
@@ -58,7 +58,7 @@ impl Trace {
         self.node(&log.references, |_| json!({}));
         self.node(&log.controls, |controls| {
             json!({
-                "status": solve_status(controls.status),
+                "status": status_name(&(*controls).into()),
                 "iterations": controls.iterations,
                 "solve_us": micros(controls.solve_ns),
                 "active_constraints": controls.active_constraints,
@@ -75,13 +75,7 @@ impl Trace {
             let end_ns = until_ns.saturating_sub(APART_NS).max(from_ns);
             let args = json!({ "tick": tick, "sequence": sequence, "age_us": micros(age_ns) });
             self.slice(ACTUATORS, &format!("command {tick}"), [from_ns, end_ns], &args);
-            self.event(
-                "C",
-                ACTUATORS,
-                "age at the actuator",
-                from_ns,
-                json!({ "args": { "ms": age_ns as f64 / 1e6 } }),
-            );
+            self.counter(ACTUATORS, "age at the actuator", from_ns, "ms", age_ns as f64 / 1e6);
         }
     }
 
@@ -102,17 +96,15 @@ impl Trace {
             }
             let last = ends.len().saturating_sub(1);
             for (i, (lane, at_ns)) in ends.into_iter().enumerate().filter(|_| last > 0) {
-                let phase = if i == 0 {
-                    "s"
-                } else if i == last {
-                    "f"
-                } else {
-                    "t"
+                let phase = match i {
+                    0 => "s",
+                    _ if i == last => "f",
+                    _ => "t",
                 };
                 self.event(phase, lane, "sample", at_ns, json!({ "cat": "chain", "id": tick.number + 1, "bp": "e" }));
             }
             if let Some(error_m) = tick.distance_m() {
-                self.event("C", 0, "position error", tick.sample_ns, json!({ "args": { "m": error_m } }));
+                self.counter(0, "position error", tick.sample_ns, "m", error_m);
             }
         }
     }
@@ -185,13 +177,8 @@ impl Trace {
             // A skipped period is found on waking, a late message on sending.
             for (name, at_ns, count) in [("slip", stamp.start_ns, cycle.slips), ("miss", publish_ns, cycle.late)] {
                 if count > 0 {
-                    self.event(
-                        "i",
-                        lane,
-                        name,
-                        at_ns,
-                        json!({ "cat": "deadline", "s": "t", "args": { "count": count } }),
-                    );
+                    let more = json!({ "cat": "deadline", "s": "t", "args": { "count": count } });
+                    self.event("i", lane, name, at_ns, more);
                 }
             }
         }
@@ -200,6 +187,10 @@ impl Trace {
     fn slice(&mut self, lane: usize, name: &str, [start_ns, end_ns]: [u64; 2], args: &Value) {
         let duration_us = micros(end_ns.saturating_sub(start_ns));
         self.event("X", lane, name, start_ns, json!({ "cat": "cycle", "dur": duration_us, "args": args }));
+    }
+
+    fn counter(&mut self, lane: usize, name: &str, at_ns: u64, unit: &str, value: f64) {
+        self.event("C", lane, name, at_ns, json!({ "args": { unit: value } }));
     }
 
     fn span(&mut self, lane: usize, thread: usize, span: &Span, [from_ns, to_ns]: [u64; 2]) {
@@ -255,13 +246,6 @@ impl Samples {
         let to_s = span.to_s.unwrap_or(f64::INFINITY);
         (to_s > first.0).then(|| [from_ns, self.instant(to_s).unwrap_or(last.1).max(from_ns)])
     }
-}
-
-fn solve_status(wire: u64) -> String {
-    use SolveStatus::{BadInput, Explicit, Fallback, LimitReached, NoReference, Solved, Stale};
-    let all = [Explicit, Solved, LimitReached, Fallback, BadInput, Stale, NoReference];
-    let known = all.into_iter().find(|status| *status as u64 == wire);
-    known.map_or_else(|| wire.to_string(), |status| format!("{status:?}"))
 }
 
 /// Name of a lane: a process of the viewer, and in it a thread.

@@ -25,25 +25,15 @@ use runtime::console::{eprint_line, print};
 
 const LOCKSTEP: &str = "a lockstep flight: the times show which process waited for which, not how late any of them was";
 
-/// Stretch of a flight that a user asked for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Asked {
-    /// Length \[s\] around the worst tick; in lockstep, where no tick is late, at the beginning.
-    Worst { for_s: f64 },
-    /// Begin and length \[s\].
-    From { from_s: f64, for_s: f64 },
-}
+/// Length of a trace around the worst tick, if none was asked for \[s\].
+const AROUND_WORST_S: f64 = 1.0;
 
-/// Writes the trace of a run to `out`, by default `trace.json` beside its log, and says where.
-pub fn write(run: &Path, asked: Asked, out: Option<&Path>) -> anyhow::Result<()> {
-    let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
-    ensure!(
-        path.exists(),
-        "there is no {}; give the folder of a run that was flown without --no-log, or its flight.mcap",
-        path.display()
-    );
+/// Writes the trace of the run at `path`, its `flight.mcap`, to `out`, by default `trace.json` beside it, and says
+/// where. The trace begins at `from_s` and is `for_s` long or to the end \[s\]; without `from_s` it is around the worst
+/// tick, or in lockstep, where no tick is late, at the beginning.
+pub fn write(path: &Path, from_s: Option<f64>, for_s: f64, out: Option<&Path>) -> anyhow::Result<()> {
     let out = out.map_or_else(|| Ok(path.with_file_name("trace.json")), |out| named_file(out, "json"))?;
-    let recorded = Recorded::read(&path)?;
+    let recorded = Recorded::read(path)?;
     if let Some(missing) = recorded.missing() {
         eprint_line(&format!("note: {missing}"));
     }
@@ -55,15 +45,14 @@ pub fn write(run: &Path, asked: Asked, out: Option<&Path>) -> anyhow::Result<()>
             path.display()
         );
     }
-    let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, log::ALL, |_, record| each(record)).map(drop);
+    let records = |each: &mut dyn FnMut(&Record)| log::stream(path, log::ALL, |_, record| each(record)).map(drop);
     let worst = recorded.run.timing.as_ref().and_then(|timing| timing.worst_ticks.first());
-    let window = match asked {
-        Asked::Worst { for_s } => Window::new(None, for_s, scenario.sample_s(), worst),
-        Asked::From { from_s, for_s } => {
-            let to_end_s = (recorded.summary.time_s() + scenario.sample_s() - from_s).max(0.0);
-            Window::new(Some(from_s), if for_s.is_finite() { for_s } else { to_end_s }, scenario.sample_s(), None)
-        }
+    let for_s = match from_s {
+        _ if for_s.is_finite() => for_s,
+        Some(from_s) => (recorded.summary.time_s() + scenario.sample_s() - from_s).max(0.0),
+        None => AROUND_WORST_S,
     };
+    let window = Window::new(from_s, for_s, scenario.sample_s(), worst);
     let document = document(records, scenario, &recorded.run.happenings(), &window)?;
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));
