@@ -126,7 +126,7 @@ impl Relay {
         let counted = tick(FIRST_S)..tick(scenario.run.duration_s - REST_S);
         let lost = || ticks.by_number.values().filter(|tick| counted.contains(&tick.number) && tick.of.is_lost());
         let is_explained = |tick: &&Tick<_>| host.explains(tick.sample_ns, tick.sample_ns + 2 * scenario.sample_ns());
-        let ended = |what| flown.events.iter().filter(move |event| event.what == what);
+        let ended = |what| flown.how.events.iter().filter(move |event| event.what == what);
         let reason = |event: &Event| format!("{}: {}", event.node, event.why.as_deref().unwrap_or_default());
         Ok(Self {
             good,
