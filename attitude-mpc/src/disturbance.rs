@@ -10,8 +10,8 @@
 //! random: at first little is known of `d`, and `K` falls from [`FIRST_GAIN`] to `L`, `attitude.disturbance_gain`, at
 //! which it stays. So a wrong mass is found in tenths of a second, and afterwards the estimate is too slow to cost
 //! delay margin (docs/mpc.md). Because `d` is in the prediction and cancelled in the inputs' target
-//! ([`condensed`](crate::law::mpc::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings, *Disturbance
-//! models for offset-free model-predictive control*, AICHE Journal 49 (2003).
+//! ([`condensed`](crate::law::mpc::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings,
+//! *Disturbance models for offset-free model-predictive control*, AICHE Journal 49 (2003).
 
 use airframe::Parameters;
 use nalgebra::{DVector, Vector4};

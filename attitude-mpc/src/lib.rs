@@ -148,7 +148,7 @@ impl AttitudeMpc {
             unfollowed: input - Vector4::from(next.delay.answered(tick)),
         };
         aim.reference[HEADING] = angle::nearest(aim.reference[HEADING], aim.start[HEADING]);
-        // Guidance makes the goal for the moment at which the demand acts if the delay is measured, else for the sample.
+        // Guidance makes the goal for the moment at which the demand acts if the delay is measured, or for the sample.
         aim.age_ns +=
             if self.delay_compensation == DelayCompensation::Sample(true) { self.sample_ns as f64 } else { 0.0 };
         let Some(decision) = self.law.plan(&aim, &mut next) else {
@@ -157,7 +157,7 @@ impl AttitudeMpc {
 
         next.tick = OptionalTick::some(tick);
         next.x.rows_mut(0, self.work.x.len()).copy_from(&self.work.x);
-        next.delay.outputs[0] = decision.demand.into(); // (6)
+        next.delay.outputs[0] = decision.demand.into();
         next.fallbacks += u64::from(decision.status > SolveStatus::Solved);
         self.memory = next;
         let led = next.goal.tick.get().is_some_and(|of| of >= tick);

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::ensure;
 use clap::ValueEnum;
@@ -27,7 +27,7 @@ use flight::interrupts::{catch_interrupts, end_at_once};
 use flight::log::Record;
 use flight::provenance::{Scheduling, granted, provenance};
 use flight::recorder::CountedLog;
-use flight::stack::{Ended, Stack};
+use flight::stack::{Ended, Flown, Stack};
 use ground::{Address, Home};
 use machine::{Level, Machine};
 use outcome::judge::{Circumstances, Verdict};
@@ -99,7 +99,7 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
 }
 
 /// Flies `scenario`; of `args` only output, log and namespace are used. Returns the exit code.
-pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
+pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     ensure!(
         args.mavlink.is_none() || scenario.run.mode != Mode::Inprocess,
         "--mavlink shows a flight through processes; fly with --mode realtime or lockstep"
@@ -111,15 +111,15 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let out = Folder::prepare(args.out.as_deref(), &scenario).map_err(with_file_limit)?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
 
-    let ordered = scenario.clone();
     let mut summary = Summary::new(&scenario);
     let flown = match scenario.run.mode {
         Mode::Inprocess => fly_inprocess(&scenario, log.as_deref(), &mut summary, &interrupts),
         Mode::Realtime | Mode::Lockstep => {
-            fly_processes(args, &mut scenario, page, log.as_deref(), &mut summary, &interrupts)
+            fly_processes(args, &scenario, page, log.as_deref(), &mut summary, &interrupts)
         }
     };
-    let Flown { mut how, wall, scheduling } = match flown {
+    let ordered = scenario;
+    let Flown { mut how, wall, scheduling, scenario } = match flown {
         Ok(flown) => flown,
         Err(error) => {
             out.withdraw();
@@ -201,15 +201,6 @@ fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
     Ok(flight::settings::load(args.scenario.as_deref(), &overrides)?)
 }
 
-/// Flight that is over, whatever the mode.
-struct Flown {
-    how: Circumstances,
-    /// Wall time of the flight, without start and report.
-    wall: Duration,
-    /// Scheduling that the kernel gave each node; empty in process.
-    scheduling: Vec<(String, Scheduling)>,
-}
-
 fn fly_inprocess(
     scenario: &Scenario,
     log: Option<&Path>,
@@ -243,14 +234,13 @@ fn fly_inprocess(
     if interrupts.load(Ordering::Relaxed) > 0 {
         how.ended = Ended::Interrupted;
     }
-    Ok(Flown { how, wall, scheduling: vec![] })
+    Ok(Flown { how, wall, scheduling: vec![], scenario: scenario.clone() })
 }
 
-/// Flies with processes, and adds to `scenario` the faults and swaps that were ordered meanwhile. The process of the
-/// `page`, if there is one, has to end with the flight.
+/// Flies with processes. The process of the `page`, if there is one, has to end with the flight.
 fn fly_processes(
     args: &FlyArgs,
-    scenario: &mut Scenario,
+    scenario: &Scenario,
     page: Option<Beside>,
     log: Option<&Path>,
     summary: &mut Summary,
@@ -262,7 +252,7 @@ fn fly_processes(
     let mavlink = args.mavlink.map(|address| mavlink::beside(&args.namespace, &address, home)).transpose()?;
     let progress = Progress::start();
     let summary = RefCell::new(summary);
-    let flown = stack.fly(
+    let mut flown = stack.fly(
         interrupts,
         |record: &Record| summary.borrow_mut().observe(record),
         |faults| {
@@ -271,11 +261,8 @@ fn fly_processes(
         },
     );
     progress.finish();
-    *scenario = flown.scenario.clone();
-    let (wall, scheduling) = (flown.wall, flown.scheduling.clone());
-    let mut how = Circumstances::from(flown);
-    how.observers = Beside::finish(page.into_iter().chain(mavlink).collect());
-    Ok(Flown { how, wall, scheduling })
+    flown.how.observers = Beside::finish(page.into_iter().chain(mavlink).collect());
+    Ok(flown)
 }
 
 /// Prints what the scenario asks for and the processes did not get, as `doctor` does, and each remedy once.

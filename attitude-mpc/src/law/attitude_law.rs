@@ -1,4 +1,4 @@
-//! What a law gets at a sample, and what it returns.
+//! Interface of a law: what it gets at a sample, and what it returns.
 //!
 //! ```text
 //! observe    the model of this tick, from the measured motion

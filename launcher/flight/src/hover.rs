@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 
 pub use decay::Margin;
 use decay::{attitude_decays, decays};
+pub use response::{AttitudeBandwidths, PositionBandwidths};
 use response::{attitude_bandwidths, position_bandwidths};
 
 /// Largest delay that is tried for the delay margin \[ms\].
@@ -60,33 +61,6 @@ pub struct Loops {
     /// Largest lag of the rotors, `plant.rotor_lag_s`, at which the position loop is stable, to 1 ms: the model of the
     /// controller and the delay stay as they are set. Null if it is unstable as set.
     pub lag_margin: Option<Margin>,
-}
-
-/// Bandwidths of the attitude loop: frequencies at which the response of w, phi, theta and psi to their own references
-/// in REFERENCE falls below -3 dB, in rad/s. References of the rates go with those of the angles as `guidance` has it.
-/// Null if a response is below -3 dB at 0.1 rad/s already, or above it up to half the rate of the ring.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct AttitudeBandwidths {
-    /// Bandwidth of w, the body z velocity \[rad/s\].
-    pub w_radps: Option<f64>,
-    /// Bandwidth of phi, the roll \[rad/s\].
-    pub phi_radps: Option<f64>,
-    /// Bandwidth of theta, the pitch \[rad/s\].
-    pub theta_radps: Option<f64>,
-    /// Bandwidth of psi, the yaw \[rad/s\].
-    pub psi_radps: Option<f64>,
-}
-
-/// Bandwidths of the position loop: frequencies at which the response of the position to the mission's position falls
-/// below -3 dB, at the heading 0, in rad/s. Null as for [`AttitudeBandwidths`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct PositionBandwidths {
-    /// Bandwidth to the north \[rad/s\].
-    pub north_radps: Option<f64>,
-    /// Bandwidth to the east \[rad/s\].
-    pub east_radps: Option<f64>,
-    /// Bandwidth down \[rad/s\].
-    pub down_radps: Option<f64>,
 }
 
 impl Hover {

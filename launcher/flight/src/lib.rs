@@ -14,6 +14,7 @@
 //! | [`strays`] | processes that code of users has left behind |
 //! | [`event`] | events of processes, and the pipe that carries them to the recorder |
 //! | [`swap_story`] | course and end of each swap, read from the events |
+//! | [`circumstances`] | facts of a flight that stand in no message |
 //! | [`observer`] | reads a flying stack from another process |
 //! | [`recorder`] | the fifth process: writes every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
@@ -33,6 +34,7 @@
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
+pub mod circumstances;
 pub mod control;
 pub mod dir;
 pub mod duration;

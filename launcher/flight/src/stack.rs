@@ -56,6 +56,7 @@ use requests::Requests;
 use run::Run;
 pub use surroundings::check_memory;
 
+use crate::circumstances::Circumstances;
 use crate::event::{Event, What};
 use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};
 use crate::log::Record;
@@ -68,19 +69,15 @@ use ring::roles::supervised::given_up;
 /// Port failures of each node and of the launcher, by cause.
 pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;
 
-/// Result of a flight through processes, except its messages.
+/// Result of a flight in any mode, except its messages.
 pub struct Flown {
-    pub ended: Ended,
-    pub log: Option<LogOutcome>,
+    pub how: Circumstances,
     /// Wall time from GO to the end.
     pub wall: Duration,
-    /// Scheduling that each process obtained from the kernel.
+    /// Scheduling that each process obtained from the kernel; empty in process.
     pub scheduling: Vec<(String, Scheduling)>,
-    pub events: Vec<Event>,
     /// Settings at the end, with the faults and swaps that were ordered in flight.
     pub scenario: Scenario,
-    pub refused: Refused,
-    pub port_failures: PortFailures,
 }
 
 /// Stack whose processes are all ready. Dropping it kills those that are left and wipes shared memory.
@@ -182,16 +179,15 @@ impl Stack {
             (Ended::Flown, None) => self.unseen().map_or(Ended::Flown, Ended::Unseen),
             (other, _) => other,
         };
-        Flown {
+        let how = Circumstances {
             ended,
             log,
-            wall,
-            scheduling,
+            events: std::mem::take(&mut self.run.events),
             refused: refused_by_listener(&page),
             port_failures: self.port_failures(),
-            events: std::mem::take(&mut self.run.events),
-            scenario: self.run.scenario.clone(),
-        }
+            observers: vec![],
+        };
+        Flown { how, wall, scheduling, scenario: self.run.scenario.clone() }
     }
 
     /// Describes the sent messages that the launcher has not seen, if any: figures without them cannot be trusted.

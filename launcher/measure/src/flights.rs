@@ -75,7 +75,7 @@ impl<'a> Started<'a> {
             watch(record);
         };
         let flown = self.stack.fly(interrupts, observe, |_| tick());
-        match flown.ended {
+        match flown.how.ended {
             Ended::Interrupted => bail!(StartError::Interrupted),
             Ended::Unseen(what) => bail!(StartError::LostInFlight(what)),
             Ended::Flown | Ended::Lost(_) | Ended::Late(_) => Ok((summary, flown)),
@@ -90,7 +90,7 @@ impl<'a> Started<'a> {
         tick: impl FnMut(),
     ) -> anyhow::Result<(Summary, Flown)> {
         let (summary, flown) = self.fly(interrupts, watch, tick)?;
-        match flown.ended {
+        match flown.how.ended {
             Ended::Lost(name) => bail!(StartError::LostInFlight(name)),
             Ended::Late(name) => bail!(StartError::LostInFlight(format!("{name} missed its deadline"))),
             _ => Ok((summary, flown)),

@@ -4,43 +4,14 @@ use contract::exit;
 use contract::guard::Refusal;
 use contract::message::PlantStatus;
 use contract::scenario::{Nodes, Scenario};
+pub use flight::circumstances::Circumstances;
 use flight::event::{Event, What};
-use flight::recorder::LogOutcome;
-use flight::stack::{Ended, PortFailures, Refused};
+use flight::stack::Ended;
 use flight::swap_story::{FailedSwap, of_candidates};
-use flight::{inprocess, stack};
 use runtime::port::PortFailure;
 
 use crate::bounds::{self, BoundCheck};
 use crate::summary::Summary;
-
-/// Facts of a flight that stand in no message.
-#[derive(Debug)]
-pub struct Circumstances {
-    pub ended: Ended,
-    /// Outcome of the recorder, if there was one.
-    pub log: Option<LogOutcome>,
-    pub events: Vec<Event>,
-    /// Messages refused, by listener and cause.
-    pub refused: Refused,
-    /// Failures of ports, by node.
-    pub port_failures: PortFailures,
-    /// Failures of processes that only watched the flight, in words: reservations, and never its verdict.
-    pub observers: Vec<String>,
-}
-
-impl From<inprocess::Flown> for Circumstances {
-    /// Circumstances of a flight without a log.
-    fn from(inprocess::Flown { ended, events, refused, .. }: inprocess::Flown) -> Self {
-        Self { ended, log: None, events, refused, port_failures: vec![], observers: vec![] }
-    }
-}
-
-impl From<stack::Flown> for Circumstances {
-    fn from(stack::Flown { ended, log, events, refused, port_failures, .. }: stack::Flown) -> Self {
-        Self { ended, log, events, refused, port_failures, observers: vec![] }
-    }
-}
 
 /// Verdict on a flight.
 #[derive(Debug, Clone, PartialEq)]

@@ -39,8 +39,8 @@ const POSITION_M: Range = (Included(-SPACE_M), Included(SPACE_M));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key, in which `*` is any name; arrays are checked element by element, tables
-/// key by key. Check, schema and reference pages have their ranges from here; those of a fault depend on its kind, and are
-/// with it.
+/// key by key. Check, schema and reference pages have their ranges from here; those of a fault depend on its kind, and
+/// are with it.
 const RANGES: &[(&str, Range)] = &[
     ("mission.heading_deg", ANY),
     ("initial", ANY),

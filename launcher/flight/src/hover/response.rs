@@ -10,10 +10,38 @@
 use contract::message::Truth;
 use contract::scenario::{Mission, Part, PartKind, Scenario, TrajectoryKind};
 use runtime::node::Open;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::held::{HELD, STEP_TICK, STEPS};
 use super::small::{SMALL, fly};
-use super::{AttitudeBandwidths, PositionBandwidths};
+
+/// Bandwidths of the attitude loop: frequencies at which the response of w, phi, theta and psi to their own references
+/// in REFERENCE falls below -3 dB, in rad/s. References of the rates go with those of the angles as `guidance` has it.
+/// Null if a response is below -3 dB at 0.1 rad/s already, or above it up to half the rate of the ring.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AttitudeBandwidths {
+    /// Bandwidth of w, the body z velocity \[rad/s\].
+    pub w_radps: Option<f64>,
+    /// Bandwidth of phi, the roll \[rad/s\].
+    pub phi_radps: Option<f64>,
+    /// Bandwidth of theta, the pitch \[rad/s\].
+    pub theta_radps: Option<f64>,
+    /// Bandwidth of psi, the yaw \[rad/s\].
+    pub psi_radps: Option<f64>,
+}
+
+/// Bandwidths of the position loop: frequencies at which the response of the position to the mission's position falls
+/// below -3 dB, at the heading 0, in rad/s. Null as for [`AttitudeBandwidths`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PositionBandwidths {
+    /// Bandwidth to the north \[rad/s\].
+    pub north_radps: Option<f64>,
+    /// Bandwidth to the east \[rad/s\].
+    pub east_radps: Option<f64>,
+    /// Bandwidth down \[rad/s\].
+    pub down_radps: Option<f64>,
+}
 
 /// Durations of the flights of attitude and of position, at whose ends their responses are settled \[s\].
 const ATTITUDE_S: f64 = 5.0;

@@ -3,12 +3,12 @@
 use std::{
     collections::{BTreeMap, HashMap},
     io::Read,
+    iter::Peekable,
     path::Path,
 };
 
 use anyhow::{Context, bail, ensure};
 use contract::{
-    Topic,
     message::{Actuators, Controls, LAYOUT, Reference, State, Truth},
     scenario::file::MAX_LOG_BYTES,
 };
@@ -88,20 +88,15 @@ impl Log {
     /// Returns all messages tick by tick, within a tick TRUTH first and then in the ring's order. Those of each type
     /// keep their order of writing.
     pub fn tick_by_tick(&self) -> impl Iterator<Item = Record> {
-        let mut states = self.states.iter().map(|m| Record::from(*m)).peekable();
-        let mut references = self.references.iter().map(|m| Record::from(*m)).peekable();
-        let mut controls = self.controls.iter().map(|m| Record::from(*m)).peekable();
-        let mut actuators = self.actuators.iter().map(|m| Record::from(*m)).peekable();
-        let mut truths = self.truths.iter().map(|m| Record::from(*m)).peekable();
+        fn all<M: Copy + Into<Record>>(messages: &[M]) -> Peekable<Box<dyn Iterator<Item = Record> + '_>> {
+            let records: Box<dyn Iterator<Item = Record>> = Box::new(messages.iter().map(|message| (*message).into()));
+            records.peekable()
+        }
+        let Self { states, references, controls, actuators, truths, .. } = self;
+        let mut by_kind = [all(states), all(references), all(controls), all(actuators), all(truths)];
         std::iter::from_fn(move || {
-            let next = [states.peek(), references.peek(), controls.peek(), actuators.peek(), truths.peek()];
-            match Topic::ALL.get(order::next(next.map(|record| record.map(order::tick)))?) {
-                Some(Topic::State) => states.next(),
-                Some(Topic::Reference) => references.next(),
-                Some(Topic::Controls) => controls.next(),
-                Some(Topic::Actuators) => actuators.next(),
-                None => truths.next(),
-            }
+            let ticks = by_kind.each_mut().map(|records| records.peek().map(order::tick));
+            by_kind[order::next(ticks)?].next()
         })
     }
 

@@ -79,7 +79,7 @@ fn fly(scenario: &Scenario, topic: Topic, interrupts: &AtomicU32) -> anyhow::Res
     })?;
     let tick = |time_s: f64| (time_s / scenario.sample_s()).round() as u64;
     let begins = tick(AT_S);
-    let (noticed, next_active, restarts) = of_events(&flown.events, topic.publisher(), begins);
+    let (noticed, next_active, restarts) = of_events(&flown.how.events, topic.publisher(), begins);
     let after_ms = |tick: u64| (tick - begins) as f64 * scenario.sample_s() * 1e3;
     Ok(Handling {
         noticed_ms: noticed.map(after_ms),

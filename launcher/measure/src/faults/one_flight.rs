@@ -166,11 +166,11 @@ impl Watch {
     }
 
     fn course(self, summary: &Summary, flown: &Flown) -> Course {
-        let fault = &summary.faults.records(&flown.events)[0];
+        let fault = &summary.faults.records(&flown.how.events)[0];
         Course {
             detected_after_s: fault.detected_after_s,
             recovered_after_s: fault.recovered_after_s,
-            diverged: matches!(flown.ended, Ended::Lost(_)) || summary.status().diverged(),
+            diverged: matches!(flown.how.ended, Ended::Lost(_)) || summary.status().diverged(),
             missed: summary.missed,
             state_hash: summary.state_hash(),
             ..self.course
@@ -202,8 +202,8 @@ impl QuietFlight {
         Ok(Self {
             name: scenario.name,
             flagged,
-            refused: flown.refused.iter().flat_map(|(_, counts)| counts).map(|count| u64::from(*count)).sum(),
-            events: flown.events.len() as u64,
+            refused: flown.how.refused.iter().flat_map(|(_, counts)| counts).map(|count| u64::from(*count)).sum(),
+            events: flown.how.events.len() as u64,
         })
     }
 }

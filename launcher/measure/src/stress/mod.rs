@@ -76,7 +76,7 @@ pub struct StressArgs {
     /// Number of processes to kill in short flights; 0 = none
     #[arg(long, default_value_t = 1000)]
     pub kills: usize,
-    /// Long flights: of 20, 5 are disturbed by kills, a swap and live faults, 3 fly under stress-ng, 2 at 500 Hz, 2 with many candidates
+    /// Long flights: of 20, 5 disturbed by kills, a swap and faults, 3 under stress-ng, 2 at 500 Hz, 2 with candidates
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(0..=1000))]
     pub replays: u16,
     /// Duration of each long flight but those with candidates

@@ -78,7 +78,7 @@ impl TimedFlights {
             stack.fly_to_the_end(interrupts, |record| cycles.observe(record), || meter.read(&namespace))?;
         let class = if self.policy == Policy::Fifo { "fifo" } else { "other" };
         self.as_asked &= flown.scheduling.iter().all(|(_, got)| got.policy == class);
-        self.inside &= Verdict::of(&summary, scenario, &flown.into()).passed();
+        self.inside &= Verdict::of(&summary, scenario, &flown.how).passed();
         self.cpu_percent = meter.share_percent().or(self.cpu_percent);
         self.missed.extend(cycles.misses());
         self.ages.rounds.push(cycles.ages_ns());

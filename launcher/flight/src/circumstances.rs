@@ -1,0 +1,28 @@
+//! Facts of a flight that stand in no message.
+
+use crate::event::Event;
+use crate::inprocess;
+use crate::recorder::LogOutcome;
+use crate::stack::{Ended, PortFailures, Refused};
+
+/// Facts of a flight that stand in no message.
+#[derive(Debug)]
+pub struct Circumstances {
+    pub ended: Ended,
+    /// Outcome of the recorder, if there was one.
+    pub log: Option<LogOutcome>,
+    pub events: Vec<Event>,
+    /// Messages refused, by listener and cause.
+    pub refused: Refused,
+    /// Failures of ports, by node.
+    pub port_failures: PortFailures,
+    /// Failures of processes that only watched the flight, in words: reservations, and never its verdict.
+    pub observers: Vec<String>,
+}
+
+impl From<inprocess::Flown> for Circumstances {
+    /// Circumstances of a flight without a log.
+    fn from(inprocess::Flown { ended, events, refused, .. }: inprocess::Flown) -> Self {
+        Self { ended, log: None, events, refused, port_failures: vec![], observers: vec![] }
+    }
+}
