@@ -1,9 +1,14 @@
 //! Facts of a flight that stand in no message.
 
+use ring::ended::{Ended, Refused};
+use runtime::error::PortFailure;
+
 use crate::event::Event;
 use crate::inprocess;
 use crate::recorder::LogOutcome;
-use crate::stack::{Ended, PortFailures, Refused};
+
+/// Port failures of each node and of the launcher, by cause.
+pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;
 
 /// Facts of a flight that stand in no message.
 #[derive(Debug)]

@@ -56,7 +56,7 @@ use requests::Requests;
 use run::Run;
 pub use surroundings::check_memory;
 
-use crate::circumstances::Circumstances;
+use crate::circumstances::{Circumstances, PortFailures};
 use crate::event::{Event, What};
 use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};
 use crate::log::Record;
@@ -65,9 +65,6 @@ use crate::recorder::{LogOutcome, Observers};
 use crate::roles::connections::{Connections, Disconnected};
 use ring::roles::role::RoleInput;
 use ring::roles::supervised::given_up;
-
-/// Port failures of each node and of the launcher, by cause.
-pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;
 
 /// Result of a flight in any mode, except its messages.
 pub struct Flown {

@@ -98,7 +98,7 @@ impl<'a> Started<'a> {
     }
 }
 
-/// Returns the hover that faults and wrong candidates are added to, compiled in so that the command works in any folder.
+/// Returns the hover that faults and wrong candidates are added to, compiled in: the command works in any folder.
 pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
     let text = include_str!("../../../scenarios/faults/hover-gusts.toml");
     Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)

@@ -25,14 +25,13 @@ use serde::Serialize;
 use serde_json::json;
 use view::table::Table;
 
+use self::consistency::WITH_FILTER;
 use crate::findings::Findings;
 
 /// Duration of the hover \[s\].
 const DURATION_S: f64 = 20.0;
 /// Largest share of a core that the unit may take.
 const MAX_SHARE: f64 = 0.02;
-/// Sensors with a navigation unit, whose filter is looked at; ideal ones are compared with them.
-const WITH_FILTER: [(&str, SensorPreset); 2] = [("typical", SensorPreset::Typical), ("good", SensorPreset::Good)];
 
 #[derive(clap::Args)]
 pub struct NavigationArgs {

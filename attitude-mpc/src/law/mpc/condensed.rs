@@ -15,8 +15,8 @@
 //! U*      = -H^-1 f                            without constraints
 //! ```
 //!
-//! If the reference changes over the horizon ([`crate::law::mpc::preview`]), `x_k` follows `r + dr_k`, and `u_(k-1)` the
-//! target of that reference, which is linear in `dr_k` too.
+//! If the reference changes over the horizon ([`crate::law::mpc::preview`]), `x_k` follows `r + dr_k`, and `u_(k-1)`
+//! the target of that reference, which is linear in `dr_k` too.
 //!
 //! Departure: the paper regulates to zero; here the states follow `r`, and the inputs and the lag states follow `u_s`.
 //! `u_s = -d` holds the vehicle at trim against the disturbance. If `d` is estimated, `u_s = S r - d` holds it at the

@@ -9,7 +9,7 @@
 //! tracking and navigation* (2001), section 5.4. One number of each seed counts, because those of a flight go together.
 
 use contract::message::{Kinematics, State, Truth};
-use contract::scenario::Sensors;
+use contract::scenario::{SensorPreset, Sensors};
 use flight::inprocess;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use navigation::state::{ATTITUDE, POSITION, VELOCITY};
@@ -19,7 +19,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 use view::table::Table;
 
-use super::WITH_FILTER;
+/// Sensors with a navigation unit, whose filter is looked at; ideal ones are compared with them.
+pub const WITH_FILTER: [(&str, SensorPreset); 2] = [("typical", SensorPreset::Typical), ("good", SensorPreset::Good)];
 
 /// Times at which the errors are weighed \[s\]; the last one ends the flight.
 const CHECKS_S: [u64; 4] = [30, 60, 300, 600];

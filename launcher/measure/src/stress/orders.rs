@@ -3,7 +3,7 @@
 //! | number, of 20 | kind |
 //! |---|---|
 //! | 8 | undisturbed, at 100 Hz |
-//! | 1 | with sixty good candidates, 1 with thirty wrong ones ([`candidates`](super::candidates)) |
+//! | 1 | with sixty good candidates, 1 with thirty wrong ones ([`candidates`]) |
 //! | 5 | disturbed in flight by commands: two processes killed, one swapped, three faults given |
 //! | 3 | under `stress-ng --cpu 4` at `SCHED_OTHER` |
 //! | 2 | undisturbed, at 500 Hz |
