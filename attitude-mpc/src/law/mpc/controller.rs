@@ -2,7 +2,7 @@
 //!
 //! The memory has no part of the model, so that a process with another one continues the flight. The demand then has
 //! no bump beyond the difference of the two gains: state, disturbance and last demand, from which both plan, are the
-//! same. Test `every_law_takes_over_from_every_other_in_flight`.
+//! same. Test `a_controller_of_another_model_continues_the_flight`.
 
 use airframe::linear::INPUTS;
 use contract::Scenario;

@@ -33,8 +33,8 @@ use crate::flights::hover_in_gusts;
 use outcome::target::Target;
 use view::table::{Table, cell};
 
-/// Longest time until a hang is noticed: the third sample after the last answer, and the one in which it hung \[ms\].
-const HUNG_MS: f64 = 40.0;
+/// Longest time until a hang is noticed: at the third sample without an answer \[ms\].
+const HUNG_MS: f64 = 30.0;
 
 #[derive(clap::Args)]
 pub struct FaultsArgs {

@@ -17,7 +17,7 @@ pub struct Kill {
     pub moment: Moment,
     #[serde(skip)]
     pub at_ns: u64,
-    /// Time until its role was vacant \[ms\]; `None` for a process without a successor, and for the recorder.
+    /// Time until its role was vacant \[ms\]; of active processes that were killed in flight.
     pub noticed_ms: Option<f64>,
     /// Time from the kill to the first message of the next epoch \[ms\]; for a recorder, to the first sample after the
     /// next recorder took over. `None` if the successor was killed first, or if the log ends first.

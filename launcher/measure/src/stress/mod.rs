@@ -10,9 +10,9 @@
 //! | [`logged`] | traces of the kills in the log, and its holes |
 //! | [`judge`] | the rules for a flight after its kills |
 //!
-//! Every flight is the survey of `trefoil fly` without a file, started by the command. Two short flights of 3 s run at
-//! once, each in a namespace that later ones use again, so that every start follows a kill. Long flights run one at a
-//! time.
+//! Every flight is the survey of `trefoil fly` without a file, but for the gusts of the wrong candidates. Two short
+//! flights of 3 s run at once, each in a namespace that later ones use again, so that every start follows a kill. Long
+//! flights run one at a time.
 
 pub mod candidates;
 pub mod judge;
@@ -274,10 +274,14 @@ fn of_candidates(row: &StressFlight) -> Vec<Target> {
         Some(why) => target.in_doubt(why),
         None => target,
     };
+    let more = match row.explained_ticks {
+        0 => String::new(),
+        more => format!("the canary explains {more} more"),
+    };
     match row.kind {
         Kind::Good => vec![
             judged(Target::none(figure("not kept, of 60"), GOOD - kept.len())),
-            judged(Target::none(figure("ticks lost"), row.lost_ticks)),
+            judged(Target::none(figure("ticks lost"), row.lost_ticks).noting(more)),
             Target::at_most(figure("error"), row.position_error_m, SWAP_M, "m"),
         ],
         _ => vec![

@@ -6,13 +6,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use contract::exit;
-use contract::message::State;
+use contract::message::{Stamp, State};
 use contract::topic::Topic;
 use flight::control::{Request, ask};
 use flight::event::What;
 use flight::log::{self, Log};
 use flight::replay::Plan;
 use flight::stack::StartError;
+use outcome::faults::reacts;
 use outcome::recorded::Recorded;
 use outcome::replay_verdict::replay_and_judge;
 use outcome::run_record::RunRecord;
@@ -26,7 +27,7 @@ use super::orders::{Kind, Order, orders};
 use super::plan::{Moment, PlannedKill, Victim};
 use crate::flights::{lean_deg, namespace};
 use crate::killer::{Launcher, Process, left, milliseconds, said};
-use crate::timing::canary::{Canary, LONGEST};
+use crate::timing::canary::{Canary, LONGEST, Watch};
 use crate::timing::machine::Stress;
 
 /// Duration of a short flight \[s\].
@@ -57,8 +58,10 @@ pub struct StressFlight {
     pub position_error_m: Option<f64>,
     /// Largest true roll or pitch \[deg\].
     pub tilt_deg: f64,
-    /// Number of ticks on which a node did not send exactly one message, in a flight with candidates.
+    /// Number of ticks of a flight with candidates on which a node lacked an input or did not send exactly one message,
+    /// and of more such ticks during which a canary was delayed.
     pub lost_ticks: usize,
+    pub explained_ticks: usize,
     /// Reason why a candidate that was late cannot be judged.
     pub doubt: Option<String>,
     /// Nodes given up because they died too often.
@@ -119,7 +122,7 @@ impl StressFlight {
         }
         row.left = left(namespace);
         row.said = said(folder.path());
-        row.read(&folder.path().join("run"), kills);
+        row.read(&folder.path().join("run"), kills, None);
         if row.code == Some(exit::FLOWN.into()) {
             row.fly_again(folder);
         }
@@ -146,16 +149,18 @@ impl StressFlight {
             bail!(StartError::Interrupted);
         }
         let code = Some(code.context("a flight did not end, and was killed")?);
-        let doubt = canary.map(Canary::stop).transpose()?.and_then(|host| host.summary().doubt);
+        let host = canary.map(Canary::stop).transpose()?;
+        let doubt = host.as_ref().and_then(|host| host.summary().doubt);
         let (left, said) = (left(&namespace), said(folder.path()));
         let mut row = Self { flight: number, kind, code, said, left, doubt, ..Self::default() };
-        row.read(&folder.path().join("run"), vec![]);
+        row.read(&folder.path().join("run"), vec![], host.as_ref());
         row.fly_again(folder);
         Ok(Some(row))
     }
 
-    /// Reads run.json and the log; a flight that did not begin has neither.
-    fn read(&mut self, run: &Path, kills: Vec<Kill>) {
+    /// Reads run.json and the log; a flight that did not begin has neither. The `host` was watched in a flight with
+    /// candidates.
+    fn read(&mut self, run: &Path, kills: Vec<Kill>, host: Option<&Watch>) {
         let record = RunRecord::read(&run.join("run.json")).ok().flatten();
         self.flown_s = record.as_ref().map(|record| record.flown_s);
         self.diverged = record.as_ref().is_some_and(|record| record.diverged);
@@ -167,8 +172,13 @@ impl StressFlight {
         let given_up = log.events.iter().filter(|event| event.what == What::GivenUp);
         self.given_up = given_up.map(|event| event.node.clone()).collect();
         self.tilt_deg = log.truths.iter().map(lean_deg).fold(0.0, f64::max);
-        self.lost_ticks = if self.kind.has_candidates() { lost_ticks(&log) } else { 0 };
         let sample_s = 1.0 / f64::from(self.kind.rate_hz());
+        if let Some(host) = host {
+            let (lost, two_ns) = (lost_ticks(&log), (2e9 * sample_s) as u64);
+            let explained = lost.iter().filter(|stamp| host.explains(stamp.sample_ns, stamp.sample_ns + two_ns));
+            self.explained_ticks = explained.count();
+            self.lost_ticks = lost.len() - self.explained_ticks;
+        }
         let unrecorded_s =
             |state: &State| self.flown_s.map_or(0.0, |flown_s| flown_s - state.stamp.tick as f64 * sample_s);
         let end_ns = |state: &State| sent_ns(state) + (unrecorded_s(state) * 1e9).round() as u64;
@@ -286,17 +296,21 @@ fn noticed_ms(launcher: &Launcher, process: &Process, at_ns: u64) -> Option<f64>
     (!is_active()).then(|| milliseconds(now_ns() - at_ns))
 }
 
-/// Counts the ticks on which a node sent no message that was delivered, or more than one. The first and the last second
-/// are left out: there is no swap in them, and at the end the nodes leave.
-fn lost_ticks(log: &Log) -> usize {
-    let mut sent = vec![[0_u8; Topic::COUNT]; log.states.len()];
+/// Finds the samples to which a node answered without an input, or by other than one message that was delivered. Those
+/// of the first and the last second are left out: there is no swap in them, and at the end the nodes leave.
+fn lost_ticks(log: &Log) -> Vec<Stamp> {
+    let mut ticks = vec![([0_u8; Topic::COUNT], false); log.states.len()];
     for record in log.tick_by_tick() {
         if let Some((topic, stamp)) = record.stamped().filter(|(_, stamp)| stamp.is_delivered())
-            && let Some(tick) = sent.get_mut(stamp.tick as usize)
+            && let Some((sent, reacted)) = ticks.get_mut(stamp.tick as usize)
         {
-            tick[topic as usize] += 1;
+            sent[topic as usize] += 1;
+            *reacted |= reacts(&record);
         }
     }
-    let counted = 100..sent.len().saturating_sub(100);
-    sent.get(counted).unwrap_or_default().iter().filter(|tick| **tick != [1; Topic::COUNT]).count()
+    let is_lost = |state: &&State| {
+        let tick = state.stamp.tick as usize;
+        (100..ticks.len().saturating_sub(100)).contains(&tick) && ticks[tick] != ([1; Topic::COUNT], false)
+    };
+    log.states.iter().filter(is_lost).map(|state| state.stamp).collect()
 }
