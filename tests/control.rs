@@ -1,10 +1,10 @@
 //! A flying stack asked, broken and mended from outside.
 
-use contract::fault_schedule::MAX_LIVE_FAULTS;
-use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged};
 use flight::control::{Request, ask};
 use runtime::domain::Domain;
 use serde_json::Value;
+use settings::fault_schedule::MAX_LIVE_FAULTS;
+use settings::{Fault, FaultKind, FaultTarget, from_merged};
 
 use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};
 

@@ -14,15 +14,14 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use attitude_mpc::AttitudeMpc;
-use contract::Scenario;
-use contract::scenario::{from_merged, load, to_toml};
-use flight::settings;
+use flight::scenario;
 use guidance::Guidance;
 use mixer::Mixer;
 use plant::Plant;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
+use settings::{Scenario, from_merged, load, to_toml};
 
 use crate::harness::top;
 
@@ -130,7 +129,7 @@ fn check_accepted(scenario: &Scenario) {
     let again = from_merged(&to_toml(scenario), "merged").unwrap_or_else(|error| panic!("{error}\n{scenario:?}"));
     assert_eq!(&again, scenario);
     // Larger controllers take seconds to build.
-    if scenario.np() * scenario.nu() <= 500 && settings::check(scenario).is_ok() {
+    if scenario.np() * scenario.nu() <= 500 && scenario::check(scenario).is_ok() {
         let _ = (Plant::new(scenario), Guidance::new(scenario), AttitudeMpc::new(scenario), Mixer::new(scenario));
     }
 }

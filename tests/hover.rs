@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use contract::Scenario;
 use contract::message::Truth;
-use contract::scenario::{Initial, load};
 use flight::hover::{Hover, Loops};
 use flight::inprocess;
+use settings::{Initial, Scenario, load};
 
 use crate::harness::{fly, launcher, top};
 

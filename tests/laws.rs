@@ -2,14 +2,14 @@
 
 use std::process::Command;
 
-use airframe::{Actuation, MixingMatrix, Trim};
+use airframe::{MixingMatrix, Trim};
 use attitude_mpc::AttitudeMpc;
-use contract::Scenario;
+use contract::actuation::Actuation;
 use contract::message::{Kinematics, Reference, Stamp, State};
-use contract::scenario::{Law, PidGains, Profile};
 use plant::dynamics::{Dynamics, Surroundings, assemble};
 use plant::rotors::Condition;
 use proptest::prelude::*;
+use settings::{Law, PidGains, Profile, Scenario};
 
 use crate::harness::{fly, launcher, python_with, top};
 

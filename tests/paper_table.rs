@@ -5,7 +5,7 @@
 //! added to it. The other headings say what the figures are. A lost flight (see [`is_lost`]) has no figures.
 
 use airframe::{Parameters, Trim};
-use contract::Scenario;
+use settings::Scenario;
 
 use crate::harness::{Outcome, fly, launcher, top};
 use crate::paper::altitude_errors_m;
@@ -197,7 +197,7 @@ fn of_the_airframe(row: &str, scenario: &Scenario) -> f64 {
 #[test]
 fn the_airframes_have_the_numbers_of_the_page() {
     let [paper, ten_inch] = ["airframe.preset=\"paper\"", "airframe.preset=\"ten-inch\""]
-        .map(|preset| contract::scenario::load(None, &["profile=\"paper\"".into(), preset.into()]).expect("settings"));
+        .map(|preset| settings::load(None, &["profile=\"paper\"".into(), preset.into()]).expect("settings"));
     let page = page("paper.md");
     let table = page.lines().skip_while(|line| !line.starts_with("| of the airframe")).skip(2);
     let rows: Vec<&str> = table.take_while(|line| line.starts_with('|')).collect();

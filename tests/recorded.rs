@@ -3,11 +3,10 @@
 use std::process::Command;
 
 use crate::harness::{fly, launcher, python_with, top};
-use contract::Scenario;
 use contract::message::{Message, Stamp, State};
-use contract::scenario::to_toml;
 use flight::log::{self, LogWriter};
 use serde_json::json;
+use settings::{Scenario, to_toml};
 
 #[test]
 fn the_log_holds_every_message() {

@@ -5,9 +5,9 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Output;
 
-use contract::Scenario;
 use contract::message::Message;
 use flight::log::{self, LogWriter, Record};
+use settings::Scenario;
 
 use crate::control::{status, tell};
 use crate::harness::{Flight, fly, launcher, namespace, wait_until};

@@ -1,15 +1,14 @@
 //! `trefoil swap` in real time: a good candidate is kept, a bad one rejected, the flight goes on, and what was done
 //! can be flown again.
 
-use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::thread;
+use std::{fs, thread};
 
-use contract::scenario::{Swap, SwapNode, from_merged};
 use flight::control::{Request, ask};
 use runtime::domain::Domain;
 use serde_json::{Value, json};
+use settings::{Swap, SwapNode, from_merged};
 
 use crate::control::{flying, status, tell};
 use crate::harness::{Outcome, fly, launcher, namespace, shared_memory_of, wait_until};

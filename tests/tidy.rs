@@ -26,6 +26,7 @@ pub fn sources() -> Vec<(PathBuf, String)> {
         "airframe",
         "curves",
         "contract",
+        "settings",
         "navigation",
         "runtime",
         "plant",

@@ -4,13 +4,12 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Output;
 
-use contract::Scenario;
 use contract::message::{Actuators, Message, Stamp, State};
-use contract::scenario::Mode;
 use contract::stamp::delivery;
 use flight::log::{Log, Record};
 use outcome::happenings::Happenings;
 use serde_json::Value;
+use settings::{Mode, Scenario};
 use view::trace::{Window, document};
 
 use crate::harness::{fly, launcher};

@@ -7,7 +7,8 @@
 //! ds/dt = clip((clip(command, min, max) - s) / tau, -rate, rate)
 //! ```
 
-use crate::actuation::Actuation;
+use contract::actuation::Actuation;
+
 use crate::parameters::Parameters;
 use crate::trim::Trim;
 

@@ -130,7 +130,8 @@ mod tests {
 
     use super::*;
     use crate::tests::paper_limits;
-    use crate::{Actuation, Limits, Parameters};
+    use crate::{Limits, Parameters};
+    use contract::actuation::Actuation;
 
     fn envelope(idle: f64) -> Envelope {
         let limits = Limits::new(&Parameters::default(), idle, 2.0, f64::to_radians(60.0));

@@ -13,9 +13,9 @@
 //! Newton's method finds phi, theta and s. Test `level_flight_does_not_accelerate` of the plant checks the result
 //! against the equations of motion.
 
+use contract::actuation::Actuation;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::actuation::Actuation;
 use crate::mixing::MixingMatrix;
 use crate::{Parameters, Trim};
 

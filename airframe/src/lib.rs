@@ -10,7 +10,6 @@
 //! | [`exponential`] | the exponential of a matrix | |
 //! | [`level_flight`] | trimmed flight at speed | (9)-(11) |
 //! | [`at_speed`] | the linear model at any flight condition | (8), (11)-(14) |
-//! | [`actuation`] | positions of rotors and servo | |
 //! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
 //! | [`envelope`] | the conventional inputs that those limits allow | |
 //! | [`demand_set`] | that set as rows of an optimisation problem | |
@@ -22,11 +21,11 @@
 //! the paper prints "RPM" beside constants that only make sense in another unit, so the unit is called
 //! *rotor speed unit* here and never converted (see [`parameters`]).
 //!
-//! This crate has no processes, messages or files, and depends on no other crate of the stack except `qp`.
+//! This crate has no processes, messages or files, and depends on no other crate of the
+//! stack except `qp` and `contract`.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
-pub mod actuation;
 pub mod actuator;
 pub mod angle;
 pub mod at_speed;
@@ -42,7 +41,6 @@ pub mod riccati;
 pub mod spin;
 pub mod trim;
 
-pub use actuation::Actuation;
 pub use actuator::{ActuatorLaw, Limits};
 pub use at_speed::{AtSpeed, FlightPoint};
 pub use demand_set::DemandSet;

@@ -9,10 +9,11 @@
 //! With the actuator lag in the model, four more states `z` follow the inputs, `dz/dt = L (u - z)`, and act on the
 //! vehicle in place of the inputs. `L` is `1 / tau` if all actuators have the same lag ([`lag_rates`]).
 
+use contract::actuation::Actuation;
 use nalgebra::{DMatrix, Matrix2, Matrix4, SMatrix};
 
 use crate::exponential::exponential;
-use crate::{Actuation, MixingMatrix, Parameters, Trim};
+use crate::{MixingMatrix, Parameters, Trim};
 
 /// States of (48): w, phi, theta, psi, p, q, r.
 pub const STATES: usize = 7;

@@ -14,9 +14,9 @@
 //! Departure: with the tilt reaction, `lon` has the additional term `K_M u1`, the pitching moment of the tilted rotor's
 //! drag torque. The term is linear in `u`, so the map stays exact and invertible. Test `val_mixing_matrix`.
 
+use contract::actuation::Actuation;
 use nalgebra::{Matrix4, Vector4};
 
-use crate::actuation::Actuation;
 use crate::{Parameters, Trim};
 
 /// Matrix `M` of (38), its inverse, and the trim that deviations are taken from.

@@ -2,12 +2,13 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use contract::actuation::Actuation;
 use nalgebra::{DMatrix, Matrix4, Vector4};
 use proptest::prelude::*;
 use serde_json::Value;
 
 use crate::linear::{Continuous, lag_rates};
-use crate::{Actuation, ActuatorLaw, Limits, MixingMatrix, Parameters, Trim};
+use crate::{ActuatorLaw, Limits, MixingMatrix, Parameters, Trim};
 
 pub(crate) fn reference() -> Value {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/reference.json"));

@@ -15,8 +15,9 @@
 //! balance of (24) has `K_M tan mu` added to `l1 K_F`, which changes the share of rotor 1 in the lift. With that share
 //! written as the ratio `a = u2 / (u3 + u4)` one closed form covers both cases. Test `val_trim`.
 
+use contract::actuation::Actuation;
+
 use crate::Parameters;
-use crate::actuation::Actuation;
 
 /// Hover equilibrium: attitude and actuator positions without acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -53,8 +53,7 @@ impl DisturbanceLaw {
 
 #[cfg(test)]
 mod tests {
-    use contract::Scenario;
-    use contract::scenario::Profile;
+    use settings::{Profile, Scenario};
 
     use super::*;
     use crate::model::PredictionModel;

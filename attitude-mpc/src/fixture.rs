@@ -1,12 +1,12 @@
 //! Values of the independent simulator, for tests.
 
-use contract::Scenario;
 use contract::message::{Reference, Stamp, State};
-use contract::scenario::{
-    Attitude, Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Model, Mpc, Plant, Profile, Terminal,
-};
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
+use settings::{
+    Attitude, Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Model, Mpc, Plant, Profile, Scenario,
+    Terminal,
+};
 
 /// Reads the reference file.
 pub fn reference() -> Value {

@@ -29,13 +29,13 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-use airframe::{Actuation, angle};
-use contract::Scenario;
+use airframe::angle;
+use contract::actuation::Actuation;
 use contract::delay::Switch;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::scenario::{DelayCompensation, DelayName, Fault, ScenarioError};
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{DVector, Vector4};
+use settings::{DelayCompensation, DelayName, Fault, Scenario, ScenarioError};
 
 use disturbance::DisturbanceLaw;
 use law::attitude_law::{Account, Aim, AttitudeLaw, Sample};

@@ -1,8 +1,8 @@
 //! State of the controller from tick to tick. All its other fields are fixed at construction or buffers.
 
-use airframe::Actuation;
 use airframe::linear::LAGGED;
 use bytemuck::{Pod, Zeroable};
+use contract::actuation::Actuation;
 use contract::delay::Delay;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::{DVectorView, SVector, Vector4};

@@ -17,10 +17,11 @@
 //! lag-free model, with zeros on the lag states. Test `the_disturbance_acts_behind_the_lag`.
 
 use airframe::linear::{Continuous, INPUTS, LAGGED, STATES, lag_rates};
-use airframe::{Actuation, ActuatorLaw, MixingMatrix, Trim};
-use contract::Scenario;
+use airframe::{ActuatorLaw, MixingMatrix, Trim};
+use contract::actuation::Actuation;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Dyn, SMatrix, SVector, Storage, Vector, Vector4};
+use settings::Scenario;
 
 /// Bound of the first term that the series of [`PredictionModel::advance`] leaves out, over its first: `2^-55`.
 const LEAST_TERM: f64 = 1.0 / (1_u64 << 55) as f64;
@@ -182,7 +183,7 @@ impl PredictionModel {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::Profile;
+    use settings::Profile;
 
     use super::*;
     use crate::fixture;

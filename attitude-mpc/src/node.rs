@@ -1,11 +1,11 @@
 //! Attitude controller as the core of a node, woken by REFERENCE; it answers with CONTROLS.
 
 use contract::message::{Controls, Reference, State};
-use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::node::Core;
+use settings::{Fault, Scenario};
 
 use crate::AttitudeMpc;
 

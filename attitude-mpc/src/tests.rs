@@ -3,8 +3,8 @@
 use airframe::envelope::Envelope;
 use airframe::linear::STATES;
 use contract::message::Stamp;
-use contract::scenario::{Constraints, FaultKind, Law, Profile, Solver, StateConstraints};
 use proptest::prelude::*;
+use settings::{Constraints, FaultKind, Law, Profile, Solver, StateConstraints};
 
 use super::*;
 use crate::fixture::{self, Case};

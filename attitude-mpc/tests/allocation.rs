@@ -2,11 +2,10 @@
 
 use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
-use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
-use contract::scenario::{
-    Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Law, Mode, Model, Profile, Solver,
-    StateConstraints,
+use settings::{
+    Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Law, Mode, Model, Profile, Scenario,
+    Solver, StateConstraints,
 };
 
 /// Steps once with a heading error; returns the answer and the number of allocations.

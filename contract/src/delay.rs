@@ -19,7 +19,7 @@
 //! A process without a memory takes the command in force for all of its earlier outputs, and the first age it sees for
 //! the delay. A mixer or a plant that begins anew only changes the command in force.
 
-use airframe::Actuation;
+use crate::actuation::Actuation;
 use bytemuck::{Pod, Zeroable};
 
 use crate::message::State;

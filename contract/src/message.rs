@@ -8,7 +8,7 @@
 
 use std::mem::offset_of;
 
-use airframe::Actuation;
+use crate::actuation::Actuation;
 use bytemuck::{Pod, Zeroable};
 
 use crate::integrity::checksum;

@@ -15,7 +15,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
-use contract::scenario::Scenario;
 use contract::snapshot::{NO_MEMORY, Snapshot};
 use contract::topic::Topic;
 use foreign::{AttitudeMpc, Foreign};
@@ -29,6 +28,7 @@ use runtime::ports::{Ports, Transport};
 use runtime::queue::Queues;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
+use settings::Scenario;
 
 /// Steps in a block.
 const STEPS: u32 = 2000;

@@ -4,7 +4,6 @@ use std::any::Any;
 
 use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
 use contract::message::Stamp;
-use contract::scenario::{Fault, Scenario};
 use contract::snapshot::{NO_MEMORY, Snapshot, pack_bytes, unpack_bytes};
 use contract::topic::Topic;
 use runtime::error::SessionError;
@@ -13,6 +12,7 @@ use runtime::member::Member;
 use runtime::node::{Asked, Implausible, Inputs, Node};
 use runtime::output::Output;
 use runtime::ports::Ports;
+use settings::{Fault, Scenario};
 
 use crate::abi::TREFOIL_MEMORY_BYTES;
 use crate::library::layout_of;

@@ -21,10 +21,10 @@ use std::path::Path;
 
 use bytemuck::{bytes_of, cast_slice, pod_read_unaligned};
 use contract::message::Kinematics;
-use contract::scenario::{NodeSettings, Scenario};
 use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
 use plant::vehicle::start;
+use settings::{NodeSettings, Scenario};
 
 use crate::abi::{TREFOIL_MEMORY_BYTES, TrefoilAttitudeAnswer};
 use crate::elf::exported;

@@ -3,13 +3,13 @@
 use std::marker::PhantomData;
 
 use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
-use contract::scenario::Scenario;
 use contract::snapshot::{MEMORY_BYTES, NO_MEMORY, Snapshot, pack_bytes, unpack_bytes};
 use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::{self, Core, Node};
 use runtime::ports::Ports;
+use settings::Scenario;
 
 use crate::library::{Library, layout_of};
 use crate::protocol::{AttitudeMpc, Guidance, Mixer, Protocol};

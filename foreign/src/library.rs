@@ -5,20 +5,19 @@
 use std::cell::Cell;
 use std::path::absolute;
 
-use contract::scenario::Scenario;
 use contract::topic::Topic;
 use runtime::console::eprint_line;
 use runtime::error::SessionError;
 use runtime::realtime::ThisProcess;
+use settings::Scenario;
 
 use crate::abi::TrefoilNode;
 use crate::casadi::Function;
-use crate::elf;
 use crate::engine::Engine;
-use crate::loading;
 use crate::protocol::Layout;
 use crate::rounding::Rounding;
 use crate::table::Table;
+use crate::{elf, loading};
 
 /// Node of a library.
 pub struct Library {

@@ -3,9 +3,9 @@
 use std::ffi::CString;
 
 use airframe::{Parameters, Trim};
-use contract::scenario::Scenario;
 use contract::topic::Topic;
 use plant::vehicle::start;
+use settings::Scenario;
 
 use crate::abi::TrefoilSetup;
 

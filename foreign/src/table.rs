@@ -4,9 +4,9 @@
 
 use std::ffi::{CStr, CString, c_char, c_void};
 
-use contract::scenario::Scenario;
 use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
+use settings::Scenario;
 
 use crate::abi::{FindNode, TREFOIL_ABI, TREFOIL_MEMORY_BYTES, TrefoilNode};
 use crate::engine::Engine;

@@ -1,14 +1,14 @@
 //! A library, or functions of a program, as the vehicle of the plant.
 
-use airframe::Actuation;
 use bytemuck::{bytes_of, bytes_of_mut, cast_slice, cast_slice_mut};
+use contract::actuation::Actuation;
 use contract::message::{Kinematics, PlantStatus};
-use contract::scenario::Scenario;
 use contract::snapshot::MEMORY_BYTES;
 use contract::topic::Topic;
 use plant::memory::Tape;
 use plant::vehicle::{Vehicle, divergence, start};
 use runtime::error::SessionError;
+use settings::Scenario;
 
 use crate::abi::{TrefoilNode, TrefoilPlantAnswer, TrefoilPlantInput};
 use crate::library::{Library, layout_of};

@@ -44,11 +44,10 @@ pub mod takeoff;
 pub mod trajectory;
 
 use airframe::{Trim, angle};
-use contract::Scenario;
 use contract::message::{Ahead, PREVIEW, Reference, State, guidance_flags};
-use contract::scenario::{Derivative, Guidance as Settings, RateReference, RollReference};
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{Rotation3, Vector2, Vector3};
+use settings::{Derivative, Guidance as Settings, RateReference, RollReference, Scenario};
 
 use memory::Memory;
 use observer::{HeadingFrame, Observer};

@@ -1,11 +1,11 @@
 //! Guidance as the core of a node, woken by STATE; it answers with REFERENCE.
 
 use contract::message::{Reference, State};
-use contract::scenario::Scenario;
 use contract::snapshot::Snapshot;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::node::Core;
+use settings::Scenario;
 
 use crate::Guidance;
 

@@ -10,8 +10,8 @@
 //! speed, from which w is computed at the present attitude and velocity. Test `exact_w_makes_the_wanted_climb`.
 
 use contract::message::State;
-use contract::scenario::Guidance as Settings;
 use nalgebra::Vector3;
+use settings::Guidance as Settings;
 
 /// Angles and climb by the PID laws, before feed-forward and limits.
 #[derive(Debug, Clone, Copy, PartialEq)]

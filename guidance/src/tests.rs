@@ -1,9 +1,8 @@
 //! Tests of directions, magnitudes and limits.
 
-use contract::message::{Kinematics, Stamp, State, guidance_flags};
-use contract::scenario::{DelayCompensation, DelayName, Profile, TrajectoryKind};
-use contract::{Scenario, message::Reference};
+use contract::message::{Kinematics, Reference, Stamp, State, guidance_flags};
 use proptest::prelude::*;
+use settings::{DelayCompensation, DelayName, Profile, Scenario, TrajectoryKind};
 
 use crate::{Guidance, Trajectory};
 
@@ -21,7 +20,7 @@ fn scenario(profile: Profile, trajectory: TrajectoryKind) -> Scenario {
 
 /// Default scenario with these tables of `mission.part`.
 fn with_parts(parts: &str) -> Scenario {
-    contract::scenario::load(None, &[format!("mission.part=[{parts}]")]).unwrap()
+    settings::load(None, &[format!("mission.part=[{parts}]")]).unwrap()
 }
 
 fn roll_trim() -> f64 {

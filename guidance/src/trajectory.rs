@@ -3,9 +3,8 @@
 
 pub use curves::Setpoint;
 
-use contract::Scenario;
-use contract::scenario::plan;
 use curves::Plan;
+use settings::{Scenario, plan};
 
 /// Height above a vehicle that stands from which a reference asks for a take-off \[m\]. A smooth mission then climbs at
 /// some speed already, so that the vehicle, which follows from there, need not wait for it near the ground.

@@ -6,14 +6,14 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use contract::exit;
-use contract::scenario;
+
 use runtime::console;
 use runtime::process::run_as;
 use runtime::realtime::{reset_signals, tell_of_crashes};
 
 use flight::shipped::Kind;
 use flight::stack::{StartError, check_memory};
-use flight::{guarded, nodes, recorder, settings, strays};
+use flight::{guarded, nodes, recorder, scenario, strays};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::report;
@@ -232,8 +232,8 @@ fn report(of: &PartOfRun) -> anyhow::Result<u8> {
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     scenarios::tell(Kind::Scenario, scenario);
-    let merged = settings::load(Some(scenario), set)?;
-    print(&scenario::to_toml_that_follows(&merged));
+    let merged = scenario::load(Some(scenario), set)?;
+    print(&settings::to_toml_that_follows(&merged));
     print(&vehicle::describe_hover(&merged));
     if let Some(parts) = mission::describe(&merged) {
         eprint_line(parts.trim_end());

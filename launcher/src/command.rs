@@ -1,10 +1,10 @@
 //! `inject` and `clear`: break something in a flying stack, and end it.
 
 use anyhow::{Context, anyhow, bail};
-use contract::scenario::{Fault, FaultKind, FaultTarget, check_sizes, suggest};
 use runtime::domain::Domain;
 use serde::de::DeserializeOwned;
 use serde_json::json;
+use settings::{Fault, FaultKind, FaultTarget, check_sizes, suggest};
 
 use crate::target::{self, TargetArgs};
 use flight::control::{Request, ask};

@@ -6,9 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use contract::Scenario;
 use contract::exit;
-use contract::scenario::{Mode, Policy};
 use flight::duration::seconds;
 use flight::event::name;
 use flight::interrupts::catch_interrupts;
@@ -19,6 +17,7 @@ use machine::{Finding, Level, Machine};
 use measure::timing::canary::{Canary, CanarySummary, Watch};
 use runtime::console::{eprint_line, print};
 use serde::Serialize;
+use settings::{Mode, Policy, Scenario};
 
 use crate::fly::program;
 
@@ -57,7 +56,7 @@ struct Report {
 
 /// Examines the machine; returns the exit code, 1 if a flight does not get what it asks for.
 pub fn doctor(args: &DoctorArgs) -> anyhow::Result<u8> {
-    let scenario = flight::settings::load(args.scenario.as_deref(), &args.set)?;
+    let scenario = flight::scenario::load(args.scenario.as_deref(), &args.set)?;
     let machine = Machine::this();
     let mut findings = machine::scheduling(&machine, &scenario, None, &program());
     findings.extend(machine::required(&machine, &scenario));

@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail, ensure};
 use flight::duration::{seconds, seconds_or_inf};
 use flight::files::{named_file, write_whole};
-use flight::settings;
+use flight::scenario;
 use flight::shipped::Kind;
 use outcome::recorded::Part;
 use runtime::console::{eprint_line, print};
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};
-use view::export;
-use view::trace;
+use view::{export, trace};
 use zip::DateTime;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
@@ -106,7 +105,7 @@ fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
         scenarios::tell(Kind::Scenario, path);
     }
     let out = args.out.as_deref().map_or_else(|| Ok("trefoil.fmu".into()), |out| named_file(out, "fmu"))?;
-    let scenario = settings::load(scenario, &args.set)?;
+    let scenario = scenario::load(scenario, &args.set)?;
     check(&scenario).map_err(|why| anyhow!(why))?;
     let library = std::fs::read(library()?).context("cannot read the library of the FMU")?;
     let mut archive = ZipWriter::new(Cursor::new(vec![]));
@@ -115,7 +114,7 @@ fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
     let platform = format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS);
     for (name, bytes) in [
         ("modelDescription.xml".to_owned(), description.as_bytes()),
-        (format!("resources/{SCENARIO_FILE}"), contract::scenario::to_toml(&scenario).as_bytes()),
+        (format!("resources/{SCENARIO_FILE}"), settings::to_toml(&scenario).as_bytes()),
         (format!("binaries/{platform}/{MODEL}.so"), &library),
     ] {
         archive.start_file(name, options)?;

@@ -8,18 +8,15 @@ use std::time::Instant;
 
 use anyhow::ensure;
 use clap::ValueEnum;
-use contract::Scenario;
 use contract::exit;
-use contract::scenario::{self, Mode};
 use rustix::process::{Resource, getrlimit};
+use settings::{Mode, Scenario};
 
 use crate::beside::Beside;
-use crate::mavlink;
-use crate::mission;
 use crate::new::name;
 use crate::progress::Progress;
-use crate::vehicle;
 use crate::web::{self, TokenArgs};
+use crate::{mavlink, mission, vehicle};
 use flight::folder::Folder;
 use flight::guarded;
 use flight::hover::Hover;
@@ -136,7 +133,7 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
         Ended::Flown | Ended::Interrupted | Ended::Late(_) => {}
     }
 
-    let settings = || out.write("scenario.toml", &scenario::to_toml(&scenario));
+    let settings = || out.write("scenario.toml", &settings::to_toml(&scenario));
     let written = if scenario == ordered { Ok(()) } else { settings() };
 
     let verdict = Verdict::of(&summary, &scenario, &how);
@@ -198,7 +195,7 @@ fn write_report(run: &Path) -> anyhow::Result<()> {
 fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
     let mut overrides = args.set.clone();
     overrides.extend(args.mode.map(|mode| format!("run.mode={}", name(&mode))));
-    Ok(flight::settings::load(args.scenario.as_deref(), &overrides)?)
+    Ok(flight::scenario::load(args.scenario.as_deref(), &overrides)?)
 }
 
 fn fly_inprocess(

@@ -6,8 +6,9 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory, Parser};
 use contract::exit;
-use contract::scenario::moved::{self, Kind, MOVED};
 use flight::provenance::{Git, Program};
+use settings::moved;
+use settings::moved::{Kind, MOVED};
 
 /// Commands in the list of `--help`, by what they are for. Those that packagers and other programs call have no place.
 pub const GROUPS: [(&str, &[&str]); 5] = [

@@ -30,7 +30,7 @@ impl Described {
     /// Returns the JSON Schema of the file, as text.
     pub fn schema(self) -> String {
         let schema = match self {
-            Self::Scenario => contract::scenario::schema(),
+            Self::Scenario => settings::schema(),
             Self::Campaign => campaign::schema::schema(),
             Self::Run => outcome::run_record::schema(),
         };

@@ -1,9 +1,8 @@
 //! Account of a mission before its flight: when each part begins, what it asks of the vehicle, and how far it reaches.
 
-use contract::Scenario;
-use contract::scenario::plan::{self, Demand, Planned, range_m};
-use contract::scenario::{TrajectoryKind, mission_warnings, word};
 use runtime::console::eprint_line;
+use settings::plan::{Demand, Planned, range_m};
+use settings::{Scenario, TrajectoryKind, mission_warnings, plan, word};
 
 /// Names and units of the columns.
 const COLUMNS: [&str; 8] = ["begins s", "takes s", "m/s", "up, down m/s", "m/s2", "tilt deg", "thrust g", "turn deg/s"];

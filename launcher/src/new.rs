@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use contract::{Scenario, exit};
+use contract::exit;
 use runtime::console::print;
+use settings::Scenario;
 
 use model::Model;
 use templates::{Language, Node, Template};

@@ -6,16 +6,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use contract::exit;
-use contract::scenario::{Mode, Scenario, Swap, SwapNode, candidate};
 use contract::topic::Topic;
 use flight::duration::seconds;
 use flight::files::write_whole;
-use flight::guarded;
-use flight::programs;
 use flight::provenance::status_of;
 use flight::replay::{Plan, Recording};
+use flight::{guarded, programs};
 use runtime::console::{eprint_line, keep_stdout, print};
 use rustix::process::{Signal, getpid, kill_process};
+use settings::{Mode, Scenario, Swap, SwapNode, candidate};
 
 use crate::progress::Progress;
 use crate::run_folder::PartOfRun;

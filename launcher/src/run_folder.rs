@@ -4,10 +4,10 @@ use std::fs::read_dir;
 use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, bail};
-use contract::scenario::file::MAX_LOG_BYTES;
 use flight::duration::seconds;
 use flight::files;
 use outcome::recorded::Part;
+use settings::file::MAX_LOG_BYTES;
 
 /// Arguments that name a run, and a part of it.
 #[derive(clap::Args)]

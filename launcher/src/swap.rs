@@ -5,16 +5,16 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow, ensure};
 use contract::exit;
-use contract::scenario::{Swap, SwapBounds, SwapNode, suggest};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase};
 use serde::Deserialize;
 use serde_json::{Map, Value};
+use settings::{Swap, SwapBounds, SwapNode, suggest};
 
 use flight::control::{Request, ask};
 use flight::event::Event;
 use flight::programs::pin_swap;
-use flight::settings::check_swap;
+use flight::scenario::check_swap;
 use flight::swap_story::{SwapStory, stayed};
 
 use crate::target::{self, TargetArgs};

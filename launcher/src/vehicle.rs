@@ -1,9 +1,8 @@
 //! Vehicle and controllers before their flight: hover and control loops, and weights of the inputs that do not fit.
 
-use contract::Scenario;
-use contract::scenario::weights_that_fit;
 use flight::hover::Hover;
 use runtime::console::eprint_line;
+use settings::{Scenario, weights_that_fit};
 
 /// Describes the hover and the control loops as comments of TOML.
 pub fn describe_hover(scenario: &Scenario) -> String {

@@ -9,7 +9,8 @@
 //! descent that took the motion of now for that of then would fall.
 
 use airframe::mixing::intermediate;
-use airframe::{Actuation, MixingMatrix, Parameters};
+use airframe::{MixingMatrix, Parameters};
+use contract::actuation::Actuation;
 use nalgebra::{Vector3, Vector4};
 
 /// Longest step of the integration \[s\].
@@ -88,7 +89,7 @@ impl Body {
 #[cfg(test)]
 mod tests {
     use airframe::spin::Spin;
-    use contract::Scenario;
+    use settings::Scenario;
 
     use super::*;
 

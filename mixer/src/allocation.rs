@@ -12,7 +12,8 @@
 //! Departure: (44) is printed as atan2 of a quotient; here it takes two arguments. (42) and (43) have no root if u3 or
 //! u4 is negative: the rotor then stops, and the caller is told. Test `val_mixer_cases`.
 
-use airframe::{Actuation, MixingMatrix};
+use airframe::MixingMatrix;
+use contract::actuation::Actuation;
 use nalgebra::Vector4;
 
 /// Computes rotor speeds and tilt for `demand` \[N, N m, N m, N m\]; `true` if (42) or (43) met a negative square.

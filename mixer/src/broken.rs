@@ -48,10 +48,11 @@
 //! whole, and only moments that no lift leaves whole are scaled down, together and no more than needed.
 
 use airframe::spin::{self, Spin};
-use airframe::{Actuation, ActuatorLaw, Limits, MixingMatrix, Parameters, Trim, riccati};
-use contract::Scenario;
+use airframe::{ActuatorLaw, Limits, MixingMatrix, Parameters, Trim, riccati};
+use contract::actuation::Actuation;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
+use settings::Scenario;
 
 use crate::ahead::{Body, Motion};
 use crate::damage::Part;

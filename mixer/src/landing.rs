@@ -18,9 +18,9 @@
 //! The detector is used only if the scenario has a ground (`plant.ground.present`).
 
 use bytemuck::{Pod, Zeroable};
-use contract::Scenario;
 use contract::message::Kinematics;
 use contract::rest::{Rest, is_at_rest};
+use settings::Scenario;
 
 /// Demanded acceleration above which the vehicle should sink, or upwards climb \[m/s2\]. A vehicle a tenth lighter than
 /// its model hovers at that acceleration downwards.

@@ -31,13 +31,13 @@ pub mod rotors;
 
 use airframe::envelope::Envelope;
 use airframe::projection::Projection;
-use airframe::{Actuation, DemandSet, Limits, MixingMatrix, Trim};
+use airframe::{DemandSet, Limits, MixingMatrix, Trim};
 use bytemuck::Zeroable;
-use contract::Scenario;
+use contract::actuation::Actuation;
 use contract::message::{Actuators, Controls, SolveStatus, State, mixer_flags};
-use contract::scenario::BrokenVehicle;
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::Vector4;
+use settings::{BrokenVehicle, Scenario};
 
 use broken::Broken;
 use damage::{Damage, Part};

@@ -1,11 +1,11 @@
 //! Mixer as the core of a node, woken by CONTROLS; it answers with ACTUATORS.
 
 use contract::message::{Actuators, Controls, State};
-use contract::scenario::Scenario;
 use contract::snapshot::Snapshot;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::node::Core;
+use settings::Scenario;
 
 use crate::Mixer;
 

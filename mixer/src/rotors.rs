@@ -38,11 +38,12 @@
 //! one leaves more roll than yaw.
 
 use airframe::mixing::intermediate;
-use airframe::{Actuation, ActuatorLaw, MixingMatrix};
+use airframe::{ActuatorLaw, MixingMatrix};
 use bytemuck::{Pod, Zeroable};
-use contract::Scenario;
+use contract::actuation::Actuation;
 use contract::message::Kinematics;
 use nalgebra::{Matrix4x3, Vector3, Vector4};
+use settings::Scenario;
 
 /// Time constant of the averages \[s\].
 const AVERAGE_S: f64 = 0.03;

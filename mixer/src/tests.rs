@@ -2,12 +2,12 @@
 
 use airframe::envelope::Envelope;
 use airframe::projection::{Projection, WEIGHTS};
-use airframe::{Actuation, DemandSet, MixingMatrix, Parameters};
-use contract::Scenario;
+use airframe::{DemandSet, MixingMatrix, Parameters};
+use contract::actuation::Actuation;
 use contract::message::{Actuators, Controls, Stamp, State, mixer_flags};
-use contract::scenario::Profile;
 use nalgebra::{Matrix4, Vector4};
 use proptest::prelude::*;
+use settings::{Profile, Scenario};
 
 use crate::{Mixer, allocation};
 

@@ -1,9 +1,8 @@
 //! A step and a snapshot allocate nothing, also for a demand that is projected or not finite.
 
-use contract::Scenario;
 use contract::message::{Actuators, Controls, Stamp, State, mixer_flags};
-use contract::scenario::Profile;
 use mixer::Mixer;
+use settings::{Profile, Scenario};
 
 #[test]
 fn a_step_allocates_nothing() {

@@ -2,15 +2,15 @@
 
 #![allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion")]
 
-use airframe::{Actuation, Trim};
-use contract::Scenario;
+use airframe::Trim;
+use contract::actuation::Actuation;
 use contract::message::{Actuators, Controls, Kinematics, Stamp, State, mixer_flags as flags};
-use contract::scenario::{BrokenVehicle, Profile};
 use mixer::Mixer;
 use nalgebra::Vector3;
 use plant::dynamics::{self, Dynamics, StateVector, Surroundings};
 use plant::integrator;
 use plant::rotors::Condition;
+use settings::{BrokenVehicle, Profile, Scenario};
 
 /// Vehicle that only the mixer controls.
 struct Flight {

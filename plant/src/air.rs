@@ -1,10 +1,9 @@
 //! Surroundings of the vehicle: the scheduled wind and disturbance, the shear of the wind over the height, the
 //! gusts, and the faults of wind and payload.
 
-use contract::Scenario;
 use contract::message::Truth;
-use contract::scenario::Fault;
 use nalgebra::Vector3;
+use settings::{Fault, Scenario};
 
 use crate::dynamics::{self, StateVector, Surroundings};
 use crate::faults::environment::EnvironmentFaults;
@@ -92,7 +91,7 @@ impl Air {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::{FaultKind, FaultTarget};
+    use settings::{FaultKind, FaultTarget};
 
     use super::*;
 

@@ -10,8 +10,9 @@
 //! Multicopter Design and Control*, 2017, chapter 4). `P = sum K_M Omega^3` is the power at the shafts, with the rotor
 //! speed unit as rad/s (see [`airframe::parameters`]), and `E` its integral.
 
-use airframe::{Actuation, Trim};
-use contract::Scenario;
+use airframe::Trim;
+use contract::actuation::Actuation;
+use settings::Scenario;
 
 use crate::memory::Tape;
 

@@ -13,11 +13,11 @@
 
 use std::collections::VecDeque;
 
-use airframe::Actuation;
-use contract::Scenario;
+use contract::actuation::Actuation;
 use contract::message::{Actuators, Stamp};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use settings::Scenario;
 
 use crate::memory::Tape;
 use crate::random::Stream;

@@ -29,10 +29,11 @@
 //! ([`Rotors`](crate::rotors)). All are off by default. Test `val_plant_cases`, and one test of direction for each.
 //! Faults act here too, as [`Condition`] of the actuators and as payload.
 
-use airframe::{Actuation, ActuatorLaw};
-use contract::Scenario;
+use airframe::ActuatorLaw;
+use contract::actuation::Actuation;
 use contract::message::{Kinematics, PlantStatus};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use settings::Scenario;
 
 use crate::ground::{Ground, Motion};
 use crate::landing::Footing;

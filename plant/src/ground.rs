@@ -20,10 +20,9 @@
 //! below, or if a rotor or the centre touches the ground. A vehicle on its feet tips over if a rotor or the
 //! centre touches the ground. [`crate::landing`] decides whether it has landed.
 
-use contract::Scenario;
 use contract::message::PlantStatus;
-use contract::scenario::Ground as Settings;
 use nalgebra::{Matrix3, Vector2, Vector3};
+use settings::{Ground as Settings, Scenario};
 
 use crate::landing::Footing;
 use crate::memory::Tape;

@@ -13,15 +13,15 @@
 
 use std::f64::consts::TAU;
 
-use airframe::{Actuation, Trim};
-use contract::Scenario;
+use airframe::Trim;
+use contract::actuation::Actuation;
 use contract::message::Kinematics;
-use contract::scenario::{Gyros, Magnetometer, Sensor as Settings};
 use libm::hypot;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use navigation::alignment::Standstill;
 use navigation::{Aiding, Constants, IMUS, Imu, Noise, State, Wander, state::turn};
 use rand_chacha::ChaCha8Rng;
+use settings::{Gyros, Magnetometer, Scenario, Sensor as Settings};
 
 use crate::faults::memory::{Readings, SENSORS};
 use crate::faults::sensors::{ACCELERATION_READINGS, RATES_READINGS};

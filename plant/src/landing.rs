@@ -14,9 +14,9 @@
 //! landed until its rotors drive it again, something lifts it, or its feet slide that far once more: how long a flight
 //! is recorded does not count. The vehicle itself relies on the mixer's land detector.
 
-use contract::Scenario;
 use contract::message::{Kinematics, PlantStatus};
 use contract::rest::{Rest, is_at_rest};
+use settings::Scenario;
 
 use crate::memory::Tape;
 

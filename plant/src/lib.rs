@@ -55,11 +55,10 @@ pub mod tricopter;
 pub mod turbulence;
 pub mod vehicle;
 
-use contract::Scenario;
 use contract::message::{Actuators, Arrival, MAX_ARRIVALS, Navigation, PlantStatus, Stamp, State, Truth};
-use contract::scenario::Fault;
 use contract::snapshot::PLANT_WORDS;
 use runtime::error::SessionError;
+use settings::{Fault, Scenario};
 
 use commands::CommandLine;
 use faults::sensors::SensorFaults;

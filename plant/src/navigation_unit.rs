@@ -9,15 +9,14 @@
 //! `plant.sensors.alignment`, as after an alignment on another vehicle: a flight begins in the air, where nothing tells
 //! the position before the first fix arrives. With `standing_s` it aligns itself by its own sensors, as on the ground.
 
-use airframe::Actuation;
-use contract::Scenario;
+use contract::actuation::Actuation;
 use contract::message::{Kinematics, Navigation as Account};
-use contract::scenario::{Filter as Choice, Sensors};
 use nalgebra::Vector3;
 use navigation::alignment::Standstill;
 use navigation::state::{ATTITUDE, Covariance, POSITION, VELOCITY, turn};
 use navigation::{Constants, Filter, Navigation, Noise, Source, Start, State};
 use rand_chacha::ChaCha8Rng;
+use settings::{Filter as Choice, Scenario, Sensors};
 
 use crate::faults::memory::Readings;
 use crate::faults::sensors::SensorFaults;

@@ -21,9 +21,9 @@
 //! `a_rotor_that_spins_up_turns_the_vehicle_against_it`, `a_climb_costs_thrust_and_a_cross_wind_pushes`,
 //! `a_vehicle_that_turns_is_damped_at_its_hubs`.
 
-use airframe::Actuation;
-use contract::Scenario;
+use contract::actuation::Actuation;
 use nalgebra::Vector3;
+use settings::Scenario;
 
 /// Sense of rotation `s_i`: 1 for a torque on the vehicle along the thrust.
 const SENSES: [f64; 3] = [1.0, -1.0, 1.0];

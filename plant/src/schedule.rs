@@ -1,7 +1,7 @@
 //! Wind and disturbance as steps in time, each value held until the next.
 
-use contract::Scenario;
 use nalgebra::Vector3;
+use settings::Scenario;
 
 use crate::dynamics::Surroundings;
 

@@ -8,8 +8,8 @@
 //! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a random value and
 //! walks from there, or back to 0 by its time constant (first-order Gauss-Markov).
 
-use contract::scenario::Sensor as Settings;
 use rand_chacha::ChaCha8Rng;
+use settings::Sensor as Settings;
 
 use crate::memory::Tape;
 use crate::random::normal;

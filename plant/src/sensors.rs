@@ -2,10 +2,9 @@
 //!
 //! Angles with noise are not wrapped, so that a measured heading may be beyond half a turn.
 
-use contract::Scenario;
 use contract::message::Kinematics;
-use contract::scenario::Sensor as Settings;
 use rand_chacha::ChaCha8Rng;
+use settings::{Scenario, Sensor as Settings};
 
 use crate::memory::Tape;
 use crate::random::Stream;

@@ -4,9 +4,10 @@
 
 use std::collections::VecDeque;
 
-use airframe::{Actuation, Trim};
-use contract::Scenario;
+use airframe::Trim;
+use contract::actuation::Actuation;
 use rand_chacha::ChaCha8Rng;
+use settings::Scenario;
 
 use crate::memory::Tape;
 use crate::random::{Stream, begin_tick, normal};

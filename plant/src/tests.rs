@@ -1,10 +1,11 @@
 #![expect(clippy::float_cmp, reason = "what is only copied, or flown twice alike, must agree to the last bit")]
 
-use airframe::{Actuation, Trim};
+use airframe::Trim;
+use contract::actuation::Actuation;
 use contract::message::{ActuationMsg, Kinematics};
-use contract::scenario::Profile;
 use proptest::prelude::*;
 use serde_json::Value;
+use settings::Profile;
 
 use super::dynamics::StateVector;
 use super::tricopter::divergence;
@@ -344,7 +345,7 @@ fn vehicles() -> Vec<Scenario> {
     let load = |name: &str, more: &[&str]| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenarios/{name}.toml"));
         let more: Vec<String> = more.iter().map(|setting| (*setting).to_owned()).collect();
-        contract::scenario::load(Some(&path), &more).unwrap_or_else(|error| panic!("{name}: {error}"))
+        settings::load(Some(&path), &more).unwrap_or_else(|error| panic!("{name}: {error}"))
     };
     let faults = "fault=[{at_s=0.2,target='rotor1',kind='stuck'},{at_s=0.2,target='rates',kind='stuck',for_s=0.1},\
                   {at_s=0.2,target='attitude',kind='slow',for_s=0.1},{at_s=1.1,target='position',kind='delayed',ms=50},\
@@ -367,7 +368,7 @@ fn largest() -> Scenario {
     let settings = "run={mode='realtime',rate_hz=1000,duration_s=20}\nmission.trajectory='hover'\n\
                     plant.sensors={preset='typical',imu={rate_hz=1000},receiver={latency_ms=500},flow={rate_hz=1000}}\n\
                     fault=[{at_s=0.2,target='rates',kind='delayed',ms=1000}]";
-    contract::scenario::load_text(settings, "the largest", &[]).unwrap_or_else(|error| panic!("{error}"))
+    settings::load_text(settings, "the largest", &[]).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]

@@ -1,10 +1,9 @@
 //! Vehicle of the paper with all that acts on it: actuators, air, ground, battery, and their faults.
 
-use airframe::Actuation;
-use contract::Scenario;
+use contract::actuation::Actuation;
 use contract::message::{Kinematics, PlantStatus};
-use contract::scenario::Fault;
 use runtime::error::SessionError;
+use settings::{Fault, Scenario};
 
 use crate::air::Air;
 use crate::battery::Battery;

@@ -23,9 +23,9 @@
 //! feet, for which the formulas hold, and the speed relative to the mean wind. The filters then have deviation 1 and
 //! are tuned at each sample, and their output is multiplied by the present deviation.
 
-use contract::Scenario;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
+use settings::Scenario;
 
 use crate::memory::Tape;
 use crate::random::{Stream, normal};
@@ -252,7 +252,7 @@ mod tests {
     /// Gusts with `from_wind` of a vehicle at the `moment`.
     fn from_wind(seed: u64, samples: u64, moment: &Moment) -> Vec<Vector3<f64>> {
         let mut scenario = scenario(seed);
-        scenario.plant.turbulence = contract::scenario::Turbulence { from_wind: true, ..Default::default() };
+        scenario.plant.turbulence = settings::Turbulence { from_wind: true, ..Default::default() };
         let mut turbulence = Turbulence::new(&scenario).expect("there is some");
         (0..samples).map(|tick| turbulence.at(tick, moment)).collect()
     }

@@ -1,11 +1,11 @@
 //! Vehicle of the plant: the true motion under the command in force. The plant around it has the time line of commands
 //! and the sensors.
 
-use airframe::{Actuation, Trim};
-use contract::Scenario;
+use airframe::Trim;
+use contract::actuation::Actuation;
 use contract::message::{Kinematics, PlantStatus};
-use contract::scenario::Fault;
 use runtime::error::SessionError;
+use settings::{Fault, Scenario};
 
 use crate::memory::Tape;
 

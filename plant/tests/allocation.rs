@@ -1,9 +1,8 @@
 //! A flight allocates nothing, with any fault.
 
-use contract::Scenario;
 use contract::message::{Actuators, Stamp};
-use contract::scenario::{Fault, FaultTarget, SensorPreset, Sensors};
 use plant::Plant;
+use settings::{Fault, FaultTarget, Scenario, SensorPreset, Sensors};
 
 #[test]
 fn a_flight_with_every_fault_allocates_nothing() {

@@ -1,9 +1,9 @@
 //! Events of the processes of a flight.
 
-pub use contract::scenario::word as name;
-use contract::scenario::{Fault, FaultKind, FaultTarget};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+pub use settings::word as name;
+use settings::{Fault, FaultKind, FaultTarget};
 
 use crate::limits::REASON_CHARS;
 

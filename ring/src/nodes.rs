@@ -1,11 +1,11 @@
 //! The stack's own cores, by the topic on which they answer.
 
-use contract::scenario::Scenario;
 use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::{self, Node};
 use runtime::ports::Ports;
+use settings::Scenario;
 
 /// Opens the ports of `member`, which answers, with a new core for a run of `scenario`.
 pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {

@@ -5,12 +5,12 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use contract::message::{Actuators, Controls, Message, Payload, Reference, State, Truth};
-use contract::scenario::Scenario;
 use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::port::{ReceivePort, observer_depth};
 use runtime::ports::Ports;
 use runtime::realtime::ControlPage;
+use settings::Scenario;
 
 use crate::record::Record;
 

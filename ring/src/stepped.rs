@@ -7,7 +7,6 @@
 //! ```
 
 use contract::message::{Actuators, Content, Stamp, State};
-use contract::scenario::{Scenario, candidate};
 use contract::snapshot::PLANT_WORDS;
 use contract::topic::Topic;
 use plant::Plant;
@@ -18,6 +17,7 @@ use runtime::node::{Asked, Open};
 use runtime::output::{Output, TruthOutput};
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
+use settings::{Scenario, candidate};
 
 use crate::ended::{Ended, Refused, refused_by_listener};
 use crate::event::Event;

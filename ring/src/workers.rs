@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use contract::message::Stamp;
-use contract::scenario::Scenario;
 use contract::snapshot::Snapshot;
 use contract::topic::Topic;
 use runtime::error::SessionError;
@@ -13,6 +12,7 @@ use runtime::ports::{Ports, Transport};
 use runtime::queue::Queues;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Origin;
+use settings::Scenario;
 
 /// Control page and queues that a ring in process shares.
 #[derive(Clone)]

@@ -9,12 +9,12 @@ use std::process::ExitCode;
 
 use airframe::Parameters;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::scenario::Scenario;
 use contract::snapshot::{NO_MEMORY, Snapshot};
 use runtime::input::Input;
 use runtime::node::{self, Core};
 use runtime::process;
 use runtime::session::SessionError;
+use settings::Scenario;
 
 /// Double pole of each attitude loop \[rad/s\].
 const ATTITUDE_POLE: f64 = 6.0;

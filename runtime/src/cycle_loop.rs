@@ -14,9 +14,9 @@
 //! one.
 
 use contract::message::Stamp;
-use contract::scenario::Fault;
 use contract::snapshot::Snapshot;
 use contract::topic::Topic;
+use settings::Fault;
 
 use crate::cycle_timing::warm_up_ns;
 use crate::error::SessionError;

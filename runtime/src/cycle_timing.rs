@@ -30,7 +30,7 @@ use crate::limits::{WARM_UP_LEAD_NS, WARM_UP_PARTS};
 use crate::port::WarmUp;
 use crate::realtime::{now_ns, thread_cpu_ns};
 use contract::message::Stamp;
-use contract::scenario::{Late, NodeDeadline};
+use settings::{Late, NodeDeadline};
 
 /// Clock that a node reads.
 enum Clock {

@@ -27,10 +27,10 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use contract::scenario::file::{self, MAX_TEXT_BYTES};
-use contract::scenario::{self, Scenario};
 use rustix::fs::{FlockOperation, flock, fstat};
 use rustix::io::Errno;
+use settings::file::MAX_TEXT_BYTES;
+use settings::{Scenario, file};
 
 pub use crate::error::DomainError;
 use crate::error::SessionError;
@@ -69,7 +69,7 @@ impl Domain {
         let file = self.file("scenario.toml");
         let text = file::read_text(&file, MAX_TEXT_BYTES);
         let text = text.map_err(|why| SessionError::Io { what: file.display().to_string(), why })?;
-        Ok(scenario::from_merged(&text, "the run's merged scenario")?)
+        Ok(settings::from_merged(&text, "the run's merged scenario")?)
     }
 
     /// Lists all domains of this user whose launcher is alive.

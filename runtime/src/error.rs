@@ -6,7 +6,7 @@ use std::any::Any;
 use std::io;
 use std::path::PathBuf;
 
-use contract::scenario::ScenarioError;
+use settings::ScenarioError;
 
 use crate::limits::{FILES_NEEDED, HOME_NAMES, IMPLAUSIBLE_ANSWERS, PROBE_LIMIT_NS};
 

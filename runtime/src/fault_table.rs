@@ -11,8 +11,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use contract::fault_schedule::MAX_LIVE_FAULTS;
-use contract::scenario::{Fault, FaultTarget, MAX_FAULT_MS, MAX_FAULT_S, Wrong};
+use settings::fault_schedule::MAX_LIVE_FAULTS;
+use settings::{Fault, FaultTarget, MAX_FAULT_MS, MAX_FAULT_S, Wrong};
 
 const WORDS: usize = 11;
 /// Index of the only word of an entry that may change.
@@ -200,7 +200,7 @@ mod tests {
     }
 
     fn fault(for_s: f64) -> Fault {
-        Fault::new(FaultTarget::Mpc, contract::scenario::FaultKind::Nan, 1.0, Some(for_s))
+        Fault::new(FaultTarget::Mpc, settings::FaultKind::Nan, 1.0, Some(for_s))
     }
 
     #[test]

@@ -9,8 +9,8 @@ use crate::queue::Queues;
 use crate::realtime::{ControlPage, phase};
 use crate::session::NodeSession;
 use crate::shared_role::Assignment;
-use contract::scenario::{Mode, Policy, Scenario};
 use contract::topic::Topic;
+use settings::{Mode, Policy, Scenario};
 
 pub struct Ring {
     pub page: Arc<ControlPage>,

@@ -138,7 +138,7 @@ mod tests {
     use crate::release::{Caller, Release};
     use crate::shared_role::Assignment;
     use contract::message::Controls;
-    use contract::scenario::Scenario;
+    use settings::Scenario;
 
     /// Sends answers to the samples `ticks`, when the plant has taken five samples, the first of them `since_ns` ago.
     /// Returns the ticks of the accepted answers, and the number of those refused for their age.

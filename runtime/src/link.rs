@@ -11,11 +11,11 @@
 //! ```
 
 use crate::limits::HELD_MESSAGES;
-use contract::fault_schedule::{Entry, FaultSchedule};
 use contract::message::field::{HasShape, Mark};
 use contract::message::{Message, Stamp};
-use contract::scenario::{Fault, FaultKind, Mode, Scenario, Wrong};
 use contract::stamp::delivery;
+use settings::fault_schedule::{Entry, FaultSchedule};
+use settings::{Fault, FaultKind, Mode, Scenario, Wrong};
 
 /// Link of one topic, with the messages that its faults hold back.
 pub struct Link<M> {

@@ -10,7 +10,7 @@ use crate::realtime::{ControlPage, ThisProcess};
 use crate::release::{Caller, Release};
 use crate::shared_role::Origin;
 use contract::Topic;
-use contract::scenario::Scenario;
+use settings::Scenario;
 
 /// One process of a node, or one node in process.
 #[derive(Clone)]

@@ -3,8 +3,8 @@
 use std::any::Any;
 
 use contract::message::{Message, Stamp, State};
-use contract::scenario::{Fault, Scenario};
 use contract::snapshot::{NO_MEMORY, Snapshot};
+use settings::{Fault, Scenario};
 
 use crate::error::SessionError;
 use crate::input::{Input, Upstream};

@@ -9,8 +9,8 @@ use crate::member::Member;
 use crate::port::SendPort;
 use crate::ports::Ports;
 use contract::message::{Message, Stamp, State, Truth};
-use contract::scenario::{Late, Scenario};
 use contract::stamp::delivery;
+use settings::{Late, Scenario};
 
 /// Output of a node on its topic.
 pub struct Output<M> {
@@ -120,7 +120,7 @@ mod tests {
     use crate::fixture::Ring;
     use contract::Topic;
     use contract::message::PlantStatus;
-    use contract::scenario::{Fault, FaultKind, FaultTarget, Mode};
+    use settings::{Fault, FaultKind, FaultTarget, Mode};
 
     #[test]
     fn truth_is_sent_as_it_is_whatever_a_fault_makes_of_state() {

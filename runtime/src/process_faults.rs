@@ -21,8 +21,8 @@ use std::sync::Arc;
 use crate::fault_table::FaultUpdates;
 use crate::realtime::{ControlPage, now_ns, phase};
 use contract::Topic;
-use contract::fault_schedule::{Entry, FaultSchedule, MAX_LIVE_FAULTS};
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
+use settings::fault_schedule::{Entry, FaultSchedule, MAX_LIVE_FAULTS};
+use settings::{Fault, FaultKind, FaultTarget, Mode, Scenario};
 
 /// Default offset of a clock \[ms\].
 const USUAL_OFFSET_MS: f64 = 20.0;

@@ -11,7 +11,7 @@
 //! ([`crate::cycle_timing`]). A replay has no release: its nodes are called as the recording says ([`Caller`]).
 
 use crate::realtime::{ControlPage, Doorbell, now_ns};
-use contract::scenario::{Late, Mode, NodeDeadline, Scenario};
+use settings::{Late, Mode, NodeDeadline, Scenario};
 
 /// Event that begins a cycle of a loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -18,8 +18,8 @@
 //! it asks the launcher for the assignment of the tick that begins, if that may have changed.
 
 use contract::message::{Message, Stamp};
-use contract::scenario::Fault;
 use contract::topic::Topic;
+use settings::Fault;
 
 use crate::cycle_timing::warm_up_ns;
 use crate::error::SessionError;

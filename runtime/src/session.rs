@@ -10,10 +10,10 @@
 use std::path::Path;
 
 use contract::message::Message;
-use contract::scenario::file::{self, MAX_TEXT_BYTES};
-use contract::scenario::{self, Mode, Scenario};
 use contract::snapshot::Snapshot;
 use contract::topic::Topic;
+use settings::file::MAX_TEXT_BYTES;
+use settings::{Mode, Scenario, file};
 
 use crate::cycle_loop::CycleLoop;
 use crate::error::PortFailure;
@@ -51,7 +51,7 @@ impl NodeSession {
             let what = path.display().to_string();
             let text = file::read_text(path, MAX_TEXT_BYTES);
             let text = text.map_err(|why| SessionError::Io { what: what.clone(), why })?;
-            Ok::<_, SessionError>(scenario::candidate_from(&text, &what)?)
+            Ok::<_, SessionError>(settings::candidate_from(&text, &what)?)
         })?;
         Ok(Self::new(ports, topic, epoch, scenario, &run))
     }
@@ -143,7 +143,7 @@ mod tests {
     use crate::realtime::phase;
     use crate::shared_role::Assignment;
     use contract::message::{Controls, Reference, State};
-    use contract::scenario::{Fault, FaultKind, FaultTarget};
+    use settings::{Fault, FaultKind, FaultTarget};
 
     #[test]
     fn a_node_that_the_ring_does_not_have_is_an_error() {

@@ -1,6 +1,6 @@
 //! The files of a crate and which of them use which, from the syntax tree. Code under `#[cfg(test)]` is left out.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use syn::punctuated::Punctuated;
@@ -44,23 +44,29 @@ impl Crate {
         Self { sources }
     }
 
-    /// Groups of files in which each reaches each.
-    pub fn circles(&self) -> Vec<Vec<String>> {
+    /// The arrows in loops among the children of a folder, as text. A child is a file, or a folder with all in it; the
+    /// file that declares the children is one of them.
+    pub fn circles(&self) -> BTreeSet<String> {
         let arrows = self.arrows();
-        let reached: BTreeMap<usize, BTreeSet<usize>> =
-            (0..self.sources.len()).map(|from| (from, reachable(from, &arrows))).collect();
-        let circle =
-            |i: usize| reached[&i].iter().copied().filter(|j| reached[j].contains(&i)).collect::<BTreeSet<_>>();
-        let circles: BTreeSet<BTreeSet<usize>> =
-            (0..self.sources.len()).map(circle).filter(|c| !c.is_empty()).collect();
-        circles.iter().map(|c| c.iter().map(|i| self.sources[*i].path.clone()).collect()).collect()
+        let folders = self.sources.iter().filter_map(|source| source.module.split_last());
+        let folders: BTreeSet<&[String]> = folders.map(|(_, folder)| folder).collect();
+        folders.iter().flat_map(|folder| self.loops_among_children(folder, &arrows)).collect()
     }
 
-    /// The arrows between the files `among`, as text.
-    pub fn edges_inside(&self, among: &BTreeSet<&str>) -> Vec<String> {
-        let inside = |i: usize| among.contains(self.sources[i].path.as_str());
-        let arrows = self.arrows().into_iter().filter(|(from, to)| inside(*from) && inside(*to));
-        arrows.map(|(from, to)| format!("{} -> {}", self.sources[from].path, self.sources[to].path)).collect()
+    fn loops_among_children(&self, folder: &[String], arrows: &BTreeSet<(usize, usize)>) -> Vec<String> {
+        let child = |i: usize| {
+            let module = &self.sources[i].module;
+            module.starts_with(folder).then(|| &module[..module.len().min(folder.len() + 1)])
+        };
+        let between = |(from, to): &(usize, usize)| {
+            let ends = (child(*from)?, child(*to)?);
+            (ends.0 != ends.1).then_some(ends)
+        };
+        let children: BTreeSet<(&[String], &[String])> = arrows.iter().filter_map(between).collect();
+        let loops =
+            |arrow: &&(usize, usize)| between(arrow).is_some_and(|(from, to)| reachable(to, &children).contains(from));
+        let text = |(from, to): &(usize, usize)| format!("{} -> {}", self.sources[*from].path, self.sources[*to].path);
+        arrows.iter().filter(loops).map(text).collect()
     }
 
     /// Which file uses an item that is defined in which other one. Declaring and re-exporting a module are no uses.
@@ -128,11 +134,11 @@ impl Source {
     }
 }
 
-fn reachable(from: usize, arrows: &BTreeSet<(usize, usize)>) -> BTreeSet<usize> {
+fn reachable<T: Ord + Copy>(from: T, arrows: &BTreeSet<(T, T)>) -> BTreeSet<T> {
     let mut reached = BTreeSet::new();
     let mut open = vec![from];
     while let Some(at) = open.pop() {
-        let next = arrows.range((at, 0)..=(at, usize::MAX)).map(|(_, to)| *to);
+        let next = arrows.iter().filter(|(from, _)| *from == at).map(|(_, to)| *to);
         open.extend(next.filter(|to| reached.insert(*to)));
     }
     reached

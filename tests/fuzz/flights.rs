@@ -6,9 +6,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
-use contract::Scenario;
-use contract::scenario::{Fault, FaultTarget, Profile, to_toml};
-use flight::{inprocess, settings};
+use flight::{inprocess, scenario};
 use outcome::judge::{Circumstances, Verdict};
 use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
@@ -16,6 +14,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use serde_json::json;
+use settings::{Fault, FaultTarget, Profile, Scenario, to_toml};
 use toml::{Table, Value};
 
 use super::cases;
@@ -144,7 +143,7 @@ fn fault() -> impl Strategy<Value = Fault> {
 
 /// Flies `overrides`, if they are accepted.
 fn check(overrides: &[String]) {
-    let scenario = match settings::load(None, overrides) {
+    let scenario = match scenario::load(None, overrides) {
         Ok(scenario) => scenario,
         Err(error) => return assert!(error.to_string().contains('`'), "no key is named: {error}"),
     };
@@ -171,7 +170,7 @@ fn check(overrides: &[String]) {
 
 /// Returns whether the plan is one of a size that can be built again and again.
 fn is_small(overrides: &[String]) -> bool {
-    let scenario = contract::scenario::load(None, overrides);
+    let scenario = settings::load(None, overrides);
     scenario.is_err() || scenario.is_ok_and(|scenario| scenario.np() * scenario.nu() <= LARGEST_PLAN)
 }
 

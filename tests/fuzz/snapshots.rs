@@ -1,16 +1,15 @@
 //! Memories of which any word is wrong: refused or accepted, and the next steps are taken.
 
 use attitude_mpc::AttitudeMpc;
-use contract::Scenario;
 use contract::integrity::checksum_of;
 use contract::message::{Controls, Message, Reference, Stamp, State};
-use contract::scenario::{Law, Profile};
 use contract::snapshot::{SNAPSHOT_WORDS, Snapshot};
 use guidance::Guidance;
 use mixer::Mixer;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
+use settings::{Law, Profile, Scenario};
 
 use super::cases;
 

@@ -1,8 +1,8 @@
 //! Happenings of the flight, and how far off it was.
 
-use contract::scenario::{Fault, FaultKind, FaultTarget};
 use flight::event::{Event, TimedEvent, What};
 use outcome::faults::FaultRecord;
+use settings::{Fault, FaultKind, FaultTarget};
 
 use super::*;
 

@@ -1,8 +1,8 @@
+use contract::actuation::Actuation;
 use nalgebra::Vector4;
 use proptest::prelude::*;
 
 use super::*;
-use crate::Actuation;
 use crate::mixing::intermediate;
 use crate::tests::{actuation, assert_close, paper_limits, reference, vector};
 

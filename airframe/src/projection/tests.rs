@@ -2,12 +2,13 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus};
+use contract::actuation::Actuation;
 use nalgebra::Matrix4;
 use proptest::prelude::*;
 
 use super::*;
 use crate::envelope::Envelope;
-use crate::{Actuation, Limits, Parameters};
+use crate::{Limits, Parameters};
 
 fn envelope(idle: f64, ratio: f64, tilt_max_deg: f64, tilt_reaction: bool) -> Envelope {
     let vehicle = Parameters::default();

@@ -11,11 +11,11 @@
 //! another law continues the flight. A law writes to the memory of the tick, which the controller keeps if the demand
 //! is sent.
 
-use airframe::Actuation;
 use airframe::linear::STATES;
+use contract::actuation::Actuation;
 use contract::message::{Kinematics, SolveStatus, State};
-use contract::scenario::Fault;
 use nalgebra::{DVector, DVectorView, Vector4};
+use settings::Fault;
 
 use crate::goal::Goal;
 use crate::memory::{Memory, WarmStart};

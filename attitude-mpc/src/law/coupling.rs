@@ -14,10 +14,9 @@
 //! change of gravity at 35 degrees of pitch, which the hover model lacks too, is a force, and the estimate finds it.
 //! Test `pitching_at_speed_is_no_force`; the figures are in `docs/mpc.md`.
 
-use contract::Scenario;
 use contract::message::Kinematics;
-use contract::scenario::Model;
 use nalgebra::Vector4;
+use settings::{Model, Scenario};
 
 /// Coupling term at the newest sample.
 #[derive(Debug, Clone)]

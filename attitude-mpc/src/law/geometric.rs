@@ -13,8 +13,8 @@
 //! `a_heading_error_leaves_the_tilt_alone`.
 
 use airframe::Parameters;
-use contract::scenario::PidGains;
 use nalgebra::{DVector, Vector4};
+use settings::PidGains;
 
 use super::attitude_law::{Aim, AttitudeLaw, Decision};
 use super::level::Level;

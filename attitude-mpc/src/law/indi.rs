@@ -26,10 +26,10 @@
 //! `the_actuators_alone_are_no_disturbance`, `a_constant_moment_leaves_no_offset`,
 //! `sensed_actuators_need_no_model_of_their_lag`.
 
-use airframe::Actuation;
-use contract::scenario::{IndiActuators, IndiGains, PidGains};
+use contract::actuation::Actuation;
 use contract::snapshot::OptionalTick;
 use nalgebra::Vector4;
+use settings::{IndiActuators, IndiGains, PidGains};
 
 use super::attitude_law::{Aim, AttitudeLaw, Decision, Sample};
 use super::geometric::Axes;

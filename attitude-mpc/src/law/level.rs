@@ -22,7 +22,8 @@
 //! of the demand itself, by the mixing matrix. Beyond 60 degrees of tilt the inverse `1 / c` of the share `c` of col
 //! that is vertical becomes `4 c`, which is small sideways and turns its sign with the vehicle.
 
-use airframe::{Actuation, MixingMatrix, Parameters, Trim};
+use airframe::{MixingMatrix, Parameters, Trim};
+use contract::actuation::Actuation;
 use nalgebra::{DVectorView, Quaternion, UnitQuaternion, Vector3, Vector4};
 
 /// Smallest vertical share of col at which the vertical acceleration is inverted exactly.

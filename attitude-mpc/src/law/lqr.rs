@@ -2,10 +2,9 @@
 //! without a preview.
 
 use airframe::linear::INPUTS;
-use contract::Scenario;
 use contract::message::Kinematics;
-use contract::scenario::ScenarioError;
 use nalgebra::{DVector, Vector4};
+use settings::{Scenario, ScenarioError};
 
 use super::attitude_law::{Aim, AttitudeLaw, Decision};
 use super::coupling::Coupling;

@@ -17,8 +17,8 @@
 //! ```
 
 use airframe::Parameters;
-use contract::scenario::PidGains;
 use nalgebra::{DVector, Vector4};
+use settings::PidGains;
 
 use super::attitude_law::{Aim, AttitudeLaw, Decision};
 use crate::memory::Memory;

@@ -1,7 +1,6 @@
 //! All laws, by their names in a scenario: `attitude.law`.
 
-use contract::Scenario;
-use contract::scenario::{Law, ScenarioError};
+use settings::{Law, Scenario, ScenarioError};
 
 use super::attitude_law::AttitudeLaw;
 use super::geometric::Geometric;

@@ -1,8 +1,8 @@
 //! Tests of the models at speed: their predictions, and the continuity of the plan between them.
 
 use airframe::{FlightPoint, LevelFlight};
-use contract::scenario::Model;
 use nalgebra::{DMatrix, Rotation3, Vector3};
+use settings::Model;
 
 use super::*;
 use crate::law::mpc::at_speed::FlightModel;

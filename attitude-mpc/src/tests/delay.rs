@@ -1,8 +1,8 @@
 //! Tests of the measured delay: predictions against a vehicle that is the controller's own linear model.
 
 use contract::delay::MAX_DELAY;
-use contract::scenario::{DelayCompensation, DelayName, Law};
 use nalgebra::DVector;
+use settings::{DelayCompensation, DelayName, Law};
 
 use super::*;
 

@@ -1,15 +1,13 @@
 //! Tests of missing states and references, and of the snapshot.
 
-use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags};
-use contract::scenario::{Constraints, DelayCompensation, DelayName, Law, Profile, Solver, StateConstraints};
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
+use settings::{Constraints, DelayCompensation, DelayName, Law, Profile, Scenario, Solver, StateConstraints};
 
 use super::{hover, violent_turn};
-use crate::AttitudeMpc;
-use crate::fixture;
 use crate::memory::{MAX_DISCS, WarmStart, Whole};
+use crate::{AttitudeMpc, fixture};
 
 #[test]
 fn without_a_fresh_state_the_demand_is_repeated_with_status_stale() {

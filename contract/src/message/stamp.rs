@@ -6,8 +6,8 @@ use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
 use super::Stamp;
 use super::field::Field;
-use crate::Topic;
 use crate::integrity::checksum;
+use crate::topic::Topic;
 
 /// Content of a message, by which a receiver judges it.
 pub trait Content {

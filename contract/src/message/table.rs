@@ -70,7 +70,7 @@ macro_rules! messages {
                     rates_radps: [f64; 3],
                 }
 
-                /// Rotor speeds and tilt on the wire: the four numbers of [`airframe::Actuation`].
+                /// Rotor speeds and tilt on the wire: the four numbers of [`Actuation`](crate::actuation::Actuation).
                 ActuationMsg {
                     /// Rotor speeds `Omega_1..3` \[rotor speed unit\].
                     rotor_speed: [f64; 3],

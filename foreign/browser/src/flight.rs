@@ -3,9 +3,7 @@
 use std::array::from_fn;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use contract::Scenario;
 use contract::message::{PlantStatus, State};
-use contract::scenario::load_text;
 use guidance::Trajectory;
 use plant::tricopter::Tricopter;
 use ring::count::Count;
@@ -15,6 +13,7 @@ use ring::samples::Samples;
 use ring::states::{StateHash, length_m, position_error_m};
 use ring::stepped::Stepped;
 use serde_json::{Map, Value, json};
+use settings::{Scenario, load_text};
 
 /// The shipped scenario.
 const SURVEY: &str = include_str!("../../../scenarios/survey.toml");

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use contract::message::Sample;
-use contract::scenario::{ProgramKind, Scenario};
 use plant::vehicle::start;
+use settings::{ProgramKind, Scenario};
 
 use crate::variables::{FIRST_OUTPUT, OUTPUTS, ROTOR_SPEED, ROTOR_UNIT, SETTINGS, TILT, TIME};
 

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use bytemuck::{bytes_of, cast_slice, pod_read_unaligned};
 use contract::message::{ActuationMsg, Actuators, PlantStatus, Sample, Stamp, State};
-use contract::scenario::{self, Scenario};
 use contract::snapshot::PLANT_WORDS;
 use plant::Plant;
 use plant::vehicle::start;
+use settings::Scenario;
 
 use crate::description::{SCENARIO_FILE, check};
 use crate::variables::{SETTINGS, TIME, input, output};
@@ -166,7 +166,7 @@ impl Saved {
 /// Loads the settings of the resources, with these lines on top.
 fn load(resources: &std::path::Path, settings: &str) -> Result<Scenario, String> {
     let overrides: Vec<String> = settings.lines().filter(|line| !line.trim().is_empty()).map(str::to_owned).collect();
-    let scenario = scenario::load(Some(&resources.join(SCENARIO_FILE)), &overrides);
+    let scenario = settings::load(Some(&resources.join(SCENARIO_FILE)), &overrides);
     let scenario = scenario.map_err(|error| error.to_string())?;
     check(&scenario)?;
     Ok(scenario)

@@ -7,13 +7,12 @@ use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::time::Instant;
 
-use contract::scenario::{Mode, ProgramKind, Scenario};
 use contract::topic::Topic;
 use flight::inprocess::stepped::{Stepped, TOPICS};
 use flight::log::Record;
 use flight::provenance::provenance;
 use flight::stack::Ended;
-use flight::{nodes, settings};
+use flight::{nodes, scenario};
 use foreign::abi::TrefoilSetup;
 use foreign::setup::Setup;
 use outcome::judge::{Circumstances, Verdict};
@@ -24,6 +23,7 @@ use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
 use runtime::ports::Ports;
+use settings::{Mode, ProgramKind, Scenario};
 
 use crate::boundary::{Failure, c_text, free, given, guarded, taken, text, texts, topic_of, write_error};
 use crate::process::fits;
@@ -50,7 +50,7 @@ impl TrefoilFlight {
     fn open(scenario: Option<&str>, given: &[&str], node: &str) -> Result<Self, Failure> {
         let topic = topic_of(node)?;
         let given = std::iter::once("run.mode=inprocess").chain(given.iter().copied()).map(str::to_owned);
-        let scenario = settings::load_untried(scenario.map(Path::new), &given.collect::<Vec<_>>());
+        let scenario = scenario::load_untried(scenario.map(Path::new), &given.collect::<Vec<_>>());
         let scenario = scenario.map_err(|error| Failure::of_usage(error.to_string()))?;
         check(&scenario, topic)?;
         foreign::in_program_of_others();

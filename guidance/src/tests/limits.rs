@@ -1,9 +1,8 @@
 //! Tests of the limits: they have no direction, and the integral does not wind up behind them.
 
-use contract::Scenario;
 use contract::message::guidance_flags;
-use contract::scenario::{Profile, TrajectoryKind};
 use nalgebra::Vector3;
+use settings::{Profile, Scenario, TrajectoryKind};
 
 use super::{hovering, roll_trim, scenario};
 use crate::Guidance;

@@ -1,7 +1,7 @@
 //! Tests of the re-entry after a silence.
 
 use contract::message::Reference;
-use contract::scenario::{Profile, TrajectoryKind};
+use settings::{Profile, TrajectoryKind};
 
 use super::{hovering, roll_trim, scenario};
 use crate::Guidance;

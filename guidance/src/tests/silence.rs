@@ -1,10 +1,9 @@
 //! Tests of missing states, and of the snapshot.
 
-use contract::Scenario;
 use contract::message::{Reference, State, guidance_flags};
-use contract::scenario::{Profile, TrajectoryKind};
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
+use settings::{Profile, Scenario, TrajectoryKind};
 
 use super::{hovering, scenario};
 use crate::Guidance;

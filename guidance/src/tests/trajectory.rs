@@ -1,7 +1,6 @@
 //! Tests of trajectories against the independent simulator, and above ground.
 
-use contract::Scenario;
-use contract::scenario::Profile;
+use settings::{Profile, Scenario};
 
 use super::with_parts;
 use crate::Trajectory;

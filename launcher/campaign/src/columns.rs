@@ -1,11 +1,11 @@
 //! Columns that a table of flights has of each outcome.
 
 use anyhow::{bail, ensure};
-use contract::scenario::moved::{self, Moved};
-use contract::scenario::nearest;
 use outcome::metrics::Metrics;
 use outcome::solves::SolverRecord;
 use serde_json::Value;
+use settings::moved::Moved;
+use settings::{moved, nearest};
 
 use crate::table::Kind;
 

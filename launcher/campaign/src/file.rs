@@ -39,13 +39,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
-use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
-use contract::scenario::{Given, any_table, find_programs, suggest};
 use flight::programs;
 use flight::programs::hex;
 use flight::shipped::{self, Kind, Shipped, advice, kind_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::file::{MAX_TEXT_BYTES, read_text};
+use settings::{Given, any_table, find_programs, suggest};
 use sha2::{Digest, Sha256};
 use toml::{Table, Value};
 

@@ -1,9 +1,9 @@
 //! `layout.toml`: the program, campaign and number of shards that a folder belongs to.
 
 use anyhow::{Context, ensure};
-use contract::scenario::file::MAX_TEXT_BYTES;
 use flight::dir::Dir;
 use serde::{Deserialize, Serialize};
+use settings::file::MAX_TEXT_BYTES;
 
 /// Name of the file.
 pub const LAYOUT: &str = "layout.toml";

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use contract::scenario::Mode;
 use flight::event::name;
 use outcome::run_record::RunRecord;
 use outcome::timing::Counts;
+use settings::Mode;
 
 /// Value of a setting that a flight in real time had by itself.
 #[derive(Debug, Clone, PartialEq)]

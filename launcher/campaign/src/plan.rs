@@ -5,10 +5,9 @@
 //! flights that are compared have consecutive numbers, and the same drawn values, seeds and random faults.
 
 use anyhow::{Context, bail, ensure};
-use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, ScenarioError, check_fault};
-use flight::settings;
+use flight::scenario;
 use rand::RngExt;
+use settings::{Fault, FaultKind, FaultTarget, Scenario, ScenarioError, check_fault};
 use toml::Value;
 
 use crate::file::{CASE, Campaign, SEED};
@@ -217,7 +216,7 @@ impl Plan {
         let flights = (0..looked_at).map(|i| self.flight(i * all / looked_at * controllers + number));
         let mut first = None;
         for flight in flights {
-            match flight.scenario.and_then(|scenario| settings::check(&scenario)) {
+            match flight.scenario.and_then(|scenario| scenario::check(&scenario)) {
                 Ok(()) => return Ok(()),
                 Err(error) => first.get_or_insert(error),
             };

@@ -27,9 +27,9 @@
 //! missing, invalid, or not part of the campaign leave a promise undecided.
 
 use anyhow::{bail, ensure};
-use contract::scenario::{any_table, moved};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use settings::{any_table, moved};
 use toml::Table;
 
 use crate::columns;

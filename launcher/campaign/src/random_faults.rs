@@ -4,12 +4,11 @@
 //! equal faults. Sizes are the defaults of the kinds.
 
 use anyhow::{bail, ensure};
-use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, MAX_FAULT_S, check_fault};
 use flight::event::name;
 use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Fault, FaultKind, FaultTarget, MAX_FAULT_S, Scenario, check_fault};
 
 use crate::sampling::{Purpose, stream};
 use crate::table::{Cell, Kind};
@@ -152,7 +151,7 @@ fn names(kinds: &[FaultKind]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::load;
+    use settings::load;
 
     use super::*;
 

@@ -11,14 +11,12 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use anyhow::Context;
-use contract::Scenario;
 use contract::message::Sample;
 use flight::event::TimedEvent;
-use flight::guarded;
 use flight::inprocess::changes_messages;
 use flight::log::Record;
 use flight::programs::hex;
-use flight::settings;
+use flight::{guarded, scenario};
 use outcome::happenings::Happenings;
 use outcome::judge::Verdict;
 use outcome::metrics::Metrics;
@@ -26,6 +24,7 @@ use outcome::run_record::phases;
 use outcome::summary::Summary;
 use runtime::error::words_of_panic;
 use serde_json::Value;
+use settings::Scenario;
 use sha2::{Digest, Sha256};
 
 use crate::columns::measured;
@@ -140,7 +139,7 @@ fn try_to_fly(
     mut watch: impl FnMut(&Record),
 ) -> anyhow::Result<Option<FlightRow>> {
     if !scenario.swap.is_empty() {
-        settings::check(scenario)?;
+        scenario::check(scenario)?;
     }
     let mut summary = Summary::unlogged(scenario);
     let mut was_stopped = false;

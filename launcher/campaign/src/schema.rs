@@ -1,8 +1,8 @@
 //! The JSON Schema of a campaign file: the keys of the file, and below them the settings of a scenario.
 
-use contract::scenario::{self, as_in_toml, schema_of};
 use schemars::generate::Contract;
 use serde_json::{Value, json};
+use settings::{as_in_toml, schema_of};
 
 use crate::file::File;
 use crate::variation::{Variation, WORDS};
@@ -11,7 +11,7 @@ use crate::variation::{Variation, WORDS};
 pub fn schema() -> Value {
     let mut schema = schema_of::<File>("Campaign of Trefoil", Contract::Deserialize);
     as_in_toml(&mut schema);
-    let mut settings = scenario::schema();
+    let mut settings = settings::schema();
     settings["title"] = "Settings of a flight".into();
     without_defaults(&mut settings);
     let mut case = settings.clone();

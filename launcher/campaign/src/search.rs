@@ -10,8 +10,8 @@ use std::fmt::Write as _;
 
 use anyhow::{Context, ensure};
 use cmaes::{CMAESOptions, DVector};
-use contract::scenario::Given;
 use rayon::prelude::*;
+use settings::Given;
 use toml::Value;
 
 use crate::columns;

@@ -9,16 +9,15 @@ use std::path::Path;
 use std::sync::{Once, OnceLock};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use contract::scenario::file::MAX_RESULTS_BYTES;
 use flight::dir::Dir;
 use flight::programs::sha256_of;
 use flight::provenance::BUILT_FROM;
+use settings::file::MAX_RESULTS_BYTES;
 
-use crate::columns;
 use crate::layout::Layout;
-use crate::limit;
 use crate::plan::Plan;
 use crate::table::{Cell, Kind, Table};
+use crate::{columns, limit};
 
 /// Numbers of the flights of shard `index` of `of`, for a campaign of `flights` flights.
 pub fn range(flights: u64, index: u64, of: u64) -> Range<u64> {

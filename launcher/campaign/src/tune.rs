@@ -13,9 +13,9 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, ensure};
-use contract::scenario::{Given, to_toml};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Given, to_toml};
 use toml::{Table, Value};
 
 /// Settings of `[tune]`.

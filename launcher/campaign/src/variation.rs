@@ -431,7 +431,7 @@ mod tests {
                 .flat_map(|(key, value)| [vec![key.clone()], value.as_table().map_or(vec![], keys)].concat())
                 .collect()
         }
-        let all = keys(&contract::scenario::to_toml(&contract::Scenario::default()).parse().unwrap());
+        let all = keys(&settings::to_toml(&settings::Scenario::default()).parse().unwrap());
         assert!(all.len() > 100);
         for (key, word) in all.iter().flat_map(|key| WORDS.map(|word| (key, word))) {
             assert!(strsim::osa_distance(key, word) > MAX_SLIPS, "{key} {word}");

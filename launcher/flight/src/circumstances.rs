@@ -5,7 +5,7 @@ use runtime::error::PortFailure;
 
 use crate::event::Event;
 use crate::inprocess;
-use crate::recorder::LogOutcome;
+use crate::log::LogOutcome;
 
 /// Port failures of each node and of the launcher, by cause.
 pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail, ensure};
-use contract::Scenario;
-use contract::scenario;
+use settings::Scenario;
+
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
@@ -38,7 +38,7 @@ impl Folder {
             Some(out) => folder.take(out),
             None => folder.take_new(&default_name(scenario)),
         };
-        let settings = || folder.write("scenario.toml", &scenario::to_toml(scenario));
+        let settings = || folder.write("scenario.toml", &settings::to_toml(scenario));
         let written = taken.and_then(|()| settings());
         let cannot =
             || format!("cannot write to the output folder {}; choose another with --out", folder.path.display());

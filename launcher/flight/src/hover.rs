@@ -19,9 +19,9 @@ mod small;
 
 use airframe::Trim;
 use contract::Topic;
-use contract::scenario::{ProgramKind, Scenario};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{ProgramKind, Scenario};
 
 pub use decay::Margin;
 use decay::{attitude_decays, decays};

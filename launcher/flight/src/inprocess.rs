@@ -1,9 +1,9 @@
 //! The ring in one thread ([`ring::stepped`]) with the nodes that the settings name, the launcher's own or libraries.
 
-use contract::scenario::Scenario;
 use ring::stepped::Stepped;
 pub use ring::stepped::{self, Flown};
 use runtime::error::SessionError;
+use settings::Scenario;
 
 use crate::log::Record;
 use crate::nodes;

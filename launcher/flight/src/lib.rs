@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`settings`] | the settings of a flight, checked before it |
+//! | [`scenario`] | the settings of a flight, checked before it |
 //! | [`shipped`] | scenarios and campaigns that are part of the program |
 //! | `libraries` | which nodes of a flight are libraries |
 //! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
@@ -56,7 +56,7 @@ pub mod provenance;
 pub mod recorder;
 pub mod replay;
 pub mod roles;
-pub mod settings;
+pub mod scenario;
 pub mod shipped;
 pub mod stack;
 pub mod strays;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use contract::Topic;
-use contract::scenario::{ProgramKind, Scenario, candidate};
+use settings::{ProgramKind, Scenario, candidate};
 
 /// Returns the nodes that are libraries in a flight of `scenario`, from the beginning and then by its swaps, each with
 /// its settings.

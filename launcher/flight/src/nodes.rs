@@ -1,6 +1,5 @@
 //! Nodes with the core that the settings name: a process, the ring in process and a replay open them here.
 
-use contract::scenario::{ProgramKind, Scenario};
 use contract::topic::Topic;
 use plant::tricopter::Tricopter;
 use plant::vehicle::Vehicle;
@@ -8,6 +7,7 @@ use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
 use runtime::ports::Ports;
+use settings::{ProgramKind, Scenario};
 
 /// Builds the vehicle of the plant for a run of `scenario`.
 pub fn vehicle(scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {

@@ -18,13 +18,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use contract::Scenario;
 use runtime::domain::{Domain, wipe_the_dead};
 use runtime::port::Bus;
 use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, phase};
 use rustix::fs::{FlockOperation, flock};
 use serde_json::Value;
+use settings::Scenario;
 
 use crate::control::{Request, ask};
 use crate::event::TimedEvent;

@@ -11,13 +11,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use contract::Topic;
-use contract::scenario::{Mode, NodeSettings, ProgramKind, Scenario, ScenarioError, Swap, candidate};
 pub use ring::states::hex;
 use rustix::fs::{Access, access};
+use settings::{Mode, NodeSettings, ProgramKind, Scenario, ScenarioError, Swap, candidate};
 use sha2::{Digest, Sha256};
 
-use crate::guarded;
-use crate::libraries;
+use crate::{guarded, libraries};
 
 /// Libraries that were tried by this process, each with node and settings.
 static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());

@@ -7,13 +7,12 @@ use std::fs::read_to_string;
 use std::sync::OnceLock;
 use std::time::SystemTime;
 
-use contract::Scenario;
-use contract::scenario::to_toml;
 use contract::topic::NODES;
 use machine::Granted;
 use rustix::system::uname;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Scenario, to_toml};
 
 /// Version of run.json and of the results of `trefoil measure`; grows with every change that affects readers. A file
 /// without a version has version 1.

@@ -10,7 +10,6 @@ use std::process::ExitCode;
 use std::time::{Instant, UNIX_EPOCH};
 
 use contract::exit;
-use contract::scenario::{self, FaultKind, Scenario};
 pub use ring::observers::Observers;
 use runtime::console;
 use runtime::domain::Domain;
@@ -19,23 +18,11 @@ use runtime::process::die_with_launcher;
 use runtime::realtime::phase;
 use rustix::io::Errno;
 use rustix::process::{getppid, set_parent_process_death_signal};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use settings::{FaultKind, Scenario};
 
 use crate::event::{Event, EventReader};
 use crate::limits::{FLUSH_PERIOD, RECORDER_POLL};
-use crate::log::{Count, LogWriter, Memory, Record};
-
-/// Result of a recorder, printed at its end.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct LogOutcome {
-    /// Messages and events written.
-    pub records: u64,
-    /// Messages and events that were lost before they could be written.
-    pub dropped: u64,
-    /// Reason why the log ends early, if it does.
-    pub error: Option<String>,
-}
+use crate::log::{Count, LogOutcome, LogWriter, Memory, Record};
 
 /// Runs the recorder as this process.
 pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
@@ -126,13 +113,13 @@ pub struct CountedLog {
 impl CountedLog {
     /// Creates the log of a flight that has one recorder.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
-        let writer = LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?;
+        let writer = LogWriter::create(path, &settings::to_toml(scenario), scenario.sample_ns())?;
         Ok(Self::begin(writer, scenario))
     }
 
     /// Creates the log of one of several recorders of `run`.
     fn create_part(path: &Path, scenario: &Scenario, run: &str) -> anyhow::Result<Self> {
-        let writer = LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?;
+        let writer = LogWriter::create_part(path, &settings::to_toml(scenario), scenario.sample_ns(), run)?;
         Ok(Self::begin(writer, scenario))
     }
 

@@ -9,8 +9,7 @@
 
 use std::path::{Component, Path};
 
-use contract::Scenario;
-use contract::scenario::{ScenarioError, Source, nearest, to_toml};
+use settings::{Scenario, ScenarioError, Source, nearest, to_toml};
 use toml::Table;
 
 // `FILES`: the shipped files, made by `build.rs`.

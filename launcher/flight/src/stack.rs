@@ -36,15 +36,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use contract::Scenario;
 use contract::message::{Payload, Truth};
-use contract::scenario::{Fault, Mode, ProgramKind};
 use contract::topic::Topic;
 pub use ring::ended::{Ended, Refused, refused_by_listener};
 use runtime::limits::PROBE_LIMIT_NS;
 use runtime::port::PortFailure;
 use runtime::ports::Ports;
 use runtime::realtime::{phase, tell_of_crashes};
+use settings::{Fault, Mode, ProgramKind, Scenario};
 
 use archive::Archive;
 use children::{RECORDER, wait};
@@ -59,9 +58,10 @@ pub use surroundings::check_memory;
 use crate::circumstances::{Circumstances, PortFailures};
 use crate::event::{Event, What};
 use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};
+use crate::log::LogOutcome;
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
-use crate::recorder::{LogOutcome, Observers};
+use crate::recorder::Observers;
 use crate::roles::connections::{Connections, Disconnected};
 use ring::roles::role::RoleInput;
 use ring::roles::supervised::given_up;

@@ -1,7 +1,6 @@
 //! The swaps of a flight, read from its events: how each began, how it ended, and whether its candidate stayed.
 
-use contract::Scenario;
-use contract::scenario::Swap;
+use settings::{Scenario, Swap};
 
 use crate::event::{Event, What};
 
@@ -93,7 +92,7 @@ pub fn of_candidates(events: &[Event]) -> Vec<bool> {
 mod tests {
     use super::*;
     use What::{Died, GivenUp, Kept, OnStandby, Rejected, Returned, Started, TookOver};
-    use contract::scenario::load;
+    use settings::load;
 
     fn event(node: &str, (epoch, what, swap): (u32, What, Option<usize>)) -> Event {
         Event::new(100, node, epoch, what).begins(swap)

@@ -4,8 +4,8 @@
 //! setting is rounded to about seven digits. A switch is 0 or 1. A setting that the scenario leaves out
 //! has no parameter.
 
-use contract::scenario::{Scenario, to_toml};
 use mavlink::dialects::common::{MavMessage, MavParamType, PARAM_VALUE_DATA};
+use settings::{Scenario, to_toml};
 use toml::{Table, Value};
 
 /// Parameters by name, with the key of the setting; a number in a key is a place in a list.
@@ -93,7 +93,7 @@ fn number(table: &Value, key: &str) -> Option<f32> {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::DelayCompensation;
+    use settings::DelayCompensation;
 
     use super::*;
 

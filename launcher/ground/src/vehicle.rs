@@ -5,13 +5,13 @@
 
 use airframe::angle::wrapped;
 use contract::message::{Actuators, PlantStatus, Reference, State, mixer_flags};
-use contract::scenario::Scenario;
 use flight::event::{TimedEvent, What};
 use flight::log::Record;
 use mavlink::MessageData;
 #[allow(clippy::wildcard_imports, reason = "the dialect's own names, all in capitals")]
 use mavlink::dialects::common::*;
 use nalgebra::{UnitQuaternion, Vector3};
+use settings::Scenario;
 
 use crate::home::Home;
 

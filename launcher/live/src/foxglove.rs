@@ -17,12 +17,12 @@ use std::sync::Arc;
 use axum::extract::ws::{Message, WebSocket};
 use axum::http::{HeaderMap, header};
 use base64::prelude::{BASE64_STANDARD, Engine};
-use contract::Scenario;
 use flight::event::Event;
 use flight::foxglove::{Derived, Scene};
 use flight::log::{self, Channel, Record};
 use serde::Deserialize;
 use serde_json::{Value, json};
+use settings::Scenario;
 use tokio::sync::broadcast::error::RecvError;
 
 use crate::hub::{Hub, Published};

@@ -1,7 +1,5 @@
 //! Frames of the page, and what they are made of: the columns of the report, its timing, its happenings.
 
-use contract::Scenario;
-use contract::scenario::{FaultTarget, Mode, SwapNode};
 use contract::topic::{NODES, Topic};
 use flight::event::{Event, TimedEvent, name};
 use flight::log::Record;
@@ -13,6 +11,7 @@ use outcome::ticks::{Joined, LoggedTick};
 use outcome::timing::Age;
 use plant::air::Air;
 use serde_json::{Map, Value, json};
+use settings::{FaultTarget, Mode, Scenario, SwapNode};
 use view::report::columns::{Derived, lines, names, values};
 
 /// Rows of the plots per second, at most: every n-th tick is shown.
@@ -221,7 +220,7 @@ fn round(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::SensorPreset;
+    use settings::SensorPreset;
 
     use super::*;
 
@@ -265,9 +264,9 @@ mod tests {
     #[test]
     fn a_fault_given_in_flight_belongs_to_the_flight() {
         let mut frames = Frames::new(&Scenario::default());
-        let fault = contract::scenario::Fault {
+        let fault = settings::Fault {
             vector: Some([0.0, 3.0, 0.0]),
-            ..contract::scenario::Fault::new(FaultTarget::Wind, contract::scenario::FaultKind::Step, 0.0, None)
+            ..settings::Fault::new(FaultTarget::Wind, settings::FaultKind::Step, 0.0, None)
         };
         let event =
             Event { fault: Some(Box::new((0, fault))), ..Event::new(3, "wind", 0, flight::event::What::Injected) };

@@ -23,8 +23,7 @@ pub mod processors;
 pub mod resources;
 pub mod sources;
 
-use contract::Scenario;
-use contract::scenario::Mode;
+use settings::{Mode, Scenario};
 
 pub use finding::{Finding, Level};
 pub use privileges::Granted;

@@ -1,10 +1,9 @@
 //! Scheduling class and locked memory: what the nodes ask for, and what the kernel gives them.
 
-use contract::Scenario;
-use contract::scenario::{Mode, Policy, Scheduling};
 use contract::topic::NODES;
 use runtime::limits::LATER_BYTES;
 use runtime::port::bytes_needed;
+use settings::{Mode, Policy, Scenario, Scheduling};
 
 use crate::cgroups;
 use crate::finding::{Finding, Level};

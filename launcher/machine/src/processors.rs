@@ -1,8 +1,7 @@
 //! Processors: number, affinity, isolation, hardware threads, frequency, idle states.
 
-use contract::Scenario;
-use contract::scenario::Mode;
 use contract::topic::NODES;
+use settings::{Mode, Scenario};
 
 use crate::finding::{Finding, Level};
 use crate::sources::{Machine, cpu_list};

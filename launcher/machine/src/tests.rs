@@ -3,8 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use contract::Scenario;
-use contract::scenario::Policy;
+use settings::{Policy, Scenario};
 
 use super::*;
 use crate::host::{CpuTimes, stolen};

@@ -3,14 +3,13 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use anyhow::bail;
-use contract::Scenario;
 use contract::message::Truth;
-use contract::scenario::{Bounds, from_merged};
 use flight::guarded;
 use flight::log::Record;
 use flight::stack::{Ended, Flown, Stack, StartError};
 use outcome::judge::Verdict;
 use outcome::summary::Summary;
+use settings::{Bounds, Scenario, from_merged};
 
 /// Largest distance from the reference at the end of a flight that survived \[m\].
 pub const SURVIVED_M: f64 = 1.0;

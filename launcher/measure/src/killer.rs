@@ -8,16 +8,16 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use contract::Topic;
 use contract::message::{Message, Stamp};
-use contract::scenario::to_toml;
 use contract::stamp::delivery;
-use contract::{Scenario, Topic};
 use flight::files::write_whole;
 use flight::log::Log;
 use flight::own_program;
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use settings::{Scenario, to_toml};
 
 /// Longest wait for a process to appear; exceeds every restart delay.
 const PATIENCE: Duration = Duration::from_secs(1);

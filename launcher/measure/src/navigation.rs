@@ -10,9 +10,7 @@ mod consistency;
 use std::hint::black_box;
 use std::path::PathBuf;
 
-use contract::Scenario;
 use contract::message::{Actuators, Stamp};
-use contract::scenario::{SensorPreset, Sensors};
 use outcome::percentiles::{Percentiles, median_ns};
 use outcome::target::Target;
 use plant::Plant;
@@ -23,6 +21,7 @@ use plant::vehicle::{Vehicle, start};
 use runtime::timed;
 use serde::Serialize;
 use serde_json::json;
+use settings::{Scenario, SensorPreset, Sensors};
 use view::table::Table;
 
 use self::consistency::WITH_FILTER;

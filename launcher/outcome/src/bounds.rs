@@ -9,10 +9,9 @@
 
 use std::borrow::Cow;
 
-use contract::Scenario;
-use contract::scenario::{Bounds, Initial, Profile, plan};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Bounds, Initial, Profile, Scenario, plan};
 
 use crate::metrics::{Metrics, or_nan};
 
@@ -116,7 +115,7 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::load;
+    use settings::load;
 
     fn error_m(set: &[&str]) -> f64 {
         let set: Vec<String> = set.iter().map(|&set| set.to_owned()).collect();

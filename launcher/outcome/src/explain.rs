@@ -17,11 +17,11 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use contract::Topic;
-use contract::scenario::{Mode, Scenario};
 use flight::guarded;
 use flight::log::Record;
 use flight::replay::{Disturbed, Recording, Script, without};
 use rayon::prelude::*;
+use settings::{Mode, Scenario};
 
 use crate::recorded::Recorded;
 pub use cost::{Cost, FlightCost};

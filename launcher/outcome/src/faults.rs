@@ -27,10 +27,10 @@
 //! end of the process before it.
 
 use contract::message::{Controls, SolveStatus, Stamp, guidance_flags, mixer_flags};
-use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::topic::Topic;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Fault, FaultKind, FaultTarget};
 
 use flight::event::{Event, What, name, size_in_words};
 use flight::log::Record;

@@ -1,11 +1,11 @@
 //! Happenings of a flight: its faults, its events, times when a node was without a process, and its phases.
 
 use contract::Topic;
-use contract::scenario::{FaultKind, FaultTarget};
 use contract::topic::NODES;
 use flight::event::{TimedEvent, What};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{FaultKind, FaultTarget};
 
 use crate::faults::FaultRecord;
 
@@ -231,8 +231,8 @@ fn absences(topic: Topic, events: &[TimedEvent]) -> Vec<Span> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::Fault;
     use flight::event::Event;
+    use settings::Fault;
 
     fn flown() -> Happenings {
         use {FaultKind as K, FaultTarget as T};

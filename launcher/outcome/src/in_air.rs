@@ -1,8 +1,8 @@
 //! Errors, effort and commands of a flight in the air.
 
-use contract::Scenario;
 use contract::message::{SolveStatus, Truth, mixer_flags};
 use flight::log::Record;
+use settings::Scenario;
 
 use crate::bounds::Outside;
 use crate::following::Following;

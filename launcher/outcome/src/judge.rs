@@ -3,12 +3,12 @@
 use contract::exit;
 use contract::guard::Refusal;
 use contract::message::PlantStatus;
-use contract::scenario::{Nodes, Scenario};
 pub use flight::circumstances::Circumstances;
 use flight::event::{Event, What};
 use flight::stack::Ended;
 use flight::swap_story::{FailedSwap, of_candidates};
 use runtime::port::PortFailure;
+use settings::{Nodes, Scenario};
 
 use crate::bounds::{self, BoundCheck};
 use crate::summary::Summary;

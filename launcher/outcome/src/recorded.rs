@@ -7,13 +7,14 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use contract::scenario::file::MAX_TEXT_BYTES;
-use contract::{Scenario, Topic, scenario};
+use contract::Topic;
 use flight::files;
+use flight::log::LogOutcome;
 use flight::log::{self, Log, Record, Span};
-use flight::recorder::LogOutcome;
 use flight::replay::Recording;
 use flight::stack::Ended;
+use settings::Scenario;
+use settings::file::MAX_TEXT_BYTES;
 
 use crate::judge::{Circumstances, Verdict};
 use crate::run_record::{Account, RunRecord};
@@ -113,7 +114,7 @@ impl Recorded {
     pub fn recording(&self) -> anyhow::Result<Recording> {
         let settings = self.path.with_file_name("scenario.toml");
         let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
-        let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
+        let settled = text.and_then(|text| settings::from_merged(&text, &settings.display().to_string()).ok());
         let last_tick = self.summary.last.state.stamp.tick;
         Recording::new(&self.path, &self.log.events, self.messages, last_tick, &self.scenario, settled.as_ref())
     }
@@ -184,7 +185,7 @@ impl Recorded {
 fn settings(log: &Log, path: &Path) -> anyhow::Result<Scenario> {
     let written_by = &log.written_by;
     written_by.check_layout().with_context(|| format!("cannot read {}", path.display()))?;
-    let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()));
+    let scenario = settings::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()));
     scenario.map_err(|error| match written_by.other_program() {
         Some(other) => anyhow!("{error}\n{other}: read the log with that program"),
         None => error.into(),

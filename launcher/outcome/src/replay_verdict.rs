@@ -5,10 +5,9 @@
 
 use std::collections::BTreeSet;
 
-use contract::Topic;
-use contract::exit;
-use contract::scenario::ProgramKind;
+use contract::{Topic, exit};
 use flight::replay::{Difference, Messages, Plan, Recording, Replayed, replay};
+use settings::ProgramKind;
 
 use crate::recorded::Recorded;
 use crate::summary::Summary;

@@ -8,17 +8,17 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use contract::guard::Refusal;
 use contract::message::PlantStatus;
-use contract::scenario::file::MAX_RESULTS_BYTES;
-use contract::scenario::{self, Mode, Profile, Scenario, Solver, candidate, schema_of};
 use flight::event::TimedEvent;
 use flight::files;
 use flight::hover::Hover;
+use flight::log::LogOutcome;
 use flight::provenance::{Provenance, SCHEMA_VERSION};
-use flight::recorder::LogOutcome;
 use runtime::port::PortFailure;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use settings::file::MAX_RESULTS_BYTES;
+use settings::{Mode, Profile, Scenario, Solver, candidate, schema_of};
 
 use crate::bounds::BoundCheck;
 use crate::faults::FaultRecord;
@@ -193,7 +193,7 @@ impl RunRecord {
 
     /// Returns the settings of the run, with the orders given in flight; `None` if it does not tell them.
     pub fn scenario(&self) -> Option<Scenario> {
-        scenario::from_merged(&self.provenance.as_ref()?.scenario, "run.json").ok()
+        settings::from_merged(&self.provenance.as_ref()?.scenario, "run.json").ok()
     }
 }
 
@@ -242,7 +242,7 @@ mod tests {
     /// Flies a tenth of a second in process.
     fn flown() -> RunRecord {
         let set = ["run.mode=inprocess", "run.duration_s=0.1"].map(str::to_owned);
-        let scenario = &scenario::load(None, &set).unwrap();
+        let scenario = &settings::load(None, &set).unwrap();
         let mut summary = Summary::new(scenario);
         let flown = inprocess::fly(scenario, |record| {
             summary.observe(record);

@@ -11,12 +11,11 @@
 //! left out    counts                counts, unless it ends standing left out
 //! ```
 
-use contract::Scenario;
 use contract::message::{PlantStatus, Sample, State, Truth};
-use contract::scenario::Mode;
 use guidance::Trajectory;
 use ring::samples::Samples;
 use ring::states::StateHash;
+use settings::{Mode, Scenario};
 
 use crate::cold_starts::ColdStarts;
 use crate::faults::Faults;

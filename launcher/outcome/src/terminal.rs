@@ -1,10 +1,9 @@
 //! Account of a flight for people: the text that `fly` prints at its end.
 
-use contract::Scenario;
-use contract::scenario::Mode;
 use flight::event::{Event, TimedEvent, name};
 use flight::provenance::{self, Provenance};
 use flight::swap_story::of_candidates;
+use settings::{Mode, Scenario};
 
 use crate::faults::FaultRecord;
 use crate::judge::Verdict;
@@ -132,10 +131,10 @@ fn grouped<'a, K: PartialEq>(events: impl Iterator<Item = (K, &'a TimedEvent)>) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::Policy;
     use contract::topic::NODES;
     use flight::event::What;
     use flight::provenance::host;
+    use settings::Policy;
 
     #[test]
     fn long_lines_are_broken_at_blanks_and_lose_nothing() {

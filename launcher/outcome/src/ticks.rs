@@ -6,12 +6,12 @@
 
 use std::collections::BTreeMap;
 
+use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State, Truth};
-use contract::scenario::Mode;
-use contract::{Scenario, Topic};
 use flight::log::{Count, Log, Record, last_tick};
 use guidance::Trajectory;
 pub use ring::states::{length_m, position_error_m};
+use settings::{Mode, Scenario};
 
 /// Largest number of ticks from a command's own tick to the tick at which the command takes effect. The limit keeps a
 /// damaged STATE from causing a search of the whole flight.
@@ -249,8 +249,8 @@ pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::TrajectoryKind;
     use contract::stamp::delivery;
+    use settings::TrajectoryKind;
 
     fn stamp(tick: u64, sequence: u64, epoch: u64) -> Stamp {
         Stamp { tick, sample_ns: tick.wrapping_mul(1_000), sequence, epoch, ..Stamp::default() }

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use contract::scenario::Fault;
 use serde_json::Value;
+use settings::Fault;
 
 use outcome::faults::course;
 

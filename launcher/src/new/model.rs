@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use attitude_mpc::model::PredictionModel;
-use contract::Scenario;
+use settings::Scenario;
 
 /// Value of the model with its name, in lower case, and its meaning.
 type Entry = (&'static str, &'static str, Value);

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use campaign::file::Campaign;
 use clap::CommandFactory;
-use contract::scenario::moved::{Kind, MOVED, Now, find};
-use contract::scenario::{self, load_text};
+use settings::load_text;
+use settings::moved::{Kind, MOVED, Now, find};
 
 use super::is_generated;
 use super::page::{head, objects, row};
@@ -16,7 +16,7 @@ use crate::help::parse_from;
 const PAGE: &str = "# Old and new names
 
 This page is for users of an earlier version: it has every name that is refused now, with the one that takes its place. It
-is generated from [`moved.rs`](../contract/src/scenario/moved.rs); a test compares.
+is generated from [`moved.rs`](../settings/src/moved.rs); a test compares.
 ";
 
 const SECTIONS: [(&str, &str, &[Kind]); 4] = [
@@ -74,7 +74,7 @@ fn is_known(kind: Kind, name: &str) -> bool {
         fields.chain(all.iter().map(|object| &object.key)).map(|key| key.replace("[]", "")).collect()
     };
     match kind {
-        Kind::Key => keys(&scenario::schema()).contains(name),
+        Kind::Key => keys(&settings::schema()).contains(name),
         Kind::Value => {
             let said = refusal(kind, name).unwrap_or_default(); // another setting may be missing beside it
             find(kind, name).is_none() && !said.contains("unknown variant")

@@ -1,9 +1,8 @@
 //! docs/reference/scenario.md: every setting of a scenario.
 
-use contract::Scenario;
-use contract::scenario::{self, Profile, to_toml};
 use contract::topic::NODES;
 use serde_json::Value;
+use settings::{Profile, Scenario, to_toml};
 use toml::Table;
 
 use super::is_generated;
@@ -12,7 +11,7 @@ use super::page::{Field, Object, head, meanings, objects, range_of, row, text, t
 const PAGE: &str = "# Settings of a scenario
 
 This page is for users who write a scenario: it has every setting of the file with its type, unit, range and defaults. It
-is generated from [`contract/src/scenario/`](../../contract/src/scenario/mod.rs); a test compares. Editors that know JSON
+is generated from [`settings/src/`](../../settings/src/lib.rs); a test compares. Editors that know JSON
 Schema complete the same settings: [`scenario.json`](../schema/scenario.json), or `trefoil schema scenario`. `trefoil
 check FILE` prints a file merged with its defaults.
 
@@ -190,7 +189,7 @@ fn tables(schema: &Value) -> Vec<Object<'_>> {
 
 #[test]
 fn the_page_of_settings_is_generated() {
-    let schema = scenario::schema();
+    let schema = settings::schema();
     let defaults =
         [Profile::Robust, Profile::Paper].map(|profile| to_toml(&Scenario::from(profile)).parse::<Table>().unwrap());
     let (mut page, mut told) = (PAGE.to_owned(), vec![]);
@@ -203,7 +202,7 @@ fn the_page_of_settings_is_generated() {
 
 #[test]
 fn every_setting_that_is_a_number_has_a_unit_in_its_description() {
-    let schema = scenario::schema();
+    let schema = settings::schema();
     let tables = tables(&schema);
     let numbers = tables.iter().flat_map(|object| &object.fields).filter(|field| has_numbers(field.schema));
     let mut pure = vec![];

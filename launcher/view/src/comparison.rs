@@ -11,16 +11,15 @@ mod align;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use contract::Scenario;
-use contract::scenario::Mode;
 use contract::topic::NODES;
 use flight::event::name;
 use hdrhistogram::Histogram;
+use settings::{Mode, Scenario};
 
+use crate::differing_settings;
 use crate::draw::{self, FlightColumns, Plot, STYLE, Series, TimePlots, escape};
 use crate::report::columns::Columns;
 use crate::report::sections::{METRICS, Shown};
-use crate::settings;
 use crate::table::Table;
 use outcome::bounds::bounds;
 use outcome::metrics::Metrics;
@@ -173,7 +172,7 @@ impl Comparison {
         let scenarios: Vec<_> = self.flights.iter().map(|flight| &flight.scenario).collect();
         let of_flights: Vec<_> = self.flights.iter().map(|flight| flight.recorded.summary.metrics()).collect();
         let what = ["flight", "mode", "Hz", "flown [s]", "ended", "folder", "flown by"];
-        let differences = settings::differences(&scenarios);
+        let differences = differing_settings::differences(&scenarios);
         let told = if differences.is_empty() { "Settings: all are the same" } else { "Settings that differ" };
         vec![
             Table::new("Flights", &what, self.flights.iter().map(Flight::cells).collect()),

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`comparison`] | several flights side by side |
-//! | [`settings`] | what differs between the settings of flights |
+//! | [`differing_settings`] | what differs between the settings of flights |
 //! | [`explain`] | the costs of late, lost and missing messages |
 //! | [`table`] | tables as aligned text and as HTML |
 //! | [`targets`] | verdicts on targets as a table |
@@ -20,11 +20,11 @@
 pub mod cells;
 pub mod comparison;
 pub mod cycle;
+pub mod differing_settings;
 pub mod draw;
 pub mod explain;
 pub mod export;
 pub mod report;
-pub mod settings;
 pub mod table;
 pub mod targets;
 pub mod thinning;

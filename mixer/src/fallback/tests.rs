@@ -1,9 +1,10 @@
 //! Tests of the rungs, of directions, and of the loop with the actuators' lag.
 
-use airframe::{Actuation, Trim};
-use contract::Scenario;
+use airframe::Trim;
+use contract::actuation::Actuation;
 use nalgebra::{Matrix4, Vector3};
 use proptest::prelude::*;
+use settings::Scenario;
 
 use super::*;
 

@@ -1,11 +1,11 @@
 //! Tests of the mixer on each rung of the ladder, and of the snapshot.
 
-use airframe::{Actuation, Trim};
-use contract::Scenario;
+use airframe::Trim;
+use contract::actuation::Actuation;
 use contract::message::{Actuators, Controls, SolveStatus, Stamp, State, mixer_flags as flags};
-use contract::scenario::Profile;
 use contract::snapshot::{self, SNAPSHOT_WORDS};
 use proptest::prelude::*;
+use settings::{Profile, Scenario};
 
 use super::any_demand;
 use crate::Mixer;

@@ -9,7 +9,7 @@ const CALM: fn() -> Surroundings = Surroundings::default;
 const SOUND: fn() -> Condition = Condition::default;
 
 fn scenario() -> Scenario {
-    Scenario::from(contract::scenario::Profile::Paper)
+    Scenario::from(settings::Profile::Paper)
 }
 
 fn trim(scenario: &Scenario) -> (StateVector, Actuation) {

@@ -12,10 +12,9 @@
 //! that keeps its angle is `stuck`. An actuator outside the range that a fault leaves returns to that range with its
 //! lag. A lag is never shorter than the actuator's own, and the longest of several counts.
 
-use airframe::Actuation;
-use contract::Scenario;
-use contract::fault_schedule::FaultSchedule;
-use contract::scenario::{Fault, FaultKind, FaultTarget};
+use contract::actuation::Actuation;
+use settings::fault_schedule::FaultSchedule;
+use settings::{Fault, FaultKind, FaultTarget, Scenario};
 
 use crate::memory::Tape;
 use crate::rotors::Condition;

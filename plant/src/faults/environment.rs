@@ -14,10 +14,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use contract::Scenario;
-use contract::fault_schedule::{Entry, FaultSchedule};
-use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::Vector3;
+use settings::fault_schedule::{Entry, FaultSchedule};
+use settings::{Fault, FaultKind, FaultTarget, Scenario};
 
 use crate::dynamics::Surroundings;
 

@@ -15,13 +15,12 @@
 //! acceleration on one IMU or on every one. The measurement m includes the scenario's noise and the effects of earlier
 //! faults of the same sensor.
 
-use contract::Scenario;
-use contract::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS, MAX_SENSOR_DELAY_TICKS};
 use contract::message::Kinematics;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Filter as Choice, Mode, Wrong};
 use navigation::IMUS;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use settings::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS, MAX_SENSOR_DELAY_TICKS};
+use settings::{Fault, FaultKind, FaultTarget, Filter as Choice, Mode, Scenario, Wrong};
 
 use super::memory::{Filter, Past, Reading, Readings, SENSORS};
 use crate::memory::Tape;

@@ -1,7 +1,6 @@
-use contract::Scenario;
 use contract::message::{Actuators, Sample, Stamp};
-use contract::scenario::{Fault, FaultKind, FaultTarget, Profile};
 use proptest::prelude::*;
+use settings::{Fault, FaultKind, FaultTarget, Profile, Scenario};
 
 use crate::Plant;
 

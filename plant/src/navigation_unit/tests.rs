@@ -1,7 +1,7 @@
 use contract::message::{Actuators, Stamp};
-use contract::scenario::{Fault, FaultKind, FaultTarget, Flow, Receiver, SensorPreset, Sensors};
 use navigation::Source;
 use navigation::state::ATTITUDE;
+use settings::{Fault, FaultKind, FaultTarget, Flow, Receiver, SensorPreset, Sensors};
 
 use super::*;
 use crate::Plant;

@@ -1,4 +1,4 @@
-use contract::scenario::Noise;
+use settings::Noise;
 
 use super::*;
 

@@ -10,10 +10,9 @@ use std::f64::consts::PI;
 
 use airframe::angle;
 use airframe::envelope::Envelope;
-use contract::Scenario;
 use contract::message::Content as _;
-use contract::scenario::Mode;
 use contract::topic::{NODES, Topic};
+use settings::{Mode, Scenario};
 
 use crate::record::Record;
 

@@ -1,9 +1,8 @@
 //! Faults of processes, turned into inputs of their roles when they are due.
 
-use contract::Scenario;
-use contract::fault_schedule::{Entry, FaultSchedule};
-use contract::scenario::{Fault, FaultKind, Mode};
 use contract::topic::Topic;
+use settings::fault_schedule::{Entry, FaultSchedule};
+use settings::{Fault, FaultKind, Mode, Scenario};
 
 use super::role::RoleInput;
 

@@ -15,7 +15,7 @@
 //! `[supervision]`. Times are nanoseconds on the clock of the driver: in real time since the driver was made, otherwise
 //! since sample 0.
 
-use contract::scenario::Supervision;
+use settings::Supervision;
 
 use super::trial::Ruling;
 use crate::event::{Event, What};

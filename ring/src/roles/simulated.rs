@@ -8,9 +8,9 @@
 //! which work on the tick. An event between two samples takes effect with the second one. A candidate is ready at once:
 //! no answer is missing while it starts.
 
-use contract::Scenario;
 use contract::topic::Topic;
 use runtime::shared_role::Assignment;
+use settings::Scenario;
 
 use super::Order;
 use super::process_faults::FaultInputs;

@@ -1,8 +1,7 @@
 //! Role of one node with the trial of its candidate. The trial judges messages; the role acts on its rulings.
 
-use contract::Scenario;
-use contract::scenario::SwapTicks;
 use contract::topic::Topic;
+use settings::{Scenario, SwapTicks};
 
 use super::role::{Action, Now, Policy, Role, RoleInput};
 use super::trial::Trial;

@@ -14,11 +14,10 @@
 
 use std::collections::VecDeque;
 
-use contract::Scenario;
 use contract::message::Truth;
-use contract::scenario::{Swap, SwapBounds, SwapTicks};
 use contract::topic::Topic;
 use guidance::Trajectory;
+use settings::{Scenario, Swap, SwapBounds, SwapTicks};
 
 use super::answer::{Answer, Scale, Similarity};
 use crate::record::Record;

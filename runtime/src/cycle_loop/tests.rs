@@ -5,8 +5,8 @@ use crate::output::Output;
 use crate::realtime::ControlPage;
 use crate::shared_role::Assignment;
 use contract::message::{Reference, State};
-use contract::scenario::{FaultKind, FaultTarget, Late, Mode};
 use contract::snapshot::SNAPSHOT_WORDS;
+use settings::{FaultKind, FaultTarget, Late, Mode};
 
 const MEMORY: Snapshot = [7; SNAPSHOT_WORDS];
 

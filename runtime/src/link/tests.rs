@@ -1,7 +1,7 @@
 use super::*;
 use contract::guard::{Guard, Refusal};
 use contract::message::{ActuationMsg, Actuators, Controls, Reference, Stamp};
-use contract::scenario::FaultTarget;
+use settings::FaultTarget;
 
 /// Sends CONTROLS of ticks 0 to 39 under one fault from tick 10 to 29, and returns the arrivals with their ticks.
 fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> {

@@ -3,16 +3,25 @@
 //! | module | holds |
 //! |---|---|
 //! | `control_page` | the shared page of a run |
-//! | `linux` | services of the kernel: clocks, futexes, mappings, priority, locked memory, pipes, signals, copies |
+//! | `clock`, `futex` | clocks of the kernel, and sleeping on a word of memory |
+//! | `linux` | other services of the kernel: mappings, priority, locked memory, pipes, signals, copies |
 //! | `without_os` | stand-in where there is no kernel, for flights in process |
 
+#[cfg(target_os = "linux")]
+mod clock;
 mod control_page;
+#[cfg(target_os = "linux")]
+mod futex;
 #[cfg(target_os = "linux")]
 mod linux;
 #[cfg(not(target_os = "linux"))]
 mod without_os;
 
+#[cfg(target_os = "linux")]
+pub use clock::{now_ns, thread_cpu_ns};
 pub use control_page::{Doorbell, Page, phase};
+#[cfg(target_os = "linux")]
+pub use futex::{sleep_while, wake};
 #[cfg(target_os = "linux")]
 pub use linux::*;
 #[cfg(not(target_os = "linux"))]

@@ -11,8 +11,8 @@
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::{AtSpeed, FlightPoint, Trim};
-use contract::Scenario;
 use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
+use settings::Scenario;
 
 use crate::model::PredictionModel;
 

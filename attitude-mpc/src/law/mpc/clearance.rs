@@ -92,9 +92,8 @@ fn of_room(way: f64, room: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use airframe::envelope::Envelope;
-    use contract::Scenario;
-    use contract::scenario::Constraints;
     use proptest::prelude::*;
+    use settings::{Constraints, Scenario};
 
     use super::*;
     use crate::law::mpc::condensed::Condensed;

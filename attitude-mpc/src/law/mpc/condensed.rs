@@ -29,9 +29,8 @@
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::riccati;
-use contract::Scenario;
-use contract::scenario::{Attitude, Mpc, ScenarioError, Terminal};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn, Vector4};
+use settings::{Attitude, Mpc, Scenario, ScenarioError, Terminal};
 
 use crate::disturbance::DRIVEN;
 use crate::law::attitude_law::Aim;

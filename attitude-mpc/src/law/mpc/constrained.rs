@@ -9,11 +9,10 @@
 
 use airframe::linear::INPUTS;
 use airframe::projection::Projection;
-use contract::Scenario;
-use contract::fault_schedule::FaultSchedule;
 use contract::message::SolveStatus;
-use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::{DMatrix, DVector};
+use settings::fault_schedule::FaultSchedule;
+use settings::{Fault, FaultKind, FaultTarget, Scenario};
 
 use crate::law::attitude_law::Account;
 use crate::law::mpc::clearance::Clearance;

@@ -16,9 +16,8 @@
 
 use airframe::DemandSet;
 use airframe::envelope::Envelope;
-use contract::Scenario;
-use contract::scenario::{Constraints, Mpc, StateConstraints};
 use nalgebra::{DMatrix, DVector, Vector4};
+use settings::{Constraints, Mpc, Scenario, StateConstraints};
 
 use crate::law::mpc::condensed::Course;
 
@@ -155,7 +154,7 @@ fn each(moves: &[f64]) -> impl Iterator<Item = Vector4<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::Profile;
+    use settings::Profile;
 
     use super::*;
     use crate::fixture;

@@ -5,10 +5,9 @@
 //! same. Test `a_controller_of_another_model_continues_the_flight`.
 
 use airframe::linear::INPUTS;
-use contract::Scenario;
 use contract::message::{Kinematics, SolveStatus};
-use contract::scenario::{Fault, Model, ScenarioError};
 use nalgebra::{DVector, DVectorView, Vector4};
+use settings::{Fault, Model, Scenario, ScenarioError};
 
 use super::condensed::{self, Condensed, GIVEN, Gain};
 use super::constrained::Constrained;

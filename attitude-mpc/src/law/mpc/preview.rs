@@ -57,9 +57,8 @@ fn change_at(goal: &Goal, after_ns: f64) -> SVector<f64, STATES> {
 
 #[cfg(test)]
 mod tests {
-    use contract::Scenario;
     use contract::message::{Ahead, Reference};
-    use contract::scenario::{DelayCompensation, Model};
+    use settings::{DelayCompensation, Model, Scenario};
 
     use super::*;
     use crate::AttitudeMpc;

@@ -11,10 +11,9 @@
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::{FlightPoint, LevelFlight};
-use contract::Scenario;
 use contract::message::Kinematics;
-use contract::scenario::ScenarioError;
 use nalgebra::{DVector, DVectorView, Rotation3, Vector3, Vector4};
+use settings::{Scenario, ScenarioError};
 
 use crate::law::mpc::at_speed::FlightModel;
 use crate::law::mpc::condensed::{Condensed, Gain};

@@ -41,10 +41,7 @@ fn each_case_has_its_scenario_and_its_settings_above_those_of_all() {
     let of = |controller: usize, case: &str| campaign.given(controller, Some(case)).scenario(&[]).unwrap();
     let far = of(1, "far");
     assert_eq!((far.run.duration_s, far.bounds.max_position_error_m, far.np()), (7.0, Some(2.0), 25));
-    assert_eq!(
-        (far.attitude.law, of(1, "near").np()),
-        (contract::scenario::Law::Lqr, contract::Scenario::default().np())
-    );
+    assert_eq!((far.attitude.law, of(1, "near").np()), (settings::Law::Lqr, settings::Scenario::default().np()));
     let again = Campaign::read(&campaign.merged(), "y.toml", "y", Path::new("")).unwrap();
     assert_eq!((again.merged(), again.flights()), (campaign.merged(), 6), "it needs no other file");
     for (other, expected) in [

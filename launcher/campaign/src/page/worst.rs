@@ -5,12 +5,12 @@
 
 use std::collections::HashSet;
 
-use contract::Scenario;
 use flight::log::Record;
 use guidance::Trajectory;
 use outcome::bounds::bounds;
 use outcome::ticks::{length_m, position_error_m};
 use serde_json::{Value, json};
+use settings::Scenario;
 use view::draw::{self, FlightColumns, HAPPENED_HINT, Plot, Series, TimePlots, escape, short};
 
 use super::data::Page;

@@ -15,10 +15,10 @@ use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 
 use anyhow::{Context, anyhow};
-use contract::scenario::{Fault, FaultTarget, Swap};
 use runtime::domain::Domain;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use settings::{Fault, FaultTarget, Swap};
 
 use crate::limits::ANSWER_LIMIT;
 

@@ -20,11 +20,11 @@ mod shapes;
 
 use std::collections::VecDeque;
 
-use contract::Scenario;
 use contract::message::{Message as _, Truth, quaternion};
 use guidance::trajectory::Trajectory;
 use plant::air::Air;
 use prost::Message as _;
+use settings::Scenario;
 
 use self::parts::wire::foxglove::log::Level;
 use self::parts::wire::foxglove::{FrameTransforms, Log, Pose, PosesInFrame, SceneEntity, SceneUpdate};

@@ -49,7 +49,7 @@ fn a_truth_that_is_damaged_old_or_not_finite_is_not_shown() {
 
 #[test]
 fn an_event_is_told_with_its_reason_and_a_fault_changes_the_wind() {
-    use contract::scenario::{Fault, FaultKind, FaultTarget};
+    use settings::{Fault, FaultKind, FaultTarget};
     let mut scene = Scene::new(&Scenario::default());
     let told = scene.on_event(&Event::new(250, "mixer", 2, What::Died).because("it was killed"));
     let log = Log::decode(&told.bytes[..]).unwrap();

@@ -3,10 +3,10 @@
 
 use bytemuck::{cast_slice, pod_read_unaligned};
 use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
-use contract::scenario::{self, Scenario, to_toml};
 use contract::topic::Topic;
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
+use settings::{Scenario, to_toml};
 
 use crate::inprocess::Flown;
 use crate::log::{Memory, Record};
@@ -81,7 +81,7 @@ impl Request {
             let text = text.ok_or("no request")?;
             let (work, settings) = text.split_once('\n').ok_or("a request without settings")?;
             let work = serde_json::from_str(work).map_err(|e| e.to_string())?;
-            let scenario = scenario::from_merged(settings, "settings of the flight").map_err(|e| e.to_string())?;
+            let scenario = settings::from_merged(settings, "settings of the flight").map_err(|e| e.to_string())?;
             Ok(Self { flight, work, scenario })
         };
         Some(request())

@@ -7,20 +7,19 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use contract::guard::Refusal;
-use contract::scenario::Scenario;
 use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::realtime::{SharedPipes, die_with_parent, now_ns};
+use settings::Scenario;
 
 use super::frames::{Answer, End, Request, Work};
 use crate::event::{Event, What};
 use crate::inprocess::Flown;
-use crate::libraries;
 use crate::log::{Memory, Record};
-use crate::own_program;
 use crate::stack::Ended;
 use crate::stack::children::kill;
 use crate::strays::Mark;
+use crate::{libraries, own_program};
 
 /// Longest time until the end of a child, or of its wait for a flight, is noticed.
 const LOOK: Duration = Duration::from_millis(5);

@@ -33,8 +33,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use contract::Topic;
-use contract::scenario::Scenario;
 use runtime::error::SessionError;
+use settings::Scenario;
 
 pub use child::serve;
 pub use command::{command, exit_code};

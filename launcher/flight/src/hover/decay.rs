@@ -6,10 +6,10 @@
 //! are about equal then.
 
 use contract::message::{Kinematics, Truth};
-use contract::scenario::{Initial, Scenario};
 use runtime::node::Open;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Initial, Scenario};
 
 use super::held::HELD;
 use super::small::{SMALL, fly};

@@ -2,13 +2,13 @@
 
 use airframe::Trim;
 use contract::message::{Reference, State};
-use contract::scenario::{RateReference, Scenario};
 use contract::snapshot::{NO_MEMORY, Snapshot};
 use guidance::rates::body_rates;
 use nalgebra::Vector3;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::node::{Core, Open, open};
+use settings::{RateReference, Scenario};
 
 use super::small::SMALL;
 

@@ -8,10 +8,10 @@
 //! `y` is a true motion less that of a flight without the step, so that a hover away from the reference does not count.
 
 use contract::message::Truth;
-use contract::scenario::{Mission, Part, PartKind, Scenario, TrajectoryKind};
 use runtime::node::Open;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Mission, Part, PartKind, Scenario, TrajectoryKind};
 
 use super::held::{HELD, STEP_TICK, STEPS};
 use super::small::{SMALL, fly};

@@ -2,10 +2,6 @@
 
 use airframe::Trim;
 use contract::message::{Kinematics, Truth};
-use contract::scenario::{
-    Battery, Ground, Guidance, Initial, Mission, Noise, Plant, RollReference, Run, Scenario, Sensors, TrajectoryKind,
-    Turbulence,
-};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use plant::dynamics::{Dynamics, Surroundings, assemble};
 use plant::rotors::Condition;
@@ -13,6 +9,10 @@ use plant::tricopter::Tricopter;
 use ring::ended::Ended;
 use ring::stepped::Stepped;
 use runtime::node::Open;
+use settings::{
+    Battery, Ground, Guidance, Initial, Mission, Noise, Plant, RollReference, Run, Scenario, Sensors, TrajectoryKind,
+    Turbulence,
+};
 
 /// Size of perturbations and steps \[m\], \[m/s\], \[rad\].
 pub const SMALL: f64 = 1e-3;
@@ -92,7 +92,7 @@ pub fn fly(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::load;
+    use settings::load;
 
     #[test]
     fn a_vehicle_that_the_controllers_do_not_know_rests_at_their_hover() {

@@ -9,15 +9,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use contract::message::{Stamp, Truth};
-use contract::scenario;
-use contract::{Scenario, Topic};
+
+use contract::Topic;
+use settings::Scenario;
 
 use super::index::{ALL, Span};
 use super::order::TickByTick;
+use super::outcome::LogOutcome;
 use super::read::{read_in_order, read_memories};
 use super::{Count, Log, LogWriter, Memory, Record};
 use crate::event::Event;
-use crate::recorder::LogOutcome;
 
 /// Joins `parts` into one log with all `events`, which replaces the first part; the others are removed. A message that
 /// two parts have recorded is written once: each part adds its new messages in the order of its file. The outcome
@@ -42,7 +43,7 @@ fn write(
     events: &[Event],
     sent: u64,
 ) -> anyhow::Result<LogOutcome> {
-    let begin = |run: &str| LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run);
+    let begin = |run: &str| LogWriter::create_part(path, &settings::to_toml(scenario), scenario.sample_ns(), run);
     let mut log = None;
     let mut failed = None;
     let mut count = Count::default();

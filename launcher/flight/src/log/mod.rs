@@ -21,6 +21,7 @@ mod index;
 mod join;
 mod lz4;
 mod order;
+mod outcome;
 mod read;
 mod schema;
 #[cfg(test)]
@@ -32,6 +33,7 @@ pub use index::{ALL, Span};
 pub use join::{join, memories, part, read_parts, rest, stream};
 pub use lz4::Lz4;
 pub use order::last_tick;
+pub use outcome::LogOutcome;
 pub use read::{Log, WrittenBy, read};
 pub use ring::count::{Count, counted};
 pub use ring::memory::Memory;

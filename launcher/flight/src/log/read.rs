@@ -8,15 +8,13 @@ use std::{
 };
 
 use anyhow::{Context, bail, ensure};
-use contract::{
-    message::{Actuators, Controls, LAYOUT, Reference, State, Truth},
-    scenario::file::MAX_LOG_BYTES,
-};
+use contract::message::{Actuators, Controls, LAYOUT, Reference, State, Truth};
 use mcap::{
     McapError, parse_record,
     records::{Record as McapRecord, op},
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
+use settings::file::MAX_LOG_BYTES;
 
 use super::index::{ALL, Parts, Span, Wanted};
 use super::lz4::Lz4;

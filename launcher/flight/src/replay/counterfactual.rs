@@ -9,8 +9,8 @@
 use std::collections::BTreeSet;
 
 use contract::Topic;
-use contract::scenario::{Late, Mode};
 use runtime::release::Release;
+use settings::{Late, Mode};
 
 use super::recording::Recording;
 use super::script::{Cycle, Key, Process, Read, Script};

@@ -1,7 +1,7 @@
 //! Plan of a replay, and its result.
 
 use contract::Topic;
-use contract::scenario::{ProgramKind, Scenario};
+use settings::{ProgramKind, Scenario};
 
 use super::fields::Differs;
 use super::recording::Recording;

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use contract::Topic;
-use contract::scenario::{Mode, Scenario};
 use runtime::error::SessionError;
 use runtime::realtime::{ControlPage, phase};
+use settings::{Mode, Scenario};
 
 use super::script::Cycle;
 use super::sender::{self, Sender};

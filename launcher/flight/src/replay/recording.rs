@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use contract::Topic;
-use contract::scenario::{Fault, NodeSettings, ProgramKind, Scenario, candidate};
 use runtime::limits::HELD_MESSAGES;
 use runtime::shared_role::Origin;
+use settings::{Fault, NodeSettings, ProgramKind, Scenario, candidate};
 
 use super::script::{LOOK_AHEAD, Script};
 use crate::event::{Event, What};

@@ -2,12 +2,12 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use contract::message::Controls;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Law, Scenario, Swap, SwapNode};
 use contract::topic::Topic;
 use proptest::collection::vec;
 use proptest::prelude::Strategy;
 use proptest::sample::select;
 use proptest::test_runner::{Config, TestRunner};
+use settings::{Fault, FaultKind, FaultTarget, Law, Scenario, Swap, SwapNode};
 
 use super::flight::Flight;
 use super::*;
@@ -18,7 +18,7 @@ use crate::log::{Log, Record};
 /// Flies some seconds in process, and returns the settings and the log.
 fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
     let mut scenario = Scenario { fault: faults.to_vec(), swap: swaps.to_vec(), ..Scenario::default() };
-    scenario.run.mode = contract::scenario::Mode::Inprocess;
+    scenario.run.mode = settings::Mode::Inprocess;
     scenario.run.duration_s = seconds;
     scenario.supervision.hang_ms = 1e3; // a process that stops is not replaced
     let mut log = Log::default();

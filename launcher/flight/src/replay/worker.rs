@@ -6,7 +6,6 @@ use std::collections::hash_map::Entry;
 
 use contract::Topic;
 use contract::message::{Actuators, Stamp, State};
-use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 use plant::Plant;
 use plant::vehicle::Vehicle;
@@ -16,6 +15,7 @@ use runtime::node::Node;
 use runtime::output::{Output, TruthOutput};
 use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
+use settings::{Fault, Scenario};
 
 use super::script::Cycle;
 use super::sender::{self, Sender};

@@ -2,9 +2,8 @@
 
 use std::time::Instant;
 
-use contract::Scenario;
-use contract::scenario::Fault;
 use contract::topic::Topic;
+use settings::{Fault, Scenario};
 
 use crate::log::Record;
 use ring::roles::Order;

@@ -11,10 +11,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use contract::scenario::Scenario;
 use contract::topic::Topic;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
+use settings::Scenario;
 
 use super::driver::Driver;
 use crate::event::{Event, What};
@@ -176,7 +176,7 @@ impl Driver for Lockstep {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::Supervision;
+    use settings::Supervision;
 
     #[test]
     fn a_ring_that_does_not_move_ends_the_run_unless_a_debugger_has_a_process() {

@@ -7,10 +7,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use contract::scenario::{Fault, Scenario};
 use contract::topic::Topic;
 use runtime::realtime::{ControlPage, now_ns};
 use runtime::shared_role::Assignment;
+use settings::{Fault, Scenario};
 
 use super::driver::Driver;
 use crate::limits::{GRACE_NS, LOOK, LOOK_AGAIN};

@@ -16,19 +16,20 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
-use contract::Scenario;
 use contract::topic::Topic;
 use runtime::console::eprint_line;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
+use settings::Scenario;
 
 use super::children::{Process, RECORDER, SpawnRequest, wait};
 use super::rest::Rest;
 use super::run::{Run, unix};
 use crate::event::{self, Event};
 use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
+use crate::log::LogOutcome;
 use crate::log::{self, Count, Record};
-use crate::recorder::{LogOutcome, run_of};
+use crate::recorder::run_of;
 use ring::roles::role::{Action, Now, Policy, Role, RoleInput};
 
 /// Log of a flight, with the role of its recorder, which runs by the wall clock in every mode.

@@ -15,8 +15,6 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use contract::scenario::file::read_text;
-use contract::scenario::{NodeSettings, ProgramKind};
 use contract::topic::Topic;
 use runtime::domain::Domain;
 use runtime::port::Bus;
@@ -24,6 +22,8 @@ use runtime::realtime::die_with_parent;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions, kill_process_group, pidfd_open, waitid};
 use rustix::time::Timespec;
+use settings::file::read_text;
+use settings::{NodeSettings, ProgramKind};
 
 use super::end::ChildExit;
 use super::one_cpu::OneCpu;

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use anyhow::Context;
-use contract::scenario::{Scenario, to_toml};
 use contract::topic::Topic;
 use runtime::domain::{Domain, Hold, SHM, check_room};
 use runtime::port::{Bus, Services, bytes_needed, observer_depth};
 use runtime::ports::Ports;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
+use settings::{Scenario, to_toml};
 
 use super::surroundings;
 

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use contract::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
 use contract::guard::Refusal;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, check_fault, check_swaps};
 use contract::topic::Topic;
 use runtime::domain::Domain;
 use runtime::realtime::{now_ns, phase};
 use serde_json::{Value, json};
+use settings::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
+use settings::{Fault, FaultKind, FaultTarget, Mode, Swap, check_fault, check_swaps};
 
 use super::end::refused;
 use super::run::Run;

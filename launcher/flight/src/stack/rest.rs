@@ -4,10 +4,9 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
-use contract::Scenario;
-use contract::scenario::to_toml;
 use runtime::console::eprint_line;
 use runtime::limits::OBSERVER_S;
+use settings::{Scenario, to_toml};
 
 use crate::limits::FLUSH_PERIOD;
 use crate::log::{LogWriter, Record};

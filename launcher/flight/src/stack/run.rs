@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use contract::Scenario;
-use contract::scenario::{Mode, candidate, to_toml};
 use contract::topic::Topic;
 use guidance::Trajectory;
 use runtime::console::eprint_line;
 use runtime::domain::Domain;
 use runtime::realtime::ControlPage;
 use rustix::process::Signal as Unix;
+use settings::{Mode, Scenario, candidate, to_toml};
 
 use super::children::{Children, SpawnRequest};
 use super::one_cpu::OneCpu;

@@ -4,9 +4,8 @@
 //! times than it was given. The `scenario.toml` of the run's folder has the times that it took; a new order must avoid
 //! them.
 
-use contract::Scenario;
-use contract::scenario::Swap;
 use contract::topic::Topic;
+use settings::{Scenario, Swap};
 
 use crate::event::{Event, What};
 use crate::swap_story::SwapStory;
@@ -46,7 +45,7 @@ fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::{SwapNode, check_swaps, load};
+    use settings::{SwapNode, check_swaps, load};
 
     /// Returns the times of swaps of the mixer `at_s`, settled by the `events` (tick, epoch, what, swap).
     fn settled(at_s: &[f64], events: &[(u64, u32, What, Option<usize>)]) -> Vec<[f64; 3]> {

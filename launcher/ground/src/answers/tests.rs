@@ -1,4 +1,4 @@
-use contract::scenario::Scenario;
+use settings::Scenario;
 
 use super::*;
 use crate::home::Home;

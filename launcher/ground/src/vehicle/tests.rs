@@ -1,6 +1,6 @@
 use contract::message::{Kinematics, Stamp};
-use contract::scenario::Scenario;
 use flight::event::Event;
+use settings::Scenario;
 
 use super::*;
 

@@ -15,10 +15,9 @@
 //! If a rotor is off, the flight must be terminated. For other faults nothing is promised; the table has the outcome.
 
 use campaign::OwnController;
-use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, NodeSettings, load};
 use flight::programs;
 use serde::Serialize;
+use settings::{Fault, FaultKind, FaultTarget, NodeSettings, Scenario, load};
 
 /// Time at which every fault begins \[s\].
 pub const AT_S: f64 = 5.0;
@@ -119,7 +118,7 @@ pub fn hover_of_the_paper() -> anyhow::Result<Scenario> {
 
 #[cfg(test)]
 mod tests {
-    use contract::scenario::{Mode, from_merged, to_toml};
+    use settings::{Mode, from_merged, to_toml};
 
     use super::*;
     use crate::flights::hover_in_gusts;

@@ -12,11 +12,10 @@
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicU32;
 
-use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode};
 use contract::topic::Topic;
 use flight::event::{Event, What, name};
 use serde::Serialize;
+use settings::{Fault, FaultKind, FaultTarget, Mode, Scenario};
 
 use crate::flights::through_processes;
 

@@ -20,10 +20,10 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicU32;
 
 use campaign::OwnController;
-use contract::Scenario;
 use flight::interrupts::catch_interrupts;
 use outcome::percentiles::median;
 use serde::Serialize;
+use settings::Scenario;
 
 use self::case::{Case, Promise, hover_of_the_paper};
 use self::handling::{FaultHandling, Handling};

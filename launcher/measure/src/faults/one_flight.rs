@@ -3,11 +3,10 @@
 use std::sync::atomic::AtomicU32;
 
 use anyhow::Context;
-use contract::Scenario;
 use contract::message::{Content, Message, SolveStatus, State, Truth, mixer_flags};
-use contract::scenario::{Mode, Profile};
 use contract::stamp::delivery;
 use serde::Serialize;
+use settings::{Mode, Profile, Scenario};
 
 use super::case::{AT_S, BACK_S, Case, FOR_S, Promise};
 use crate::flights::{in_process, lean_deg, through_processes};

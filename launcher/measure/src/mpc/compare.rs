@@ -24,13 +24,13 @@ use attitude_mpc::law::mpc::condensed::Condensed;
 use attitude_mpc::law::mpc::constraints::PlanSet;
 use attitude_mpc::model::PredictionModel;
 use contract::message::Controls;
-use contract::scenario::ScenarioError;
 use nalgebra::{DMatrix, DVector, RowDVector, Vector4};
 use outcome::percentiles::{Percentiles, median_ns};
 use qp::{ActiveSet, Termination};
 use runtime::timed;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use settings::ScenarioError;
 
 use super::problems::Sequence;
 
@@ -224,9 +224,9 @@ impl Comparison {
 #[cfg(test)]
 mod tests {
     use airframe::envelope::Envelope;
-    use contract::Scenario;
     use contract::message::SolveStatus;
     use proptest::prelude::*;
+    use settings::Scenario;
 
     use super::*;
     use crate::mpc::problems;

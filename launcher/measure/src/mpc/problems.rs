@@ -14,13 +14,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::bail;
-use contract::Scenario;
 use contract::message::{Reference, State};
-use contract::scenario::{self, Constraints, Law, Mode, Solver};
 use flight::inprocess;
 use flight::log::{LogWriter, Record};
 use outcome::recorded::{Part, Recorded};
 use runtime::console::eprint_line;
+use settings::{Constraints, Law, Mode, Scenario, Solver};
 
 /// Flights that are measured when none is given: name, scenario, seconds.
 const SHIPPED: [(&str, &str, f64); 4] = [
@@ -61,11 +60,11 @@ impl Sequence {
 /// `folder`.
 pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     let fly = |(name, text, duration_s): (&str, &str, f64)| {
-        let mut scenario = scenario::from_merged(text, name)?;
+        let mut scenario = settings::from_merged(text, name)?;
         scenario.attitude.mpc.constraints = Constraints::Cone;
         (scenario.run.mode, scenario.run.duration_s) = (Mode::Inprocess, duration_s);
         let path = folder.join(name).with_extension("mcap");
-        let mut log = LogWriter::create(&path, &scenario::to_toml(&scenario), scenario.sample_ns())?;
+        let mut log = LogWriter::create(&path, &settings::to_toml(&scenario), scenario.sample_ns())?;
         let mut written = Ok(());
         inprocess::fly(&scenario, |record| {
             written = log.write(record);

@@ -14,12 +14,12 @@ use attitude_mpc::AttitudeMpc;
 use attitude_mpc::law::mpc::condensed::Condensed;
 use attitude_mpc::model::PredictionModel;
 use contract::message::{Reference, SolveStatus, State};
-use contract::scenario::{Law, Solver};
 use nalgebra::DVector;
 use outcome::percentiles::{Percentiles, median_ns};
 use runtime::realtime::now_ns;
 use runtime::timed;
 use serde::Serialize;
+use settings::{Law, Solver};
 
 use super::problems::Sequence;
 

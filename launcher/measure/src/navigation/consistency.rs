@@ -9,7 +9,6 @@
 //! tracking and navigation* (2001), section 5.4. One number of each seed counts, because those of a flight go together.
 
 use contract::message::{Kinematics, State, Truth};
-use contract::scenario::{SensorPreset, Sensors};
 use flight::inprocess;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use navigation::state::{ATTITUDE, POSITION, VELOCITY};
@@ -17,6 +16,7 @@ use navigation::{Covariance, Source};
 use outcome::target::Target;
 use rayon::prelude::*;
 use serde::Serialize;
+use settings::{SensorPreset, Sensors};
 use view::table::Table;
 
 /// Sensors with a navigation unit, whose filter is looked at; ideal ones are compared with them.
@@ -117,7 +117,7 @@ pub fn table(rows: &[Row]) -> String {
 
 /// Flies ten minutes of hover in gusts.
 fn fly(seed: u64, sensors: &Sensors) -> anyhow::Result<Seed> {
-    let mut scenario = contract::scenario::load_text(HOVER, "a hover in gusts", &[])?;
+    let mut scenario = settings::load_text(HOVER, "a hover in gusts", &[])?;
     scenario.run.seed = seed;
     scenario.plant.sensors = sensors.clone();
     let mut ring = inprocess::ring(&scenario, false)?;

@@ -11,9 +11,8 @@
 //! | slow | 30 ms late |
 //! | exit | none, because the process has ended |
 
-use contract::Scenario;
-use contract::scenario::{Mode, Swap, SwapNode};
 use contract::topic::Topic;
+use settings::{Mode, Scenario, Swap, SwapNode};
 
 use crate::flights::hover_in_gusts;
 

@@ -10,9 +10,8 @@
 //!
 //! Short flights are `Killed`.
 
-use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Policy, Swap, SwapNode};
 use serde::Serialize;
+use settings::{Fault, FaultKind, FaultTarget, Policy, Scenario, Swap, SwapNode};
 
 use super::candidates;
 use crate::timing::timed_flights::realtime;

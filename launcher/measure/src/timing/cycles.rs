@@ -7,11 +7,11 @@
 //! miss                  no ACTUATORS for the slot, or more than a period after its sample
 //! ```
 
-use contract::Scenario;
 use contract::message::Stamp;
 use contract::topic::{NODES, Topic};
 use flight::log::Record;
 use outcome::ticks::{Tick, Ticks};
+use settings::Scenario;
 
 /// Time at the start of a run that is left out \[ns\], because caches are cold and pages are still loaded.
 pub const WARM_UP_NS: u64 = 100_000_000;

@@ -4,8 +4,8 @@
 
 use std::sync::atomic::AtomicU32;
 
-use contract::scenario::Policy;
 use runtime::console::eprint_line;
+use settings::Policy;
 
 use super::canary::{Canary, LONGEST, Watch};
 use super::costs::Costs;

@@ -13,14 +13,13 @@ use std::fs;
 use std::hint::black_box;
 
 use anyhow::Context;
-use contract::Topic;
-use contract::exit;
-use contract::scenario::{Policy, Scenario, Scheduling};
+use contract::{Topic, exit};
 use runtime::cycle_timing::warm_up_ns;
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, Doorbell, enter, now_ns, phase};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
+use settings::{Policy, Scenario, Scheduling};
 
 /// Longest wait for the token before the peer checks whether the run is over.
 const CHECK_NS: u64 = 100_000_000;

@@ -6,9 +6,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use contract::{Scenario, Topic};
+use contract::Topic;
 use runtime::domain::Hold;
 use runtime::realtime::{ControlPage, phase};
+use settings::Scenario;
 
 use super::ring_peer::{Kind, Peer, Releases, SAMPLES};
 use crate::flights::namespace;

@@ -3,11 +3,10 @@
 use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
-use contract::Scenario;
-use contract::scenario::{Mode, Policy, from_merged, load};
 use outcome::judge::Verdict;
 use outcome::percentiles::Percentiles;
 use serde::Serialize;
+use settings::{Mode, Policy, Scenario, from_merged, load};
 
 use super::canary::Watch;
 use super::cycles::Cycles;

@@ -1,11 +1,11 @@
 //! Figures of a flight, and its losses against another.
 
 use anyhow::bail;
-use contract::scenario::Scenario;
 use flight::log::Record;
 use flight::replay::{Disturbed, Plan, Recording, Script, replay_script};
 use guidance::Trajectory;
 use serde::Serialize;
+use settings::Scenario;
 
 use crate::metrics::Metrics;
 use crate::summary::Summary;

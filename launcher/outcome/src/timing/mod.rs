@@ -46,15 +46,15 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
+use contract::Topic;
 use contract::message::{Stamp, Truth};
-use contract::scenario::Mode;
 use contract::topic::NODES;
-use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 use hdrhistogram::serialization::V2DeflateSerializer;
 use hdrhistogram::serialization::interval_log::IntervalLogWriterBuilder;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Mode, Scenario};
 
 use crate::happenings::Happenings;
 use crate::percentiles::{Percentiles, percentiles};

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use contract::Topic;
 use contract::message::Stamp;
-use contract::scenario::{Late, NodeDeadline};
-use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::{Late, NodeDeadline, Scenario};
 
 use crate::percentiles::{Percentiles, histogram, percentiles};
 

@@ -3,13 +3,13 @@
 
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
-use contract::scenario::{Late, TrajectoryKind};
 use contract::stamp::delivery;
 use hdrhistogram::serialization::interval_log::{IntervalLogIterator, LogEntry};
+use settings::{Late, TrajectoryKind};
 
-use contract::scenario::{Fault, FaultKind, FaultTarget};
 use flight::event::{Event, TimedEvent, What};
 use serde_json::{Value, json};
+use settings::{Fault, FaultKind, FaultTarget};
 
 use super::*;
 use crate::faults::FaultRecord;

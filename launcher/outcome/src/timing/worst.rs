@@ -26,12 +26,13 @@
 
 use std::collections::BTreeMap;
 
+use contract::Topic;
 use contract::message::Truth;
 use contract::topic::NODES;
-use contract::{Scenario, Topic};
 use flight::log::Record;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use settings::Scenario;
 
 use super::node::{Cycle, wake_name};
 use crate::happenings::Happenings;

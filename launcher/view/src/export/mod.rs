@@ -20,14 +20,14 @@ mod ulog;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use contract::Topic;
 use contract::message::Stamp;
-use contract::scenario::Mode;
-use contract::{Scenario, Topic};
 use flight::dir::Dir;
 use flight::event::Event;
 use flight::files::{named_file, named_folder};
 use flight::log::{Count, Record, Samples};
 use outcome::recorded::{Part, Recorded};
+use settings::{Mode, Scenario};
 
 use crate::cycle::Cycle;
 use scenes::Scenes;

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use contract::Topic;
 use contract::message::{Stamp, Truth};
-use contract::scenario::to_toml;
-use contract::{Scenario, Topic};
 use flight::dir::{Dir, NewFile};
 use flight::event::Event;
 use flight::foxglove::{Channel, Derived, Scene};
 use flight::log::{self, LogWriter, Record, view_channels};
+use settings::{Scenario, to_toml};
 
 use super::sink::Sink;
 use crate::cycle::Cycle;

@@ -5,12 +5,13 @@
 //! there is a status, and `is_intact` tells whether the checksum fits. The table of STATE also has `actual` and
 //! `actuators` of the TRUTH of its tick, NaN if that was lost.
 
+use contract::Topic;
 use contract::message::{Stamp, Truth};
-use contract::{Scenario, Topic};
 use flight::dir::Dir;
 use flight::event::{Event, name};
 use flight::log::{Record, columns, status_name, words};
 use serde_json::json;
+use settings::Scenario;
 
 use super::sink::Sink;
 use crate::cells::{Cell, Kind};

@@ -13,12 +13,12 @@
 use std::io::{BufWriter, IntoInnerError, Write};
 
 use anyhow::Context;
+use contract::Topic;
 use contract::message::{Stamp, Truth};
-use contract::scenario::to_toml;
-use contract::{Scenario, Topic};
 use flight::dir::{Dir, NewFile};
 use flight::event::{Event, What, name};
 use flight::log::{Record, columns, words};
+use settings::{Scenario, to_toml};
 use toml::{Table, Value};
 
 use super::px4;

@@ -2,13 +2,12 @@
 //! guidance looks for beside the one that it finds.
 
 use airframe::Trim;
-use contract::Scenario;
 use contract::message::Truth;
-use contract::scenario::ProgramKind;
 use guidance::observer::{Observer, Step};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use outcome::ticks::LoggedTick;
 use plant::air::Air;
+use settings::{ProgramKind, Scenario};
 
 /// Computes the wind of a flight again, tick by tick.
 pub struct Wind {

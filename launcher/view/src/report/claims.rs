@@ -5,12 +5,11 @@
 //! measured values, and a claim is `not applicable`. The page of another mission or profile has no claims.
 
 use crate::draw::{DASH, escape, number, table, verdict};
-use contract::Scenario;
 use contract::message::Truth;
-use contract::scenario::{Profile, Run, TrajectoryKind};
 use outcome::metrics::Metrics;
 use outcome::run_record::RunRecord;
 use outcome::ticks::LoggedTick;
+use settings::{Profile, Run, Scenario, TrajectoryKind};
 
 /// Upper bound of the position error, exclusive \[m\].
 pub const POSITION_M: f64 = 0.7;

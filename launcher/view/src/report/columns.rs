@@ -4,10 +4,9 @@
 //! script derives nothing but units from these numbers. A group of columns that says nothing is left out, and with it
 //! its lines in the figures: measurements that equal the truth, a wind or an estimate that is zero all the time.
 
-use contract::Scenario;
 use contract::message::{ActuationMsg, Kinematics, mixer_flags};
-use contract::scenario::Mode;
 use serde_json::{Value, json};
+use settings::{Mode, Scenario};
 
 use super::air::Wind;
 use super::claims;

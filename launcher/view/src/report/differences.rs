@@ -1,18 +1,17 @@
 //! Settings of the flight that differ from the defaults of its profile. What the line `preset` of a table sets is
 //! folded away.
 
-use contract::Scenario;
-use contract::scenario::load;
 use flight::event::name;
+use settings::{Scenario, load};
 
+use crate::differing_settings::differences as differing;
 use crate::draw::{escape, table};
-use crate::settings;
 
 /// Returns the section with the settings that differ. Faults and swaps are listed one by one.
 pub fn section(flown: &Scenario) -> String {
     let profile = format!("{:?}", flown.profile).to_lowercase();
     let (presets, rows): (Vec<_>, Vec<_>) = {
-        let own = settings::differences(&[&with_presets(flown), flown]);
+        let own = differing(&[&with_presets(flown), flown]);
         let is_own = |row: &Vec<String>| row[0].ends_with(".preset") || own.iter().any(|own| own[0] == row[0]);
         differences(flown).into_iter().partition(|row| !is_own(row))
     };
@@ -50,14 +49,14 @@ fn with_presets(flown: &Scenario) -> Scenario {
 
 /// Key, default and value of every setting that differs.
 fn differences(flown: &Scenario) -> Vec<Vec<String>> {
-    settings::differences(&[&Scenario::from(flown.profile), flown])
+    differing(&[&Scenario::from(flown.profile), flown])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::draw::DASH;
-    use contract::scenario::{Fault, FaultKind, FaultTarget, Profile};
+    use settings::{Fault, FaultKind, FaultTarget, Profile};
 
     #[test]
     fn only_settings_that_differ_are_told_with_their_default() {
@@ -88,7 +87,7 @@ mod tests {
             "run.duration_s=5.0",
             "plant.sensors.rates.noise_density=[0.1, 0.1, 0.1]",
         ];
-        let flown = contract::scenario::load(None, &given.map(str::to_owned)).unwrap();
+        let flown = settings::load(None, &given.map(str::to_owned)).unwrap();
         let page = section(&flown);
         let (shown, folded) = page.split_once("<details>").expect("a folded table");
         assert_eq!(shown.matches("<tr>").count(), 1 + given.len(), "{shown}");

@@ -1,10 +1,9 @@
 //! Errors of the estimate of the navigation unit beside those that it expects, and its measurements.
 
-use contract::Scenario;
 use contract::message::{Navigation, State};
-use contract::scenario::Filter;
 use outcome::ticks::LoggedTick;
 use plant::instruments::state_of;
+use settings::{Filter, Scenario};
 
 /// Columns of [`errors`].
 pub const ERRORS: [&str; 9] = [

@@ -30,10 +30,10 @@ mod timing;
 use std::path::{Path, PathBuf};
 
 use anyhow::ensure;
-use contract::Scenario;
 use flight::files::write_whole;
 use flight::log::Record;
 use outcome::explain::Costs;
+use settings::Scenario;
 
 use self::claims::Reach;
 use self::columns::Columns;

@@ -1,13 +1,13 @@
 //! The parts of the page that are text and tables. A dash stands for a value that the run does not have.
 
-use contract::scenario::{Mode, to_toml};
-use contract::{Scenario, exit};
+use contract::exit;
 use flight::event::name;
-use flight::recorder::LogOutcome;
+use flight::log::LogOutcome;
 use outcome::bounds::BoundCheck;
 use outcome::metrics::Metrics;
 use outcome::run_record::RunRecord;
 use serde_json::json;
+use settings::{Mode, Scenario, to_toml};
 
 use super::claims;
 use super::timing::in_short;

@@ -2,13 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use contract::exit;
 use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State, Truth};
-use contract::scenario::{Fault, FaultKind, FaultTarget, Late, Mode, Profile, TrajectoryKind};
-use contract::{Scenario, exit};
 use flight::event::{Event, TimedEvent, What};
 use flight::log::Log;
+use flight::log::LogOutcome;
 use flight::provenance::{Provenance, host, provenance};
-use flight::recorder::LogOutcome;
 use flight::stack::Ended;
 use outcome::bounds::BoundCheck;
 use outcome::faults::FaultRecord;
@@ -19,6 +18,7 @@ use outcome::solves::{Iterations, SolverRecord};
 use outcome::summary::Summary;
 use outcome::timing::{CycleRecord, TimingRecord, WorstTick};
 use serde_json::{Value, json};
+use settings::{Fault, FaultKind, FaultTarget, Late, Mode, Profile, Scenario, TrajectoryKind};
 
 use super::claims::{ALTITUDE_HORIZONTAL_M, ALTITUDE_VERTICAL_M, judge};
 use super::sections::{bounds, metrics};
@@ -538,11 +538,11 @@ fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
     let log = hover(6001);
     let paper = Scenario::from(Profile::Paper);
     let mut same = Scenario { name: "another".into(), ..paper.clone() };
-    (same.run.seed, same.run.mode) = (7, contract::scenario::Mode::Lockstep);
+    (same.run.seed, same.run.mode) = (7, settings::Mode::Lockstep);
     assert!(render(&log, &survey(), &same).contains("id=\"claims\""));
     let with = |settings: &[&str]| {
         let settings: Vec<String> = ["profile=paper"].iter().chain(settings).map(|&set| set.to_owned()).collect();
-        contract::scenario::load(None, &settings).unwrap()
+        settings::load(None, &settings).unwrap()
     };
     let others = vec![
         with(&["mission.ramp_s=0.0"]),

@@ -1,7 +1,8 @@
 //! The timing section: the table, the histograms and the worst ticks.
 
-use contract::{Scenario, Topic};
+use contract::Topic;
 use hdrhistogram::Histogram;
+use settings::Scenario;
 
 use crate::draw::{Bars, Lane, escape, histograms, number, table, time_line};
 use flight::event::name;

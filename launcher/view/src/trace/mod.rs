@@ -9,10 +9,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use contract::Scenario;
 use contract::message::{Stamp, State};
-use contract::scenario::Mode;
 use serde_json::{Value, json};
+use settings::{Mode, Scenario};
 
 use self::events::Trace;
 use flight::files::{named_file, write_whole};

@@ -1,8 +1,8 @@
 use std::ops::Range;
 
 use contract::message::{Controls, Message, Stamp, State};
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Run, Swap, SwapNode};
 use contract::stamp::delivery;
+use settings::{Fault, FaultKind, FaultTarget, Mode, Run, Swap, SwapNode};
 
 use contract::message::Truth;
 

@@ -1,4 +1,4 @@
-//! Services of the kernel: time, priority, locked memory, one shared page, shared pipes, children that die with
+//! Services of the kernel: priority, locked memory, one shared page, shared pipes, children that die with
 //! their parent, copies that end.
 //!
 //! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with the reason why it is
@@ -11,10 +11,8 @@
 )]
 
 mod child;
-mod clock;
 mod copies;
 mod crash;
-mod futex;
 mod mapping;
 mod peer;
 mod signals;
@@ -29,17 +27,15 @@ use rustix::process::{Resource, Rlimit, getrlimit};
 use rustix::thread::CpuSet;
 
 pub use child::die_with_parent;
-pub use clock::{now_ns, thread_cpu_ns};
 pub use copies::{ThisProcess, tell_of_copies};
 pub use crash::{die_of_crashes, end_at_once, name_in_crashes, tell_of_crashes};
-pub use futex::{sleep_while, wake};
 pub use mapping::ControlPage;
 pub use peer::peer_of;
 pub use signals::{keep_nohup, reset_signals};
 pub use word_pipe::{Pipes, SharedPipes, WordPipe};
 
 use crate::limits::{FILES_OF_A_CONNECTION, LATER_BYTES};
-use contract::scenario::{Policy, Scheduling};
+use settings::{Policy, Scheduling};
 
 /// Asks for the scheduling that the scenario wants, and takes what it gets; the launcher reads the result from `/proc`.
 ///

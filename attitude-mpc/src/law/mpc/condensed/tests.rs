@@ -1,8 +1,7 @@
 //! Tests of the condensed problem against the plain sum (4), and against the independent simulator.
 
-use contract::Scenario;
-use contract::scenario::Profile;
 use nalgebra::Vector4;
+use settings::{Profile, Scenario};
 
 use super::*;
 use crate::fixture;

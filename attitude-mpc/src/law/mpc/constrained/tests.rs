@@ -3,10 +3,9 @@
 use airframe::DemandSet;
 use airframe::envelope::Envelope;
 use airframe::projection::Projection;
-use contract::Scenario;
 use contract::message::{Controls, SolveStatus};
-use contract::scenario::{Constraints, FaultKind, Mode, Solver, StateConstraints};
 use nalgebra::{DVector, Vector4};
+use settings::{Constraints, FaultKind, Mode, Scenario, Solver, StateConstraints};
 
 use super::{Condensed, PlanSet};
 use crate::AttitudeMpc;

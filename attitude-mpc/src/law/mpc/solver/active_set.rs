@@ -1,8 +1,8 @@
 //! Solution by the dual active-set method of [`qp`].
 
-use contract::scenario::FaultKind;
 use nalgebra::{DMatrix, DVector};
 use qp::{ActiveSet, Member, WorkingSet};
+use settings::FaultKind;
 
 use super::outcome::{CONTRADICTION, Outcome, Verdict};
 use crate::law::mpc::constraints::{PlanSet, STATE_PENALTY};

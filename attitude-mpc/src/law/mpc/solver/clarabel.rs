@@ -12,8 +12,8 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus, SupportedConeT,
 };
-use contract::scenario::FaultKind;
 use nalgebra::{DMatrix, DVector, DVectorViewMut, RowDVector};
+use settings::FaultKind;
 
 use super::outcome::{CONTRADICTION, Limits, Outcome, Verdict};
 use crate::law::mpc::constraints::{PlanSet, STATE_PENALTY, StateLimits};

@@ -18,9 +18,8 @@ mod outcome;
 
 pub use self::outcome::{Limits, Outcome, Verdict};
 
-use contract::Scenario;
-use contract::scenario::{FaultKind, Solver as Choice};
 use nalgebra::{DMatrix, DVector};
+use settings::{FaultKind, Scenario, Solver as Choice};
 
 use self::active_set::ActiveSetSolver;
 use self::clarabel::ConicSolver;

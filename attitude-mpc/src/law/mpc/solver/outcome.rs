@@ -1,7 +1,6 @@
 //! Limits and outcome of a solve.
 
-use contract::Scenario;
-use contract::scenario::Mode;
+use settings::{Mode, Scenario};
 
 /// Amount that a fault subtracts from a slack so that no plan is feasible.
 pub const CONTRADICTION: f64 = 1e6;

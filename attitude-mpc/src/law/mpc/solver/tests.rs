@@ -1,7 +1,7 @@
 //! Tests of both solvers against the optimality conditions, against each other, and on problems without a solution.
 
-use contract::scenario::{Constraints, StateConstraints};
 use proptest::prelude::*;
+use settings::{Constraints, StateConstraints};
 
 use super::*;
 use crate::law::mpc::condensed::Condensed;

@@ -35,7 +35,7 @@ fn joined_parts_have_each_message_once_and_in_order() {
     part(&parts[2], odd.into_iter().chain((8..10).chain(15..20).map(with_checksum)), true);
 
     let event = Event::new(5, "recorder", 2, What::Started);
-    let outcome = join(&parts, &contract::Scenario::default(), std::slice::from_ref(&event), 20).unwrap();
+    let outcome = join(&parts, &settings::Scenario::default(), std::slice::from_ref(&event), 20).unwrap();
     let log = read(&first).unwrap();
     let expected = (0..4).chain(3..8).map(with_checksum).chain(odd).chain((8..10).chain(15..20).map(with_checksum));
     assert_eq!(log.states, expected.collect::<Vec<_>>());
@@ -62,7 +62,7 @@ fn joining_keeps_the_order_of_writing_across_topics() {
         }
         log.finish().unwrap();
     }
-    join(&[first.clone(), second], &contract::Scenario::default(), &[], 6).unwrap();
+    join(&[first.clone(), second], &settings::Scenario::default(), &[], 6).unwrap();
     let mut joined = vec![];
     read_in_order(&first, ALL, |_, record| joined.push(*record)).unwrap();
     assert_eq!(joined, [&one[..], &other[2..]].concat());
@@ -75,7 +75,7 @@ fn parts_that_cannot_be_joined_stay_as_they_are() {
     part(&first, (0..4).map(with_checksum), false);
     part(&second, (4..8).map(with_checksum), true);
     std::fs::create_dir(first.with_extension("joined")).unwrap();
-    let error = join(&[first.clone(), second.clone()], &contract::Scenario::default(), &[], 8).unwrap_err();
+    let error = join(&[first.clone(), second.clone()], &settings::Scenario::default(), &[], 8).unwrap_err();
     assert!(format!("{error:#}").contains("joined"), "{error:#}");
     assert_eq!((read(&first).unwrap().states.len(), read(&second).unwrap().states.len()), (4, 4));
 }

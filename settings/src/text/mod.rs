@@ -1,0 +1,4 @@
+//! The text of a scenario file: reading it, and messages about it.
+
+pub mod file;
+pub mod report;
