@@ -1,56 +1,95 @@
-//! The four topics of the ring, in the order in which a sample travels.
+//! The graph of the ring: its four nodes, in the order in which a sample travels, and the topic that each publishes.
 
-/// One topic. The discriminant indexes every per-topic array, those of [`crate::message::Stamp`] included.
+/// One topic. The discriminant indexes [`GRAPH`] and every per-topic array, those of [`crate::message::Stamp`]
+/// included; it is also the rank of the node that publishes it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(usize)]
 pub enum Topic {
-    /// Plant to all other nodes: the measured motion.
+    /// The measured motion.
     State = 0,
-    /// Guidance to attitude-mpc: the reference to follow.
+    /// The reference to follow.
     Reference = 1,
-    /// attitude-mpc to mixer: the demanded force and moments.
+    /// The demanded force and moments.
     Controls = 2,
-    /// Mixer to plant: the commanded rotor speeds and tilt.
+    /// The commanded rotor speeds and tilt.
     Actuators = 3,
 }
+
+/// Edge of the graph: one topic, from the node that publishes it to its listeners.
+pub struct Edge {
+    /// Name of the node that publishes the topic.
+    pub publisher: &'static str,
+    /// Description of that node.
+    pub description: &'static str,
+    /// Name of the topic on the wire, in the log and in scenario files.
+    pub name: &'static str,
+    /// Topics that the receivers of this one publish.
+    pub listeners: &'static [Topic],
+    /// Share of the deadline of the whole chain at which the message is due.
+    pub deadline_share: f64,
+}
+
+/// The ring.
+pub const GRAPH: [Edge; Topic::COUNT] = [
+    Edge {
+        publisher: "plant",
+        description: "The vehicle.",
+        name: "state",
+        listeners: &[Topic::Reference, Topic::Controls, Topic::Actuators],
+        deadline_share: 0.2,
+    },
+    Edge {
+        publisher: "guidance",
+        description: "The position controller.",
+        name: "reference",
+        listeners: &[Topic::Controls],
+        deadline_share: 0.4,
+    },
+    Edge {
+        publisher: "attitude-mpc",
+        description: "The attitude controller.",
+        name: "controls",
+        listeners: &[Topic::Actuators],
+        deadline_share: 0.8,
+    },
+    Edge {
+        publisher: "mixer",
+        description: "The control allocation.",
+        name: "actuators",
+        listeners: &[Topic::State],
+        deadline_share: 1.0,
+    },
+];
+
+/// Names of the nodes, in the order of [`GRAPH`].
+pub const NODES: [&str; Topic::COUNT] =
+    [GRAPH[0].publisher, GRAPH[1].publisher, GRAPH[2].publisher, GRAPH[3].publisher];
 
 impl Topic {
     /// Number of topics.
     pub const COUNT: usize = 4;
     /// All topics, in the order of the ring.
     pub const ALL: [Self; Self::COUNT] = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
+    /// Topics of the nodes that control the vehicle: all but the plant's.
+    pub const OF_CONTROLLERS: [Self; Self::COUNT - 1] = [Self::Reference, Self::Controls, Self::Actuators];
+
+    /// Topic that the node `name` publishes.
+    pub fn of_node(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|topic| topic.publisher() == name)
+    }
 
     /// Name on the wire, in the log and in scenario files.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::State => "state",
-            Self::Reference => "reference",
-            Self::Controls => "controls",
-            Self::Actuators => "actuators",
-        }
+        GRAPH[self as usize].name
     }
 
     /// Name of the node that publishes this topic.
     pub const fn publisher(self) -> &'static str {
-        match self {
-            Self::State => "plant",
-            Self::Reference => "guidance",
-            Self::Controls => "attitude-mpc",
-            Self::Actuators => "mixer",
-        }
+        GRAPH[self as usize].publisher
     }
 
     /// Topics that the receivers of this one publish.
     pub const fn listeners(self) -> &'static [Self] {
-        match self {
-            Self::State => &[Self::Reference, Self::Controls, Self::Actuators],
-            Self::Reference => &[Self::Controls],
-            Self::Controls => &[Self::Actuators],
-            Self::Actuators => &[Self::State],
-        }
+        GRAPH[self as usize].listeners
     }
 }
-
-/// Nodes of the ring, in the order in which a sample travels: node `i` publishes topic `i`.
-pub const NODES: [&str; Topic::COUNT] =
-    [Topic::State.publisher(), Topic::Reference.publisher(), Topic::Controls.publisher(), Topic::Actuators.publisher()];

@@ -4,8 +4,10 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::builder::PossibleValuesParser;
+use clap::{Parser, Subcommand};
 use contract::exit;
+use contract::topic::{NODES, Topic};
 
 use runtime::console;
 use runtime::process::run_as;
@@ -97,7 +99,8 @@ enum Command {
     #[command(hide = true)]
     Node {
         /// plant, guidance, attitude-mpc, mixer or recorder
-        name: NodeName,
+        #[arg(value_parser = PossibleValuesParser::new(NODES.into_iter().chain([RECORDER])))]
+        name: String,
         /// Namespace of the stack to join
         #[arg(long, default_value = "default")]
         namespace: String,
@@ -119,14 +122,8 @@ enum Command {
     ServePage,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum NodeName {
-    Plant,
-    Guidance,
-    AttitudeMpc,
-    Mixer,
-    Recorder,
-}
+/// Name of the recorder, among those of the nodes.
+const RECORDER: &str = "recorder";
 
 /// Parses the arguments and runs the command. A panic prints its reason; the exit code is then that of a lost process.
 pub fn main() -> ExitCode {
@@ -183,7 +180,7 @@ fn run() -> ExitCode {
         Command::FlyGuarded => guarded::serve().map_err(Into::into),
         Command::ServePage => web::serve_page(),
         Command::Node { name, namespace, epoch, settings, log } => {
-            return node(name, &namespace, epoch, settings.as_deref(), log);
+            return node(&name, &namespace, epoch, settings.as_deref(), log);
         }
     };
     strays::kill_all_of_this_launcher();
@@ -244,18 +241,14 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
-    match (name, log) {
-        (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, |session| {
+fn node(name: &str, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
+    match log {
+        Some(log) if name == RECORDER => recorder::main(namespace, epoch, &log),
+        _ if name == Topic::State.publisher() => run_as(name, namespace, epoch, own, |session| {
             let vehicle = nodes::vehicle(&session.scenario)?;
             plant::run_with(session, vehicle)
         }),
-        (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
-        (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
-        (answering, _) => {
-            let name = answering.to_possible_value().expect("every node has a name");
-            run_as(name.get_name(), namespace, epoch, own, |session| runtime::node::run(session, nodes::open))
-        }
+        _ => run_as(name, namespace, epoch, own, |session| runtime::node::run(session, nodes::open)),
     }
 }
 

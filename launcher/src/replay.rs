@@ -14,7 +14,7 @@ use flight::replay::{Plan, Recording};
 use flight::{guarded, programs};
 use runtime::console::{eprint_line, keep_stdout, print};
 use rustix::process::{Signal, getpid, kill_process};
-use settings::{Mode, Scenario, Swap, SwapNode, candidate};
+use settings::{Mode, Scenario, Swap, candidate};
 
 use crate::progress::Progress;
 use crate::run_folder::PartOfRun;
@@ -228,19 +228,15 @@ fn wait_for_debugger() {
 const LOOK_FOR_DEBUGGER: Duration = Duration::from_millis(100);
 
 fn node(name: &str) -> anyhow::Result<Topic> {
-    let known = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
+    let known = Topic::of_node(name);
     known.ok_or_else(|| anyhow!("no node is called '{name}'; there are plant, guidance, attitude-mpc and mixer"))
 }
 
 fn settings(recording: &Recording, topic: Topic, args: &ReplayArgs) -> anyhow::Result<Scenario> {
-    let node = match topic {
-        Topic::Reference => SwapNode::Guidance,
-        Topic::Controls => SwapNode::AttitudeMpc,
-        Topic::Actuators => SwapNode::Mixer,
-        Topic::State => {
-            bail!("the plant is the vehicle of the run; `--set` and `--exec` are for guidance, attitude-mpc and mixer")
-        }
-    };
+    ensure!(
+        topic != Topic::State,
+        "the plant is the vehicle of the run; `--set` and `--exec` are for guidance, attitude-mpc and mixer"
+    );
     let is_named = args.exec.is_some() || args.set.iter().any(|set| set.starts_with("node."));
     ensure!(
         is_named || !recording.is_foreign(topic, 1),
@@ -251,7 +247,7 @@ fn settings(recording: &Recording, topic: Topic, args: &ReplayArgs) -> anyhow::R
     let mut recorded = recording.scenario.clone();
     recorded.run.mode = Mode::Lockstep; // so that it may be a program of its own
     let mut own =
-        candidate(&recorded, &Swap { exec: args.exec.clone(), set: args.set.clone(), ..Swap::new(node, 0.0) })?;
+        candidate(&recorded, &Swap { exec: args.exec.clone(), set: args.set.clone(), ..Swap::new(topic, 0.0) })?;
     programs::pin(own.node.of_mut(topic), topic.publisher())?;
     programs::check_one(&own, topic)?;
     own.run.mode = recording.scenario.run.mode;

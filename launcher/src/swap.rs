@@ -4,12 +4,13 @@ use std::path::{Path, absolute};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, ensure};
+use contract::Topic;
 use contract::exit;
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase};
 use serde::Deserialize;
 use serde_json::{Map, Value};
-use settings::{Swap, SwapBounds, SwapNode, suggest};
+use settings::{Swap, SwapBounds, suggest, swap_node};
 
 use flight::control::{Request, ask};
 use flight::event::Event;
@@ -30,7 +31,7 @@ const LOOK: Duration = Duration::from_millis(50);
 pub struct SwapArgs {
     /// guidance, attitude-mpc or mixer
     #[arg(value_parser = node)]
-    pub node: SwapNode,
+    pub node: Topic,
     /// Another program; it is started as PROGRAM --namespace NAME --epoch N --settings FILE
     #[arg(long, value_name = "PATH")]
     pub exec: Option<String>,
@@ -70,7 +71,7 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let flight = target::describe(&domain);
     let ordered = ask(&domain, &Request::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
     if !args.json {
-        print(&format!("{} of {flight}\n", node.name()));
+        print(&format!("{} of {flight}\n", node.publisher()));
     }
     let number = ordered["swap"].as_u64().context("the launcher does not say which swap it is")? as usize;
     let mut told = ordered["since"].as_u64().context("the launcher does not say which events are to come")? as usize;
@@ -83,7 +84,7 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
         told += news.len();
         events.extend(news.iter().filter_map(|event| Event::deserialize(event).ok()));
         let known = story.len();
-        story.extend(news.into_iter().filter(|event| event["node"] == node.name()));
+        story.extend(news.into_iter().filter(|event| event["node"] == node.publisher()));
         story[known..].iter().filter(|_| !args.json).for_each(|event| print(&line(event)));
         if let Some(end) = SwapStory::of(&events, number).and_then(|story| story.end()) {
             break stayed(end);
@@ -125,8 +126,8 @@ fn line(event: &Value) -> String {
     format!("{at_s:8.2} s   {} epoch {} {what}{why}\n", event["node"].as_str().unwrap_or_default(), event["epoch"])
 }
 
-fn node(word: &str) -> Result<SwapNode, String> {
-    serde_json::from_value(word.into()).map_err(|error| suggest(&error.to_string()))
+fn node(word: &str) -> Result<Topic, String> {
+    swap_node(Value::from(word)).map_err(|error| suggest(&error.to_string()))
 }
 
 fn bounds(text: &str) -> Result<SwapBounds, String> {

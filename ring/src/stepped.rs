@@ -30,9 +30,6 @@ use crate::roles::simulated::Simulated;
 use crate::roles::supervised::given_up;
 use crate::workers::{Ring, Workers};
 
-/// Topics of the nodes that answer, in the order in which they do.
-pub const TOPICS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
-
 /// Result of a flight in one thread, except its messages.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Flown {
@@ -53,7 +50,7 @@ pub struct Stepped {
     states: Output<State>,
     truths: TruthOutput,
     commands: Input<Actuators>,
-    /// Nodes that answer, in the order of [`TOPICS`].
+    /// Nodes that answer, in the order of [`Topic::OF_CONTROLLERS`].
     nodes: [Workers; 3],
     /// Newest sample, and the provenance of the chains that begin with it.
     sample: (State, Stamp),
@@ -62,7 +59,7 @@ pub struct Stepped {
 
 impl Stepped {
     /// Builds the ring for a flight of `scenario` by `vehicle`, with the nodes that the functions `open` open, in the
-    /// order of [`TOPICS`].
+    /// order of [`Topic::OF_CONTROLLERS`].
     ///
     /// # Errors
     /// Something derived from `scenario`, such as the gain of the controller, does not exist.
@@ -78,7 +75,7 @@ impl Stepped {
         let states = Output::open(&mut ports, &member, scenario)?;
         let truths = TruthOutput::open(&mut ports, &member)?;
         let commands = Input::open(&mut ports, &member)?;
-        let node = |i: usize| Workers::new(&ring, TOPICS[i], scenario, open[i]);
+        let node = |i: usize| Workers::new(&ring, Topic::OF_CONTROLLERS[i], scenario, open[i]);
         Ok(Self {
             nodes: [node(0)?, node(1)?, node(2)?],
             scenario: scenario.clone(),
@@ -118,7 +115,7 @@ impl Stepped {
             if !self.begin()? {
                 return Ok(self.over(Ended::Lost("plant".into())));
             }
-            for topic in TOPICS {
+            for topic in Topic::OF_CONTROLLERS {
                 self.answer(topic);
             }
             self.memories().iter().for_each(&mut remember);

@@ -31,9 +31,6 @@ use crate::realtime::{Doorbell, now_ns, phase};
 use crate::release::Release;
 use crate::shared_role::Origin;
 
-/// Topics of the nodes that answer to the plant.
-const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
-
 /// Loop of the plant.
 pub struct SampleLoop {
     member: Member,
@@ -69,7 +66,11 @@ impl SampleLoop {
         self.member.faults.update();
         let page = &self.member.page;
         match self.release {
-            Release::Timer { .. } => OTHERS.iter().for_each(|topic| page.role(*topic).activate_pending(tick as u32)),
+            Release::Timer { .. } => {
+                for topic in Topic::OF_CONTROLLERS {
+                    page.role(topic).activate_pending(tick as u32);
+                }
+            }
             Release::Barrier if self.ask(tick).is_none() => return Ok(None),
             Release::Barrier => {}
         }
@@ -112,7 +113,7 @@ impl SampleLoop {
             && going
         {
             let limit_ns = now_ns() + GATHER_NS;
-            for topic in OTHERS {
+            for topic in Topic::OF_CONTROLLERS {
                 let role = page.role(topic);
                 let waits = || role.active() == 0 || role.waiting.get() == role.active();
                 self.wait_until(limit_ns, page.doorbell(topic), waits);
@@ -171,7 +172,7 @@ impl SampleLoop {
         mut command: impl FnMut(&M, u64),
     ) -> Option<u64> {
         let page = &self.member.page;
-        for topic in OTHERS {
+        for topic in Topic::OF_CONTROLLERS {
             let role = page.role(topic);
             let done = || role.assignment().epochs().all(|epoch| u64::from(role.done(epoch).get()) > tick);
             self.wait_for(page.doorbell(topic), done)?;
@@ -189,7 +190,9 @@ impl SampleLoop {
     /// Waits for the launcher's assignment of `tick`, if it may have changed; `None` if the run is over.
     fn ask(&self, tick: u64) -> Option<()> {
         let page = &self.member.page;
-        if tick >= u64::from(page.next_decision.get()) || OTHERS.iter().any(|topic| page.role(*topic).active() == 0) {
+        if tick >= u64::from(page.next_decision.get())
+            || Topic::OF_CONTROLLERS.iter().any(|topic| page.role(*topic).active() == 0)
+        {
             page.asked.raise(tick as u32 + 1);
             self.wait_for(&page.decided, || u64::from(page.decided.count()) > tick)?;
         }

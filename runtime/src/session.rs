@@ -42,7 +42,7 @@ impl NodeSession {
     /// # Errors
     /// There is no such run or node, or the settings cannot be read.
     pub fn join(namespace: &str, name: &str, epoch: u32, own: Option<&Path>) -> Result<Self, SessionError> {
-        let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
+        let topic = Topic::of_node(name);
         let topic = topic.ok_or_else(|| SessionError::UnknownNode(name.into()))?;
         let (ports, run) = Ports::join(namespace)?;
         let page = ports.page.clone();

@@ -85,7 +85,8 @@ pub fn to_toml(scenario: &Scenario) -> String {
 pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
-    let exec = swap.exec.as_ref().map(|exec| format!("node.{}.exec={}", swap.node.name(), Value::from(exec.as_str())));
+    let exec =
+        swap.exec.as_ref().map(|exec| format!("node.{}.exec={}", swap.node.publisher(), Value::from(exec.as_str())));
     let own = exec.iter().chain(&swap.set).map(|text| set(text));
     let sources: Vec<Source> = std::iter::once(base).chain(own).collect();
     let own = resolve(&sources)?;

@@ -137,7 +137,7 @@ pub unsafe fn free<T>(handle: *mut T) {
 
 /// Finds a node that answers by its name.
 pub fn topic_of(node: &str) -> Result<Topic, Failure> {
-    let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == node);
+    let topic = Topic::of_node(node);
     topic.filter(|topic| foreign::sizes(*topic).is_some()).ok_or_else(|| {
         Failure::of_usage(format!(
             "there is no node `{node}` to be: guidance, attitude-mpc and mixer answer to samples"

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use contract::topic::Topic;
-use flight::inprocess::stepped::{Stepped, TOPICS};
+use flight::inprocess::stepped::Stepped;
 use flight::log::Record;
 use flight::provenance::provenance;
 use flight::stack::Ended;
@@ -54,7 +54,7 @@ impl TrefoilFlight {
         let scenario = scenario.map_err(|error| Failure::of_usage(error.to_string()))?;
         check(&scenario, topic)?;
         foreign::in_program_of_others();
-        let mut open = [nodes::open as runtime::node::Open; TOPICS.len()];
+        let mut open = [nodes::open as runtime::node::Open; Topic::OF_CONTROLLERS.len()];
         open[place(topic)] = open_asked;
         Ok(Self {
             ring: Some(Stepped::new(&scenario, nodes::vehicle(&scenario)?, true, open)?),
@@ -82,7 +82,7 @@ impl TrefoilFlight {
                 self.end(Ended::Lost(Topic::State.publisher().into()))?;
                 break;
             }
-            for topic in &TOPICS[..place(self.topic)] {
+            for topic in &Topic::OF_CONTROLLERS[..place(self.topic)] {
                 ring.answer(*topic);
             }
             if let Some((node, sample)) = ring.asked(self.topic) {
@@ -109,7 +109,7 @@ impl TrefoilFlight {
     /// Lets the nodes from the caller's on answer, and ends the tick.
     fn finish_tick(&mut self) -> Result<(), Failure> {
         let Some(ring) = &mut self.ring else { return Ok(()) };
-        for topic in &TOPICS[place(self.topic)..] {
+        for topic in &Topic::OF_CONTROLLERS[place(self.topic)..] {
             ring.answer(*topic);
         }
         let summary = &mut self.summary;
@@ -146,7 +146,7 @@ impl TrefoilFlight {
     }
 }
 
-/// Place of `topic` in [`TOPICS`].
+/// Place of `topic` in [`Topic::OF_CONTROLLERS`].
 fn place(topic: Topic) -> usize {
     topic as usize - 1 // the plant, on the first topic, answers to nothing
 }
@@ -162,7 +162,7 @@ fn check(scenario: &Scenario, topic: Topic) -> Result<(), Failure> {
         let program = format!("`node.{name}.exec` has no effect: the caller is {name}; remove it, or be another node");
         return Err(Failure::of_usage(program));
     }
-    if scenario.swap.iter().any(|swap| swap.node.topic() == topic) {
+    if scenario.swap.iter().any(|swap| swap.node == topic) {
         let swap = format!("a `[[swap]]` of {name} replaces the caller; remove it, or be another node");
         return Err(Failure::of_usage(swap));
     }

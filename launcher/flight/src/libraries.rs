@@ -8,7 +8,7 @@ use settings::{ProgramKind, Scenario, candidate};
 /// Returns the nodes that are libraries in a flight of `scenario`, from the beginning and then by its swaps, each with
 /// its settings.
 pub fn all(scenario: &Scenario) -> Vec<(Topic, Scenario)> {
-    let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node.topic(), candidate(scenario, swap).ok()?)));
+    let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node, candidate(scenario, swap).ok()?)));
     let own = scenario.node.libraries().map(|topic| (topic, scenario.clone()));
     own.chain(swapped.filter(|(topic, own)| own.node.of(*topic).kind() == ProgramKind::Library)).collect()
 }

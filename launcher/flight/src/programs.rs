@@ -72,9 +72,9 @@ pub fn pin_all(scenario: &mut Scenario) -> Result<(), ScenarioError> {
 /// # Errors
 /// As for [`pin`].
 pub fn pin_swap(run: &Scenario, swap: &mut Swap) -> Result<(), ScenarioError> {
-    let name = swap.node.name();
+    let name = swap.node.publisher();
     let own = candidate(run, swap)?;
-    let before = own.node.of(swap.node.topic());
+    let before = own.node.of(swap.node);
     let mut pinned = before.clone();
     pin(&mut pinned, name)?;
     let new_files = pinned.files.iter().filter(|(file, _)| !before.files.contains_key(*file));

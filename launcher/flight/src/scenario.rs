@@ -41,7 +41,7 @@ pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
 fn of_swap(swap: &Swap, error: &ScenarioError) -> ScenarioError {
     let why = error.to_string();
     let why = why.trim_start_matches("error: ");
-    ScenarioError::of(format!("`[[swap]]` of {}: {why}", swap.node.name()), String::new())
+    ScenarioError::of(format!("`[[swap]]` of {}: {why}", swap.node.publisher()), String::new())
 }
 
 /// Checks that everything exists that a swap in a flight of `scenario` needs, and tries its library.
@@ -50,7 +50,7 @@ fn of_swap(swap: &Swap, error: &ScenarioError) -> ScenarioError {
 /// The program cannot be flown, or there is no controller for its settings.
 pub fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
     let of_swap = |error| of_swap(swap, &error);
-    let topic = swap.node.topic();
+    let topic = swap.node;
     let own = candidate(scenario, swap)?;
     programs::check_one(&own, topic).map_err(of_swap)?;
     match own.node.of(topic).kind() {

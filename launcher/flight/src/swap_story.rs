@@ -74,7 +74,7 @@ impl<'a> FailedSwap<'a> {
     /// Describes the swap, its end, and the reason.
     pub fn describe(&self) -> String {
         let why = self.end.and_then(|end| end.why.as_ref()).map_or(String::new(), |why| format!(": {why}"));
-        format!("the swap of {} at {:.2} s {}{why}", self.swap.node.name(), self.swap.at_s, self.name())
+        format!("the swap of {} at {:.2} s {}{why}", self.swap.node.publisher(), self.swap.at_s, self.name())
     }
 }
 

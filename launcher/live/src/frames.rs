@@ -11,7 +11,7 @@ use outcome::ticks::{Joined, LoggedTick};
 use outcome::timing::Age;
 use plant::air::Air;
 use serde_json::{Map, Value, json};
-use settings::{FaultTarget, Mode, Scenario, SwapNode};
+use settings::{FaultTarget, Mode, Scenario};
 use view::report::columns::{Derived, lines, names, values};
 
 /// Rows of the plots per second, at most: every n-th tick is shown.
@@ -23,7 +23,6 @@ const COURSE_POINTS: u32 = 400;
 /// Columns besides those of the report: the age at the actuator, and the mean wind.
 const MORE: [&str; 4] = ["age_ms", "mean_wind_north", "mean_wind_east", "mean_wind_down"];
 /// Nodes whose process can be replaced.
-const SWAPS: [SwapNode; 3] = [SwapNode::Guidance, SwapNode::AttitudeMpc, SwapNode::Mixer];
 /// Worst ticks that are shown.
 const WORST: usize = 5;
 /// Digits of a number on the page.
@@ -146,7 +145,7 @@ impl Frames {
             "topics": Topic::ALL.map(Topic::name),
             "deadlines_ms": Topic::ALL.map(|topic| scenario.deadline_of(topic as usize).deadline_ns as f64 / 1e6),
             "faults": faults(),
-            "swaps": SWAPS.map(SwapNode::name),
+            "swaps": Topic::OF_CONTROLLERS.map(Topic::publisher),
         })
     }
 

@@ -76,7 +76,7 @@ impl Nodes {
     }
 
     pub fn note(&mut self, event: &Event) {
-        if let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.publisher() == event.node) {
+        if let Some(topic) = Topic::of_node(&event.node) {
             self.of[topic as usize].note(event);
         }
     }

@@ -94,7 +94,7 @@ impl Simulated {
         for (i, swap) in self.scenario.swap.clone().iter().enumerate() {
             let begins = swap.ticks(self.scenario.sample_s()).from == tick;
             if begins {
-                self.on(swap.node.topic(), now, RoleInput::SwapRequested(i));
+                self.on(swap.node, now, RoleInput::SwapRequested(i));
             }
         }
         let nodes = &self.nodes;

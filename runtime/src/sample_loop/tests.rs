@@ -14,7 +14,7 @@ fn plant(ring: &Ring) -> (SampleLoop, Input<Actuators>, Output<State>) {
 
 /// Marks `tick` as done by every other node.
 fn answer(ring: &Ring, tick: u64) {
-    for topic in OTHERS {
+    for topic in Topic::OF_CONTROLLERS {
         ring.page.role(topic).done(1).set(tick as u32 + 1);
     }
 }
@@ -28,7 +28,7 @@ fn rule(ring: &Ring, tick: u64) {
 fn ring_by_the_timer() -> Ring {
     let mut ring = Ring::flying(Mode::Realtime);
     ring.run.run.rate_hz = 1000;
-    for topic in OTHERS {
+    for topic in Topic::OF_CONTROLLERS {
         ring.page.role(topic).waiting.set(1);
     }
     ring

@@ -1,12 +1,13 @@
 //! Checks of `[[swap]]`.
 
+use contract::topic::Topic;
 use toml::Value;
 
 use crate::check::found::Found;
 use crate::check::{idle, ranges};
 use crate::table::fault::{FaultKind, FaultTarget};
 use crate::table::run::{Mode, Scenario};
-use crate::table::swap::{Swap, SwapNode, SwapTicks};
+use crate::table::swap::{Swap, SwapTicks};
 use crate::text::report::ScenarioError;
 use crate::words::word;
 
@@ -23,7 +24,7 @@ pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
         found.require(sizes.is_ok(), &KEYS, what, "numbers below 2^63");
         ranges::check(&ranges::collect(&format!("swap.{i}"), sizes.unwrap_or(false.into())), found);
         idle::check_begin("swap", swap.at_s, swap.ticks(scenario.sample_s()).from, scenario, found);
-        if swap.node == SwapNode::Plant {
+        if swap.node == Topic::State {
             let what =
                 "the plant cannot be swapped: it is the vehicle, and there is no second one to take over from it";
             found.require(
@@ -40,7 +41,7 @@ pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
         found.require(
             others.all(|other| apart(ticks(other), ticks(swap))),
             &KEYS,
-            format!("two swaps of {} at once", swap.node.name()),
+            format!("two swaps of {} at once", swap.node.publisher()),
             "one after the other: from `at_s` to `at_s` + `standby_s` + `watch_s` the node is taken",
         );
         check_candidate(scenario, swap, candidate(scenario, swap), found);
@@ -66,14 +67,14 @@ fn check_candidate(scenario: &Scenario, swap: &Swap, own: Result<Scenario, Scena
     if own.fault == scenario.fault {
         return;
     }
-    let topic = swap.node.topic();
+    let topic = swap.node;
     let clocked = scenario.run.mode == Mode::Realtime;
     for fault in &own.fault {
         let of_itself = fault.target.process() == Some(topic)
             && matches!(fault.kind, FaultKind::Slow | FaultKind::Exit)
             || fault.target.process() == Some(topic) && fault.kind == FaultKind::Hog && clocked;
         let of_its_word = fault.target.topic() == Some(topic);
-        let of_its_solver = fault.target == FaultTarget::Mpc && swap.node == SwapNode::AttitudeMpc;
+        let of_its_solver = fault.target == FaultTarget::Mpc && swap.node == Topic::Controls;
         found.require(
             of_itself || of_its_word || of_its_solver,
             &KEYS,

@@ -1,7 +1,7 @@
 //! The scenario as a whole, `[run]` and `[bounds]`. Names and units are the file's.
 
 use airframe::{ActuatorLaw, Limits, Parameters, Trim};
-use contract::topic::Topic;
+use contract::topic::{GRAPH, Topic};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -119,9 +119,6 @@ pub struct Bounds {
 /// a controller takes a command of zero for a cut.
 const IDLE_SHARE: f64 = 0.1;
 
-/// Deadlines of STATE, REFERENCE, CONTROLS and ACTUATORS, as shares of that of the whole chain.
-const DEADLINE_SHARES: [f64; 4] = [0.2, 0.4, 0.8, 1.0];
-
 /// Time between two records of the nodes' memories in the log \[s\].
 const REMEMBERED_S: u64 = 10;
 
@@ -186,7 +183,7 @@ impl Scenario {
     pub fn deadline_of(&self, rank: usize) -> NodeDeadline {
         let (common, own) = (&self.deadline, self.node.of(Topic::ALL[rank]));
         let whole_ms = common.end_to_end_ms.unwrap_or(self.sample_s() * 1e3);
-        let due_ms = own.deadline_ms.unwrap_or(whole_ms * DEADLINE_SHARES[rank]);
+        let due_ms = own.deadline_ms.unwrap_or(whole_ms * GRAPH[rank].deadline_share);
         NodeDeadline { deadline_ns: (due_ms * 1e6).round() as u64, late: own.late.unwrap_or(common.late) }
     }
 

@@ -6,11 +6,12 @@
 //!  + watch_s    the old process ends; if the candidate left its bounds before, the old process became active again
 //! ```
 
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::json;
 
-use contract::topic::Topic;
+use contract::topic::{Edge, GRAPH, NODES, Topic};
 
 /// One `[[swap]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,7 +20,9 @@ pub struct Swap {
     /// Start of the candidate \[s\], 0 to 86400.
     pub at_s: f64,
     /// The node whose process is replaced.
-    pub node: SwapNode,
+    #[schemars(schema_with = "names")]
+    #[serde(serialize_with = "name_of", deserialize_with = "swap_node")]
+    pub node: Topic,
     /// Program of the candidate, started as `PROGRAM --namespace NAME --epoch N --settings FILE`; absent = the
     /// launcher's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -66,21 +69,6 @@ impl Default for SwapBounds {
     }
 }
 
-/// Role whose process is replaced, `swap.node`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum SwapNode {
-    /// The vehicle; refused, because it cannot be replaced.
-    #[schemars(skip)]
-    Plant,
-    /// The position controller.
-    Guidance,
-    /// The attitude controller.
-    AttitudeMpc,
-    /// The control allocation.
-    Mixer,
-}
-
 /// Ticks at which the stages of a swap begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SwapTicks {
@@ -94,7 +82,7 @@ pub struct SwapTicks {
 
 impl Swap {
     /// Makes a swap of `node` with the defaults.
-    pub fn new(node: SwapNode, at_s: f64) -> Self {
+    pub fn new(node: Topic, at_s: f64) -> Self {
         let (standby_s, watch_s) = (Self::usual_standby_s(), Self::usual_watch_s());
         let bounds = SwapBounds::default();
         Self { at_s, node, exec: None, set: vec![], standby_s, watch_s, bounds, may_fail: false }
@@ -117,32 +105,23 @@ impl Swap {
     }
 }
 
-impl SwapNode {
-    /// Topic that the node publishes.
-    pub fn topic(self) -> Topic {
-        match self {
-            Self::Plant => Topic::State,
-            Self::Guidance => Topic::Reference,
-            Self::AttitudeMpc => Topic::Controls,
-            Self::Mixer => Topic::Actuators,
-        }
-    }
+/// Names of the nodes that can be swapped.
+const NAMES: &[&str] = NODES.split_at(1).1;
 
-    /// Name as the file spells it.
-    pub fn name(self) -> &'static str {
-        self.topic().publisher()
-    }
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde calls")]
+fn name_of<S: Serializer>(node: &Topic, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(node.publisher())
 }
 
-impl<'de> Deserialize<'de> for SwapNode {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        use SwapNode as N;
-        let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer];
-        let word = String::deserialize(from)?;
-        // The plant is read, so that the check can refuse it with the reason, but it is not offered.
-        let known = all.into_iter().find(|node| node.name() == word);
-        known.ok_or_else(|| D::Error::unknown_variant(&word, &["guidance", "attitude-mpc", "mixer"]))
-    }
+/// Reads the name of a node. The plant is read, so that the check can refuse it with the reason, but it is not offered.
+pub fn swap_node<'de, D: Deserializer<'de>>(from: D) -> Result<Topic, D::Error> {
+    let word = String::deserialize(from)?;
+    Topic::of_node(&word).ok_or_else(|| D::Error::unknown_variant(&word, NAMES))
+}
+
+fn names(_: &mut SchemaGenerator) -> Schema {
+    let node = |edge: &Edge| json!({"const": edge.publisher, "description": edge.description, "type": "string"});
+    json_schema!({ "oneOf": GRAPH[1..].iter().map(node).collect::<Vec<_>>() })
 }
 
 #[cfg(test)]
@@ -151,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_candidate_is_on_standby_for_one_tick_at_least() {
-        let swap = Swap { standby_s: 0.5, watch_s: 2.0, ..Swap::new(SwapNode::Mixer, 0.29) };
+        let swap = Swap { standby_s: 0.5, watch_s: 2.0, ..Swap::new(Topic::Actuators, 0.29) };
         assert_eq!(swap.ticks(0.01), SwapTicks { from: 29, hand_over: 79, until: 279 });
         let hasty = Swap { standby_s: 0.0, watch_s: 0.0, ..swap };
         assert_eq!(hasty.ticks(0.01), SwapTicks { from: 29, hand_over: 30, until: 30 });

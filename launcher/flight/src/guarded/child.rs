@@ -84,7 +84,7 @@ fn carry_out(Request { work, scenario, .. }: &Request, sender: &RefCell<Sender>)
             ring.fly(watch, |memory| sender.borrow_mut().memory(memory)).map(End::Flown)
         }
         Work::Try { node: Some(name) } => {
-            let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
+            let topic = Topic::of_node(name);
             let topic = topic.ok_or_else(|| SessionError::UnknownNode(name.clone()))?;
             foreign::try_out(topic, scenario).map(|()| End::Tried)
         }

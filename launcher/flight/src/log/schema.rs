@@ -108,7 +108,7 @@ pub fn encode_memory(memory: &Memory) -> Vec<u8> {
 
 pub fn decode_memory(bytes: &[u8]) -> anyhow::Result<Memory> {
     let wire::Memory { tick, node, epoch, done, words } = wire::Memory::decode(bytes)?;
-    let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == node).context("the node is unknown")?;
+    let topic = Topic::of_node(&node).context("the node is unknown")?;
     Ok(Memory { tick, topic, origin: Origin { epoch, done }, words })
 }
 

@@ -65,7 +65,7 @@ impl Recording {
         let mut processes = Topic::ALL.map(|topic| (topic, 1)).to_vec();
         for event in events.iter().filter(|event| event.what == What::Started) {
             let Event { node, epoch, origin, .. } = event;
-            let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.publisher() == node) else { continue };
+            let Some(topic) = Topic::of_node(node) else { continue };
             let whose = (topic, u64::from(*epoch));
             processes.push(whose);
             let Some(swap) = origin else { continue };

@@ -7,7 +7,7 @@ use proptest::collection::vec;
 use proptest::prelude::Strategy;
 use proptest::sample::select;
 use proptest::test_runner::{Config, TestRunner};
-use settings::{Fault, FaultKind, FaultTarget, Law, Scenario, Swap, SwapNode};
+use settings::{Fault, FaultKind, FaultTarget, Law, Scenario, Swap};
 
 use super::flight::Flight;
 use super::*;
@@ -84,7 +84,7 @@ fn all_faults() -> Vec<Fault> {
 #[test]
 fn a_flight_with_every_kind_of_trouble_repeats_bit_for_bit() {
     let faults = all_faults();
-    let swap = Swap { set: vec!["attitude.law='lqr'".into()], ..Swap::new(SwapNode::AttitudeMpc, 0.5) };
+    let swap = Swap { set: vec!["attitude.law='lqr'".into()], ..Swap::new(Topic::Controls, 0.5) };
     let end_s = 3.0 + 0.3 * (faults.len() + 3) as f64;
     let flight = flown(end_s, &faults, &[swap]);
     assert!(flight.1.events.iter().any(|event| event.what == What::Kept), "the swap was carried out");

@@ -140,7 +140,7 @@ impl Driver for Realtime {
         for (i, swap) in scenario.swap.iter().enumerate() {
             // Tick 0 is also the tick before the first sample.
             let is_due = tick > 0 && tick >= swap.ticks(scenario.sample_s()).from && !self.begun[i];
-            let topic = swap.node.topic();
+            let topic = swap.node;
             if is_due && !self.nodes[topic as usize].role.has_candidate() {
                 self.begun[i] = true;
                 orders.extend(self.on(scenario, topic, RoleInput::SwapRequested(i)));

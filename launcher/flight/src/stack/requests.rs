@@ -200,7 +200,7 @@ fn order_swap(run: &mut Run, swap: Swap) -> Result<usize, String> {
     if run.page.phase.count() != phase::GO {
         return Err("the stack is starting or ending".into());
     }
-    run.driver.may_swap(swap.node.topic())?;
+    run.driver.may_swap(swap.node)?;
     let swap = Swap { at_s: run.time_s(run.next_tick()), ..swap };
     let mut with_it = run.scenario.clone();
     settle(&mut with_it, &run.events);

@@ -21,7 +21,7 @@ pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     in_order.sort_by_key(|swap| swap.ticks(sample_s).from);
     let mut free = [0; Topic::COUNT];
     for swap in in_order {
-        let free = &mut free[swap.node.topic() as usize];
+        let free = &mut free[swap.node as usize];
         if swap.ticks(sample_s).from < *free {
             swap.at_s = *free as f64 / rate_hz;
         }
@@ -45,12 +45,12 @@ fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use settings::{SwapNode, check_swaps, load};
+    use settings::{check_swaps, load};
 
     /// Returns the times of swaps of the mixer `at_s`, settled by the `events` (tick, epoch, what, swap).
     fn settled(at_s: &[f64], events: &[(u64, u32, What, Option<usize>)]) -> Vec<[f64; 3]> {
         let mut scenario = load(None, &[]).unwrap();
-        scenario.swap = at_s.iter().map(|at_s| Swap::new(SwapNode::Mixer, *at_s)).collect();
+        scenario.swap = at_s.iter().map(|at_s| Swap::new(Topic::Actuators, *at_s)).collect();
         let one = |(tick, epoch, what, swap)| Event::new(tick, "mixer", epoch, what).begins(swap);
         settle(&mut scenario, &events.iter().copied().map(one).collect::<Vec<_>>());
         check_swaps(&scenario).unwrap();

@@ -9,6 +9,7 @@
 //! tracking and navigation* (2001), section 5.4. One number of each seed counts, because those of a flight go together.
 
 use contract::message::{Kinematics, State, Truth};
+use contract::topic::Topic;
 use flight::inprocess;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use navigation::state::{ATTITUDE, POSITION, VELOCITY};
@@ -123,7 +124,7 @@ fn fly(seed: u64, sensors: &Sensors) -> anyhow::Result<Seed> {
     let mut ring = inprocess::ring(&scenario, false)?;
     let mut found = Seed { nees: Default::default(), nis: Default::default(), resets: 0.0, refused: 0.0 };
     while ring.begin()? {
-        for topic in inprocess::stepped::TOPICS {
+        for topic in Topic::OF_CONTROLLERS {
             ring.answer(topic);
         }
         let now_ns = ring.sample().stamp.tick * scenario.sample_ns();

@@ -12,15 +12,15 @@
 //! | exit | none, because the process has ended |
 
 use contract::topic::Topic;
-use settings::{Mode, Scenario, Swap, SwapNode};
+use settings::{Mode, Scenario, Swap};
 
 use crate::flights::hover_in_gusts;
 
-/// Nodes in the order of their swaps, with their topics and the settings of every other good candidate.
-const NODES: [(SwapNode, Topic, &str); 3] = [
-    (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
-    (SwapNode::AttitudeMpc, Topic::Controls, "attitude.law=\"lqr\""),
-    (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
+/// Nodes in the order of their swaps, by their topics, with the settings of every other good candidate.
+const NODES: [(Topic, &str); 3] = [
+    (Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
+    (Topic::Controls, "attitude.law=\"lqr\""),
+    (Topic::Actuators, "mixer.projection=true"),
 ];
 /// Faults of the wrong candidates: of the topic or of the process.
 const WAYS: [(FaultTargetOf, &str); 5] = [
@@ -53,7 +53,7 @@ const GUST_S: f64 = 2.0;
 pub fn good(survey: Scenario) -> Scenario {
     let mut swaps = vec![];
     for round in 0..ROUNDS {
-        for (node, _, other) in NODES {
+        for (node, other) in NODES {
             let set = if round % 2 == 1 { vec![other.to_owned()] } else { vec![] };
             swaps.push(swap(swaps.len(), GOOD_S, node, set));
         }
@@ -65,9 +65,9 @@ pub fn good(survey: Scenario) -> Scenario {
 pub fn wrong() -> anyhow::Result<Scenario> {
     let (mut gusts, mut swaps) = (hover_in_gusts()?, vec![]);
     for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
-        for (node, topic, _) in NODES {
+        for (node, _) in NODES {
             let at_s = begins_s(swaps.len(), WRONG_S) + after_s;
-            let set = format!("fault=[{{at_s={at_s:?}, target=\"{}\", {fault}}}]", target(topic));
+            let set = format!("fault=[{{at_s={at_s:?}, target=\"{}\", {fault}}}]", target(node));
             swaps.push(Swap { may_fail: true, ..swap(swaps.len(), WRONG_S, node, vec![set]) });
         }
     }
@@ -85,7 +85,7 @@ fn begins_s(i: usize, (_, apart_s): (f64, f64)) -> f64 {
 }
 
 /// Returns swap number `i`, with standby and interval in `times_s`.
-fn swap(i: usize, times_s: (f64, f64), node: SwapNode, set: Vec<String>) -> Swap {
+fn swap(i: usize, times_s: (f64, f64), node: Topic, set: Vec<String>) -> Swap {
     let (standby_s, apart_s) = times_s;
     Swap { set, standby_s, watch_s: apart_s - standby_s - REST_S, ..Swap::new(node, begins_s(i, times_s)) }
 }

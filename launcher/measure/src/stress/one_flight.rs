@@ -284,7 +284,7 @@ fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Op
 /// Waits until the role of a `process` that was killed at `at_ns` is vacant; returns the time since then \[ms\], `None`
 /// for one that was not active.
 fn noticed_ms(launcher: &Launcher, process: &Process, at_ns: u64) -> Option<f64> {
-    let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == process.name)?;
+    let topic = Topic::of_node(&process.name)?;
     let page = ControlPage::open(&Domain::find(&launcher.namespace).ok()?.file("page")).ok()?;
     let is_active = || page.role(topic).active() == process.epoch;
     if !is_active() {

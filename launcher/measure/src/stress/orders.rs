@@ -10,8 +10,9 @@
 //!
 //! Short flights are `Killed`.
 
+use contract::topic::Topic;
 use serde::Serialize;
-use settings::{Fault, FaultKind, FaultTarget, Policy, Scenario, Swap, SwapNode};
+use settings::{Fault, FaultKind, FaultTarget, Policy, Scenario, Swap};
 
 use super::candidates;
 use crate::timing::timed_flights::realtime;
@@ -90,18 +91,17 @@ pub enum Order {
 /// Returns the orders for disturbed flight `number` of `duration_s`, with their times as shares of the flight. The
 /// nodes differ from flight to flight.
 pub fn orders(number: u64, duration_s: f64) -> [(f64, Order); 6] {
-    const NODES: [(&str, SwapNode); 3] =
-        [("attitude-mpc", SwapNode::AttitudeMpc), ("guidance", SwapNode::Guidance), ("mixer", SwapNode::Mixer)];
+    const NODES: [Topic; 3] = [Topic::Controls, Topic::Reference, Topic::Actuators];
     let node = |i: usize| NODES[(number as usize + i) % NODES.len()];
     let short_s = 0.05 * duration_s;
-    let swap = Swap { standby_s: short_s, watch_s: short_s, ..Swap::new(node(1).1, 0.0) };
+    let swap = Swap { standby_s: short_s, watch_s: short_s, ..Swap::new(node(1), 0.0) };
     let inject = |target, kind| Order::Inject(Box::new(Fault::new(target, kind, 0.0, Some(short_s))));
     [
-        (0.1, Order::Kill(node(0).0)),
+        (0.1, Order::Kill(node(0).publisher())),
         (0.2, inject(FaultTarget::Rates, FaultKind::Noise)),
         (0.3, Order::Swap(Box::new(swap))),
         (0.6, inject(FaultTarget::Controls, FaultKind::Drop)),
-        (0.7, Order::Kill(node(2).0)),
+        (0.7, Order::Kill(node(2).publisher())),
         (0.8, inject(FaultTarget::Rotor1, FaultKind::Slow)),
     ]
 }

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use contract::message::{Controls, Message, Stamp, State};
 use contract::stamp::delivery;
-use settings::{Fault, FaultKind, FaultTarget, Mode, Run, Swap, SwapNode};
+use settings::{Fault, FaultKind, FaultTarget, Mode, Run, Swap};
 
 use contract::message::Truth;
 
@@ -106,7 +106,7 @@ fn the_fourth_death_in_five_seconds_is_the_last() {
 #[test]
 fn nothing_changes_between_decisions() {
     let stop = Fault::new(FaultTarget::Mixer, FaultKind::Stop, 1.0, Some(0.5));
-    let mut roles = Simulated::new(&scenario(vec![stop], vec![Swap::new(SwapNode::Guidance, 2.0)]));
+    let mut roles = Simulated::new(&scenario(vec![stop], vec![Swap::new(Topic::Reference, 2.0)]));
     roles.begin(0);
     assert_eq!(roles.next_decision(), 100);
     roles.begin(100);
@@ -117,7 +117,7 @@ fn nothing_changes_between_decisions() {
 
 /// Returns roles with a swap of attitude-mpc: standby from tick 10, active from 20, kept at 40.
 fn swapping() -> Simulated {
-    let swap = Swap { standby_s: 0.1, watch_s: 0.2, ..Swap::new(SwapNode::AttitudeMpc, 0.1) };
+    let swap = Swap { standby_s: 0.1, watch_s: 0.2, ..Swap::new(Topic::Controls, 0.1) };
     Simulated::new(&scenario(vec![], vec![swap]))
 }
 
@@ -256,7 +256,7 @@ fn a_tick_that_both_processes_miss_does_not_count_against_the_candidate() {
 
 #[test]
 fn a_swap_during_a_trial_is_rejected_and_one_after_it_begins() {
-    let swap = |at_s| Swap { standby_s: 0.1, watch_s: 0.2, ..Swap::new(SwapNode::AttitudeMpc, at_s) };
+    let swap = |at_s| Swap { standby_s: 0.1, watch_s: 0.2, ..Swap::new(Topic::Controls, at_s) };
     let mut roles = Simulated::new(&scenario(vec![], vec![swap(0.1), swap(0.2), swap(0.7)]));
     fly(&mut roles, 0..50, |_| 0.1);
     assert!(told(&roles).contains(&(20, 2, What::Rejected)), "the second; the first goes on");

@@ -194,14 +194,12 @@ impl FaultTarget {
 
     /// Topic that has the fault; `None` if the target is no topic.
     pub fn topic(self) -> Option<Topic> {
-        let topics = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
-        topics.iter().position(|topic| *topic == self).map(|i| Topic::ALL[i])
+        Topic::ALL.into_iter().find(|topic| topic.name() == self.name())
     }
 
     /// Topic that the faulty process publishes; `None` if the target is no process.
     pub fn process(self) -> Option<Topic> {
-        let processes = [Self::Plant, Self::Guidance, Self::AttitudeMpc, Self::Mixer];
-        processes.iter().position(|process| *process == self).map(|i| Topic::ALL[i])
+        Topic::of_node(self.name())
     }
 
     /// Returns whether the target is a sensor.
