@@ -17,15 +17,14 @@ use campaign::{Campaign, OwnController, Plan, Rate, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
 use flight::interrupts::{catch_interrupts, end_at_once};
-use flight::shipped::Kind;
+use folder::shipped::Kind;
 use outcome::target::Verdict;
 use runtime::console::{eprint_line, is_read, print};
 use view::table;
 
-use crate::fly;
 use crate::progress::Progress;
-use crate::scenarios;
 use crate::web::{self, OpenPage, TokenArgs};
+use crate::{fly, scenarios};
 
 /// Arguments of `campaign`.
 #[derive(Args)]

@@ -13,9 +13,9 @@ use runtime::console;
 use runtime::process::run_as;
 use runtime::realtime::{reset_signals, tell_of_crashes};
 
-use flight::shipped::Kind;
 use flight::stack::{StartError, check_memory};
 use flight::{guarded, nodes, recorder, scenario, strays};
+use folder::shipped::Kind;
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::report;
@@ -219,7 +219,7 @@ fn with_causes(error: &anyhow::Error) -> String {
 }
 
 fn report(of: &PartOfRun) -> anyhow::Result<u8> {
-    let (page, missing) = report::write(&of.run, of.part()?, outcome::explain::costs)?;
+    let (page, missing) = report::write(&of.run, of.part()?, ::replay::explain::costs)?;
     if let Some(missing) = missing {
         eprint_line(&format!("note: {missing}"));
     }

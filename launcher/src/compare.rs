@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use contract::exit;
-use flight::files::{named_file, write_whole};
+use folder::files::{named_file, write_whole};
 use runtime::console::print;
 use view::comparison::{Align, Comparison};
 

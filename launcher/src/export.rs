@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use flight::duration::{seconds, seconds_or_inf};
-use flight::files::{named_file, write_whole};
 use flight::scenario;
-use flight::shipped::Kind;
+use folder::files::{named_file, write_whole};
+use folder::shipped::Kind;
 use outcome::recorded::Part;
 use runtime::console::{eprint_line, print};
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};

@@ -17,7 +17,6 @@ use crate::new::name;
 use crate::progress::Progress;
 use crate::web::{self, TokenArgs};
 use crate::{mavlink, mission, vehicle};
-use flight::folder::Folder;
 use flight::guarded;
 use flight::hover::Hover;
 use flight::interrupts::{catch_interrupts, end_at_once};
@@ -25,6 +24,7 @@ use flight::log::Record;
 use flight::provenance::{Scheduling, granted, provenance};
 use flight::recorder::CountedLog;
 use flight::stack::{Ended, Flown, Stack};
+use folder::run::Folder;
 use ground::{Address, Home};
 use machine::{Level, Machine};
 use outcome::judge::{Circumstances, Verdict};
@@ -187,7 +187,7 @@ fn write_report(run: &Path) -> anyhow::Result<()> {
     end_at_once(format!("interrupted before the report was written; `trefoil report {path}` writes it"));
     let progress = Progress::start();
     progress.show(|| "writing report.html: flies again for what disturbed ticks cost   (Ctrl-C leaves it out)".into());
-    let written = report::write(run, Part::ALL, outcome::explain::costs);
+    let written = report::write(run, Part::ALL, replay::explain::costs);
     progress.finish();
     written.map(drop)
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, bail};
 use flight::duration::seconds;
-use flight::files;
+use folder::files;
 use outcome::recorded::Part;
 use settings::file::MAX_LOG_BYTES;
 

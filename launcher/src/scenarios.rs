@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use flight::shipped::{Kind, Shipped, advice};
+use folder::shipped::{Kind, Shipped, advice};
 use runtime::console::{eprint_line, print};
 
 /// Arguments of `scenarios`.

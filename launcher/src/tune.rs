@@ -8,7 +8,7 @@ use campaign::{Campaign, search};
 use clap::Args;
 use contract::exit;
 use flight::interrupts::catch_interrupts;
-use flight::shipped::Kind;
+use folder::shipped::Kind;
 use runtime::console::{eprint_line, print};
 
 use crate::progress::Progress;

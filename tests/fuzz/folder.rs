@@ -32,7 +32,7 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     if let Some(run) = run {
         fs::write(folder.path().join("run.json"), run).expect("can be written");
     }
-    let page = report::write(folder.path(), Part::ALL, outcome::explain::costs);
+    let page = report::write(folder.path(), Part::ALL, replay::explain::costs);
     assert_eq!(page.is_ok(), folder.path().join("report.html").exists());
     let Ok(Recorded { scenario, run, .. }) = Recorded::read(&path) else { return };
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {

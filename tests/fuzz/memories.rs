@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use contract::exit;
 use flight::log::{self, Log, LogWriter, Memory};
-use flight::replay::Plan;
 use outcome::recorded::{Part, Recorded};
-use outcome::replay_verdict::replay_and_judge;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
+use replay::verdict::replay_and_judge;
+use replay::{Plan, Recording};
 use tempfile::TempDir;
 
 use super::cases;
@@ -130,7 +130,7 @@ fn replayed(memories: &[Memory]) -> anyhow::Result<(u8, String)> {
     let folder = folder(memories);
     let part = Part { from_s: 10.2, ..Part::ALL };
     let recorded = Recorded::read_each(folder.path(), part, |_, _| {})?;
-    let recording = recorded.recording()?;
+    let recording = Recording::of(&recorded)?;
     let verdict = replay_and_judge(&recorded, &recording, &Plan { from: 1020, ..Plan::default() }, |_, _| {})?;
     Ok((verdict.exit_code, verdict.text))
 }

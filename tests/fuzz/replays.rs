@@ -9,12 +9,12 @@ use std::sync::LazyLock;
 use contract::exit;
 use contract::message::{Actuators, Arrival, Controls, Reference, Stamp, State, Truth};
 use flight::log::{self, Log, LogWriter, Record};
-use flight::replay::Plan;
 use outcome::recorded::Recorded;
-use outcome::replay_verdict::{ReplayVerdict, replay_and_judge};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
+use replay::verdict::{ReplayVerdict, replay_and_judge};
+use replay::{Plan, Recording};
 
 use super::cases;
 use crate::harness::fly;
@@ -157,7 +157,7 @@ fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayV
         fs::write(folder.path().join("run.json"), run).expect("can be written");
     }
     let recorded = Recorded::read(folder.path()).ok()?;
-    let recording = recorded.recording().ok()?;
+    let recording = Recording::of(&recorded).ok()?;
     let verdict = replay_and_judge(&recorded, &recording, &Plan::default(), |_, _| {}).ok()?;
     Some((log::read_parts(&recorded.path).ok()?, verdict))
 }

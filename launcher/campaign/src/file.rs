@@ -41,7 +41,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail, ensure};
 use flight::programs;
 use flight::programs::hex;
-use flight::shipped::{self, Kind, Shipped, advice, kind_of};
+use folder::shipped::{self, Kind, Shipped, advice, kind_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use settings::file::{MAX_TEXT_BYTES, read_text};

@@ -18,7 +18,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
-use flight::dir::Dir;
+use folder::dir::Dir;
 use rustix::fs::FlockOperation;
 
 use crate::layout::{LAYOUT, LAYOUT_VERSION, Layout, MAX_SHARDS};

@@ -1,7 +1,7 @@
 //! `layout.toml`: the program, campaign and number of shards that a folder belongs to.
 
 use anyhow::{Context, ensure};
-use flight::dir::Dir;
+use folder::dir::Dir;
 use serde::{Deserialize, Serialize};
 use settings::file::MAX_TEXT_BYTES;
 

@@ -9,9 +9,9 @@ use std::path::Path;
 use std::sync::{Once, OnceLock};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use flight::dir::Dir;
 use flight::programs::sha256_of;
 use flight::provenance::BUILT_FROM;
+use folder::dir::Dir;
 use settings::file::MAX_RESULTS_BYTES;
 
 use crate::layout::Layout;

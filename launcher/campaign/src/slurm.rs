@@ -13,8 +13,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
-use flight::dir::Dir;
 use flight::programs::hex;
+use folder::dir::Dir;
 use rustix::fs::FlockOperation;
 use sha2::{Digest, Sha256};
 

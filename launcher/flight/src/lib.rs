@@ -3,7 +3,6 @@
 //! | module | holds |
 //! |---|---|
 //! | [`scenario`] | the settings of a flight, checked before it |
-//! | [`shipped`] | scenarios and campaigns that are part of the program |
 //! | `libraries` | which nodes of a flight are libraries |
 //! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
 //! | [`stack`] | the ring as processes: start, watch, stop |
@@ -19,13 +18,10 @@
 //! | [`recorder`] | the fifth process: writes every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`foxglove`] | the flight in the schemas of a viewer, derived from its messages |
-//! | [`replay`] | flies a flight again from its log |
 //! | [`control`] | the socket for requests to a flying stack |
-//! | [`folder`] | the folder of a run |
-//! | [`dir`], [`files`] | safe access to the files of runs and campaigns |
 //! | [`provenance`] | origin of a run: commit, command, host, scheduling |
 //! | [`interrupts`] | Ctrl-C |
-//! | `limits` | every limit and time-out |
+//! | [`limits`] | every limit and time-out |
 //! | [`duration`] | durations on the command line |
 
 #![allow(missing_docs)]
@@ -36,28 +32,23 @@ use std::process::Command;
 
 pub mod circumstances;
 pub mod control;
-pub mod dir;
 pub mod duration;
 pub mod event;
-pub mod files;
-pub mod folder;
 pub mod foxglove;
 pub mod guarded;
 pub mod hover;
 pub mod inprocess;
 pub mod interrupts;
 mod libraries;
-mod limits;
+pub mod limits;
 pub mod log;
 pub mod nodes;
 pub mod observer;
 pub mod programs;
 pub mod provenance;
 pub mod recorder;
-pub mod replay;
 pub mod roles;
 pub mod scenario;
-pub mod shipped;
 pub mod stack;
 pub mod strays;
 pub mod swap_story;

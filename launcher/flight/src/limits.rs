@@ -19,8 +19,6 @@ pub const CLOSE_LIMIT: Duration = Duration::from_secs(30);
 pub const SAY_AFTER: Duration = Duration::from_secs(1);
 /// Longest wait for the threads that remove the files of dead processes.
 pub const CLEAN_UP_LIMIT: Duration = Duration::from_millis(500);
-/// Attempts to create a folder whose parent another run has just removed.
-pub const FOLDER_TRIES: u32 = 5;
 
 // Looking at processes.
 

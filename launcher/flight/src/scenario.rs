@@ -7,9 +7,10 @@ use std::path::Path;
 
 use attitude_mpc::AttitudeMpc;
 use contract::topic::Topic;
+use folder::shipped;
 use settings::{ProgramKind, Scenario, ScenarioError, Swap, candidate};
 
-use crate::{programs, shipped};
+use crate::programs;
 
 /// Loads the scenario of `file`, a path or the name of a shipped scenario, with `overrides` on top; an error if it
 /// cannot be flown.

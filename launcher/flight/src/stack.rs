@@ -20,11 +20,11 @@
 //! | `end` | the ways in which a flight can end |
 
 mod archive;
-pub(crate) mod children;
+pub mod children;
 mod end;
 mod files;
 mod one_cpu;
-pub(crate) mod own_domain;
+pub mod own_domain;
 mod requests;
 mod rest;
 mod run;
@@ -58,8 +58,7 @@ pub use surroundings::check_memory;
 use crate::circumstances::{Circumstances, PortFailures};
 use crate::event::{Event, What};
 use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};
-use crate::log::LogOutcome;
-use crate::log::Record;
+use crate::log::{LogOutcome, Record};
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::Observers;
 use crate::roles::connections::{Connections, Disconnected};

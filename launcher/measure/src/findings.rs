@@ -11,8 +11,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use contract::exit;
-use flight::files::write_whole;
 use flight::provenance::host;
+use folder::files::write_whole;
 use outcome::target::{Target, Verdict};
 use runtime::console::print;
 use serde::Serialize;

@@ -7,19 +7,16 @@
 //! | [`cold_starts`] | processes restarted without the memory of the one before |
 //! | [`solves`], [`faults`] | counts and times of the solver, and the effect of each fault |
 //! | [`bounds`], [`judge`] | limits that a flight must keep, and its verdict |
-//! | [`explain`] | what each late, lost or missing message cost |
 //! | [`happenings`] | faults, absences and events as spans and marks on the time axis |
 //! | [`run_record`], [`recorded`] | `run.json`, and a run read back from its folder |
 //! | [`terminal`] | what `fly` prints at its end |
 //! | [`target`] | a promised figure, and whether it was met |
-//! | [`replay_verdict`] | whether a replay is the same flight |
 //! | [`percentiles`] | percentiles and medians, for everything that measures |
 
 #![allow(missing_docs)]
 
 pub mod bounds;
 pub mod cold_starts;
-pub mod explain;
 pub mod faults;
 pub mod following;
 pub mod happenings;
@@ -28,7 +25,6 @@ pub mod judge;
 pub mod metrics;
 pub mod percentiles;
 pub mod recorded;
-pub mod replay_verdict;
 pub mod run_record;
 pub mod solves;
 pub mod summary;

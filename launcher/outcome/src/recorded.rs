@@ -8,13 +8,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use contract::Topic;
-use flight::files;
-use flight::log::LogOutcome;
-use flight::log::{self, Log, Record, Span};
-use flight::replay::Recording;
+use flight::log::{self, Log, LogOutcome, Record, Span};
 use flight::stack::Ended;
 use settings::Scenario;
-use settings::file::MAX_TEXT_BYTES;
 
 use crate::judge::{Circumstances, Verdict};
 use crate::run_record::{Account, RunRecord};
@@ -105,18 +101,6 @@ impl Recorded {
         let has_summary = run.is_some();
         let run = run.unwrap_or_else(|| summary_of(&log, messages.iter().sum(), &summary, &scenario));
         Ok(Self { path, log, messages, summary, scenario, run, has_summary, ticks })
-    }
-
-    /// Returns what can be flown again of the run.
-    ///
-    /// # Errors
-    /// A process cannot be flown again: its settings are not there.
-    pub fn recording(&self) -> anyhow::Result<Recording> {
-        let settings = self.path.with_file_name("scenario.toml");
-        let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
-        let settled = text.and_then(|text| settings::from_merged(&text, &settings.display().to_string()).ok());
-        let last_tick = self.summary.last.state.stamp.tick;
-        Recording::new(&self.path, &self.log.events, self.messages, last_tick, &self.scenario, settled.as_ref())
     }
 
     /// Returns the settings of the flight, with what was ordered while it flew where the summary tells.

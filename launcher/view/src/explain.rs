@@ -1,7 +1,7 @@
 //! Costs of disturbed ticks, for people and programs: tables, page and JSON.
 
-use outcome::explain::{Cost, Explained, FlightCost};
 use outcome::happenings::Happenings;
+use replay::explain::{Cost, Explained, FlightCost};
 use serde_json::{Value, json};
 
 use crate::draw::{self, FlightColumns, Plot, STYLE, Series, TimePlots, escape};

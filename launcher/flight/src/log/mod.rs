@@ -39,7 +39,7 @@ pub use ring::count::{Count, counted};
 pub use ring::memory::Memory;
 pub use ring::record::Record;
 pub use ring::samples::Samples;
-pub(crate) use ring::with_message;
+pub use ring::with_message;
 pub use schema::{Column, columns, encode, encode_event, fields, status_name, words};
 pub use write::LogWriter;
 

@@ -9,6 +9,7 @@ use std::{
 
 use anyhow::{Context, bail, ensure};
 use contract::message::{Actuators, Controls, LAYOUT, Reference, State, Truth};
+use folder::files;
 use mcap::{
     McapError, parse_record,
     records::{Record as McapRecord, op},
@@ -20,7 +21,6 @@ use super::index::{ALL, Parts, Span, Wanted};
 use super::lz4::Lz4;
 use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, order, schema};
 use crate::event::Event;
-use crate::files;
 use crate::limits::{MAX_EVENTS, MAX_RECORD_BYTES};
 use crate::provenance::{Git, Program};
 

@@ -10,6 +10,7 @@ use std::{
 
 use anyhow::Context;
 use contract::message::LAYOUT;
+use folder::files;
 use mcap::{
     McapError, McapResult, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
@@ -18,7 +19,6 @@ use mcap::{
 use super::lz4::Compressor;
 use super::{Channel, Memory, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
-use crate::files;
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
 use crate::provenance::{Git, Program};
 

@@ -15,7 +15,7 @@ pub mod steps;
 use std::path::PathBuf;
 
 use flight::event::name;
-use flight::files::write_whole;
+use folder::files::write_whole;
 use runtime::console::eprint_line;
 use serde::Serialize;
 

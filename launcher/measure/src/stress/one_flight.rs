@@ -11,12 +11,12 @@ use contract::topic::Topic;
 use flight::control::{Request, ask};
 use flight::event::What;
 use flight::log::{self, Log};
-use flight::replay::Plan;
 use flight::stack::StartError;
 use outcome::faults::reacts;
 use outcome::recorded::Recorded;
-use outcome::replay_verdict::replay_and_judge;
 use outcome::run_record::RunRecord;
+use replay::verdict::replay_and_judge;
+use replay::{Plan, Recording};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
@@ -203,7 +203,7 @@ impl Again {
     fn of(run: &Path) -> anyhow::Result<Self> {
         let recorded = Recorded::read(run)?;
         let started = Instant::now();
-        let recording = recorded.recording()?;
+        let recording = Recording::of(&recorded)?;
         let (mut flown_s, mut messages, mut replay_s) = (0.0, 0, 0.0);
         let verdict = replay_and_judge(&recorded, &recording, &Plan::default(), |replayed, summary| {
             (flown_s, messages, replay_s) = (summary.time_s(), replayed.compared(), started.elapsed().as_secs_f64());

@@ -33,8 +33,8 @@ use self::results::TimingResults;
 use self::series::Series;
 use crate::findings::{Findings, default_folder, make_folder};
 use flight::duration::seconds;
-use flight::files::write_whole;
 use flight::interrupts::catch_interrupts;
+use folder::files::write_whole;
 use view::table::Table;
 
 #[derive(clap::Args)]

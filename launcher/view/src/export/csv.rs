@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::io::{BufWriter, IntoInnerError, Write};
 
-use flight::dir::{Dir, NewFile};
+use folder::dir::{Dir, NewFile};
 
 use super::tables::{Columns, Rows};
 use crate::cells::Cell;

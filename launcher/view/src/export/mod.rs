@@ -22,10 +22,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use contract::Topic;
 use contract::message::Stamp;
-use flight::dir::Dir;
 use flight::event::Event;
-use flight::files::{named_file, named_folder};
 use flight::log::{Count, Record, Samples};
+use folder::dir::Dir;
+use folder::files::{named_file, named_folder};
 use outcome::recorded::{Part, Recorded};
 use settings::{Mode, Scenario};
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use flight::dir::{Dir, NewFile};
+use folder::dir::{Dir, NewFile};
 use parquet::file::writer::SerializedFileWriter;
 
 use super::tables::{Columns, Rows};

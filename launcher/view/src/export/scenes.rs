@@ -4,10 +4,10 @@ use std::path::Path;
 
 use contract::Topic;
 use contract::message::{Stamp, Truth};
-use flight::dir::{Dir, NewFile};
 use flight::event::Event;
 use flight::foxglove::{Channel, Derived, Scene};
 use flight::log::{self, LogWriter, Record, view_channels};
+use folder::dir::{Dir, NewFile};
 use settings::{Scenario, to_toml};
 
 use super::sink::Sink;

@@ -7,9 +7,9 @@
 
 use contract::Topic;
 use contract::message::{Stamp, Truth};
-use flight::dir::Dir;
 use flight::event::{Event, name};
 use flight::log::{Record, columns, status_name, words};
+use folder::dir::Dir;
 use serde_json::json;
 use settings::Scenario;
 

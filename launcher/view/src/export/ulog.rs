@@ -15,9 +15,9 @@ use std::io::{BufWriter, IntoInnerError, Write};
 use anyhow::Context;
 use contract::Topic;
 use contract::message::{Stamp, Truth};
-use flight::dir::{Dir, NewFile};
 use flight::event::{Event, What, name};
 use flight::log::{Record, columns, words};
+use folder::dir::{Dir, NewFile};
 use settings::{Scenario, to_toml};
 use toml::{Table, Value};
 

@@ -1,7 +1,7 @@
 //! Costs of the disturbed ticks of a flight: a section of the page for a flight that has few of them.
 
-use outcome::explain::Costs;
 use outcome::happenings::Happenings;
+use replay::explain::Costs;
 
 use crate::draw::escape;
 use crate::explain::Shown;

@@ -30,9 +30,9 @@ mod timing;
 use std::path::{Path, PathBuf};
 
 use anyhow::ensure;
-use flight::files::write_whole;
 use flight::log::Record;
-use outcome::explain::Costs;
+use folder::files::write_whole;
+use replay::explain::Costs;
 use settings::Scenario;
 
 use self::claims::Reach;

@@ -14,8 +14,8 @@ use serde_json::{Value, json};
 use settings::{Mode, Scenario};
 
 use self::events::Trace;
-use flight::files::{named_file, write_whole};
 use flight::log::{self, Log, Record};
+use folder::files::{named_file, write_whole};
 use outcome::happenings::Happenings;
 use outcome::recorded::Recorded;
 use outcome::ticks::{in_force, logged};

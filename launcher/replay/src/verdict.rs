@@ -6,11 +6,14 @@
 use std::collections::BTreeSet;
 
 use contract::{Topic, exit};
-use flight::replay::{Difference, Messages, Plan, Recording, Replayed, replay};
 use settings::ProgramKind;
 
-use crate::recorded::Recorded;
-use crate::summary::Summary;
+use crate::again::replay;
+use crate::plan::{Difference, Messages, Plan, Replayed};
+use crate::recording::Recording;
+
+use outcome::recorded::Recorded;
+use outcome::summary::Summary;
 
 /// Verdict on a replay.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use contract::message::{Actuators, Controls, Message, Reference, State};
 use runtime::error::SessionError;
 use runtime::ports::Ports;
 
-use crate::log::Record;
+use flight::log::Record;
 
 /// Sends a message of one topic; one of another is ignored.
 pub type Sender = Box<dyn Fn(&Record)>;

@@ -12,9 +12,10 @@ use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
 use crate::dir::Dir;
-use crate::limits::FOLDER_TRIES;
 use runtime::console::eprint_line;
 
+/// Attempts to create a folder whose parent another run has just removed.
+const FOLDER_TRIES: u32 = 5;
 /// Files that a run has in its folder from the beginning, or at the end.
 const SIGNS_OF_A_RUN: [&str; 3] = ["run.json", "flight.mcap", "scenario.toml"];
 

@@ -3,8 +3,8 @@
 use contract::Topic;
 use settings::{ProgramKind, Scenario};
 
-use super::fields::Differs;
-use super::recording::Recording;
+use crate::fields::Differs;
+use crate::recording::Recording;
 
 /// Processes that compute in a replay, and their settings.
 #[derive(Debug, Clone, Default)]

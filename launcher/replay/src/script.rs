@@ -14,7 +14,7 @@ use contract::message::{Arrival, Stamp, Truth};
 use runtime::limits::HELD_MESSAGES;
 use runtime::shared_role::Origin;
 
-use crate::log::{Memory, Record, last_tick};
+use flight::log::{Memory, Record, last_tick};
 
 /// Key of a message and of its copies that a fault changed or a deadline withheld.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -3,17 +3,17 @@ use std::path::Path;
 
 use contract::message::Controls;
 use contract::topic::Topic;
+use flight::event::What;
+use flight::inprocess;
+use flight::log::{Log, Record};
 use proptest::collection::vec;
 use proptest::prelude::Strategy;
 use proptest::sample::select;
 use proptest::test_runner::{Config, TestRunner};
 use settings::{Fault, FaultKind, FaultTarget, Law, Scenario, Swap};
 
-use super::flight::Flight;
+use super::again::Flight;
 use super::*;
-use crate::event::What;
-use crate::inprocess;
-use crate::log::{Log, Record};
 
 /// Flies some seconds in process, and returns the settings and the log.
 fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {

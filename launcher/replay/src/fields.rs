@@ -3,7 +3,7 @@
 use contract::message::Payload;
 use contract::message::field::{Mark, Shape};
 
-use crate::log::{Record, with_message};
+use flight::log::{Record, with_message};
 
 /// Field in which two messages differ, with both values.
 #[derive(Debug, Clone, PartialEq, Eq)]

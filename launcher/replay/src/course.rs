@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 
 use contract::Topic;
+use flight::log::Record;
 
-use super::program::Program;
-use super::script::Read;
-use super::worker::Worker;
-use crate::log::Record;
+use crate::program::Program;
+use crate::script::Read;
+use crate::worker::Worker;
 
 /// Largest number of cycles between sending a message and its delivery.
 pub(super) const LATEST: usize = 1000;

@@ -1,6 +1,6 @@
 //! `explain`: what each late, lost or missing message of a flight cost.
 //!
-//! Every disturbed tick ([`flight::replay::Disturbed`]) is undone in a flight of its own, every burst of consecutive
+//! Every disturbed tick ([`crate::Disturbed`]) is undone in a flight of its own, every burst of consecutive
 //! disturbed ticks in another, and all disturbed ticks together in a last one. The cost of a tick is the figure of the
 //! recorded flight less that of the flight without the tick, and the largest distance between the two courses. The
 //! costs of single ticks do not add up to the cost of all, because the vehicle may recover between two of them or not.
@@ -19,12 +19,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use contract::Topic;
 use flight::guarded;
 use flight::log::Record;
-use flight::replay::{Disturbed, Recording, Script, without};
-use rayon::prelude::*;
 use settings::{Mode, Scenario};
 
-use crate::recorded::Recorded;
+use crate::counterfactual::{Disturbed, without};
+use crate::recording::Recording;
+use crate::script::Script;
+use rayon::prelude::*;
+
 pub use cost::{Cost, FlightCost};
+use outcome::recorded::Recorded;
 pub use work::Work;
 use work::bursts;
 
@@ -75,9 +78,9 @@ pub fn costs(recorded: &Recorded) -> Costs {
         return Costs::TooLong;
     }
     let find = || {
-        let recording = recorded.recording()?;
+        let recording = Recording::of(recorded)?;
         let script = recording.script(0, u64::MAX)?;
-        let ticks = flight::replay::disturbed(&recording, &script).len();
+        let ticks = crate::disturbed(&recording, &script).len();
         let plant = script.process(Topic::State, 1).map(|plant| &script.processes[plant]);
         let samples = ticks * plant.map_or(0, |plant| plant.cycles.len());
         if ticks == 0 {

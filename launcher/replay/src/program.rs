@@ -10,17 +10,17 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use contract::Topic;
+use flight::limits::JOIN_LIMIT;
+use flight::log::Record;
+use flight::recorder::Observers;
+use flight::stack::children::{Children, SpawnRequest};
+use flight::stack::own_domain::OwnDomain;
 use runtime::error::SessionError;
 use runtime::realtime::{ControlPage, phase};
 use settings::{Mode, Scenario};
 
-use super::script::Cycle;
-use super::sender::{self, Sender};
-use crate::limits::JOIN_LIMIT;
-use crate::log::Record;
-use crate::recorder::Observers;
-use crate::stack::children::{Children, SpawnRequest};
-use crate::stack::own_domain::OwnDomain;
+use crate::script::Cycle;
+use crate::sender::{self, Sender};
 
 const A_DAY: Duration = Duration::from_secs(86_400);
 /// Longest wait for a program between two looks \[ns\].

@@ -5,14 +5,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use contract::Topic;
+use flight::event::{Event, What};
+use flight::log::{self, Memory, Span};
+use flight::programs;
+use folder::files;
+use outcome::recorded::Recorded;
 use runtime::limits::HELD_MESSAGES;
 use runtime::shared_role::Origin;
+use settings::file::MAX_TEXT_BYTES;
 use settings::{Fault, NodeSettings, ProgramKind, Scenario, candidate};
 
-use super::script::{LOOK_AHEAD, Script};
-use crate::event::{Event, What};
-use crate::log::{self, Memory, Span};
-use crate::programs;
+use crate::script::{LOOK_AHEAD, Script};
 
 /// Most samples of a script in memory: 16 minutes at 100 Hz take 260 MB.
 const MOST_SAMPLES: u64 = 100_000;
@@ -41,6 +44,18 @@ pub struct Recording {
 }
 
 impl Recording {
+    /// Returns what can be flown again of `run`.
+    ///
+    /// # Errors
+    /// A process cannot be flown again: its settings are not there.
+    pub fn of(run: &Recorded) -> anyhow::Result<Self> {
+        let settings = run.path.with_file_name("scenario.toml");
+        let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
+        let settled = text.and_then(|text| settings::from_merged(&text, &settings.display().to_string()).ok());
+        let last_tick = run.summary.last.state.stamp.tick;
+        Self::new(&run.path, &run.log.events, run.messages, last_tick, &run.scenario, settled.as_ref())
+    }
+
     /// Creates the recording of the flight whose log at `path` has these `events`, messages by topic and last sample.
     /// `settled` are the settings in the folder of the run, which have the swaps that were ordered in flight.
     ///

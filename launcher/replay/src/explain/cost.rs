@@ -1,15 +1,20 @@
 //! Figures of a flight, and its losses against another.
 
-use anyhow::bail;
 use flight::log::Record;
-use flight::replay::{Disturbed, Plan, Recording, Script, replay_script};
-use guidance::Trajectory;
-use serde::Serialize;
 use settings::Scenario;
 
-use crate::metrics::Metrics;
-use crate::summary::Summary;
-use crate::ticks::{length_m, position_error_m};
+use crate::again::replay_script;
+use crate::counterfactual::Disturbed;
+use crate::plan::Plan;
+use crate::recording::Recording;
+use crate::script::Script;
+use anyhow::bail;
+use guidance::Trajectory;
+use serde::Serialize;
+
+use outcome::metrics::Metrics;
+use outcome::summary::Summary;
+use outcome::ticks::{length_m, position_error_m};
 
 /// Stretch of a flight that is drawn around a tick \[s\].
 const BEFORE_S: f64 = 0.5;

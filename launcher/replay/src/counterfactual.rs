@@ -12,8 +12,8 @@ use contract::Topic;
 use runtime::release::Release;
 use settings::{Late, Mode};
 
-use super::recording::Recording;
-use super::script::{Cycle, Key, Process, Read, Script};
+use crate::recording::Recording;
+use crate::script::{Cycle, Key, Process, Read, Script};
 
 /// Disturbance of a tick: the first thing round the ring that was wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -8,16 +8,16 @@ use contract::Topic;
 use contract::message::Truth;
 use contract::snapshot::Snapshot;
 use contract::stamp::delivery::DELIVERED;
+use flight::log::{self, Memory, Record};
 use runtime::shared_role::Origin;
 
-use super::course::{Course, LATEST, Runs};
-use super::fields::{Differs, difference};
-use super::plan::{Difference, Messages, Plan, Replayed};
-use super::program::Program;
-use super::recording::Recording;
-use super::script::{Cycle, Key, Process, Read, Script};
-use super::worker::Worker;
-use crate::log::{self, Memory, Record};
+use crate::course::{Course, LATEST, Runs};
+use crate::fields::{Differs, difference};
+use crate::plan::{Difference, Messages, Plan, Replayed};
+use crate::program::Program;
+use crate::recording::Recording;
+use crate::script::{Cycle, Key, Process, Read, Script};
+use crate::worker::Worker;
 
 /// Replays a recording from its log as `plan` says; `each` gets every message, computed or of the log.
 ///

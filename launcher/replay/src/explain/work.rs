@@ -2,8 +2,12 @@
 
 use std::time::Instant;
 
+use crate::again::replay;
+use crate::counterfactual::{Disturbed, disturbed};
+use crate::plan::Plan;
+use crate::recording::Recording;
+use crate::script::Script;
 use anyhow::bail;
-use flight::replay::{Disturbed, Plan, Recording, Script, disturbed, replay};
 
 /// Largest number of samples that are flown unless the user asks for more: 500 flights of a minute at 100 Hz, about a
 /// minute on two processors.

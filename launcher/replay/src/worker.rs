@@ -7,6 +7,9 @@ use std::collections::hash_map::Entry;
 use contract::Topic;
 use contract::message::{Actuators, Stamp, State};
 use contract::snapshot::Snapshot;
+use flight::log::{Memory, Record};
+use flight::nodes;
+use flight::recorder::Observers;
 use plant::Plant;
 use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
@@ -17,11 +20,8 @@ use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 use settings::{Fault, Scenario};
 
-use super::script::Cycle;
-use super::sender::{self, Sender};
-use crate::log::{Memory, Record};
-use crate::nodes;
-use crate::recorder::Observers;
+use crate::script::Cycle;
+use crate::sender::{self, Sender};
 use ring::workers::Ring;
 
 pub struct Worker {

@@ -12,21 +12,29 @@
 //! read. The plant reads commands, each with the instant of its arrival.
 //!
 //! A process of another program is not run: its messages are those of the log.
+//!
+//! [`verdict`] judges whether a replay is the same flight; [`explain`] replays with single disturbances undone, for what
+//! each late, lost or missing message cost.
 
+#![allow(missing_docs)]
+
+mod again;
 mod counterfactual;
 mod course;
+pub mod explain;
 mod fields;
-mod flight;
 mod plan;
 mod program;
 mod recording;
 mod script;
 mod sender;
+pub mod verdict;
 mod worker;
 
+pub use again::{replay, replay_script};
 pub use counterfactual::{Disturbed, disturbed, without};
 pub use fields::{Differs, difference};
-pub use flight::{replay, replay_script};
+
 pub use plan::{Difference, Messages, Plan, Replayed};
 pub use recording::Recording;
 pub use script::{Cycle, Key, Process, Read, Script};
