@@ -7,12 +7,12 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use flight::foxglove::Channel;
 use flight::log::Lz4;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
+use view::scene::Channel;
 
 use crate::control::{flying, status, tell};
 use crate::harness::{AS_NOBODY, Flight, Outcome, fly, has_root, launcher, namespace, shared_memory_of, wait_until};

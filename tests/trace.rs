@@ -10,7 +10,7 @@ use flight::log::{Log, Record};
 use outcome::happenings::Happenings;
 use serde_json::Value;
 use settings::{Mode, Scenario};
-use view::trace::{Window, document};
+use view::export::perfetto::{Window, document};
 
 use crate::harness::{fly, launcher};
 

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use flight::foxglove::Channel;
 use flight::log;
 use serde_json::{Value, json};
+use view::scene::Channel;
 
 use crate::harness::{fly, launcher, python_with, top};
 

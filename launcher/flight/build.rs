@@ -1,4 +1,4 @@
-//! Compiles the schemas of the flight log twice: to Rust types, and to the descriptor sets that every log carries.
+//! Compiles the schema of the flight log twice: to Rust types, and to the descriptor set that every log carries.
 
 #![expect(clippy::disallowed_macros, reason = "it is how a build script speaks to cargo")]
 
@@ -7,14 +7,11 @@ use std::{env, error::Error, fs};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto");
-    let out = PathBuf::from(env::var("OUT_DIR")?);
-    for schema in ["trefoil", "foxglove"] {
-        let mut compiler = protox::Compiler::new(["proto"])?;
-        compiler.include_imports(true).open_file(format!("{schema}.proto"))?;
-        let descriptors = compiler.encode_file_descriptor_set();
-        fs::write(out.join(format!("{schema}.fds")), descriptors)?;
-        compiler.include_source_info(true); // the comments of the schema become the docs of the types
-        prost_build::Config::new().compile_well_known_types().compile_fds(compiler.file_descriptor_set())?;
-    }
+    let mut compiler = protox::Compiler::new(["proto"])?;
+    compiler.include_imports(true).open_file("trefoil.proto")?;
+    let descriptors = compiler.encode_file_descriptor_set();
+    fs::write(PathBuf::from(env::var("OUT_DIR")?).join("trefoil.fds"), descriptors)?;
+    compiler.include_source_info(true); // the comments of the schema become the docs of the types
+    prost_build::Config::new().compile_well_known_types().compile_fds(compiler.file_descriptor_set())?;
     Ok(())
 }

@@ -11,7 +11,7 @@ use folder::shipped::Kind;
 use outcome::recorded::Part;
 use runtime::console::{eprint_line, print};
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};
-use view::{export, trace};
+use view::export::{self, perfetto};
 use zip::DateTime;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
@@ -89,7 +89,7 @@ fn of_run(run: &Path, args: &ExportArgs) -> anyhow::Result<()> {
         Format::Ulog => export::Format::Ulog,
         Format::Foxglove => export::Format::Foxglove,
         Format::Fmu => unreachable!("it is of no run"),
-        Format::Perfetto => return trace::write(&log, (!worst).then_some(from_s), for_s, out.as_deref()),
+        Format::Perfetto => return perfetto::write(&log, (!worst).then_some(from_s), for_s, out.as_deref()),
     };
     let written = export::export(&log, format, Part { from_s, to_s: from_s + for_s }, out.as_deref())?;
     for note in &written.notes {

@@ -9,8 +9,8 @@ use outcome::recorded::{Part, Recorded};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use view::export::perfetto::{self, Window};
 use view::report;
-use view::trace::{self, Window};
 
 use super::{cases, edited, edits};
 use crate::harness::fly;
@@ -39,7 +39,7 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
         let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, log::ALL, |_, record| each(record)).map(drop);
         let worst = run.timing.as_ref().and_then(|timing| timing.worst_ticks.first());
         let window = Window::new(from_s, for_s, scenario.sample_s(), worst);
-        let _ = trace::document(records, &scenario, &run.happenings(), &window);
+        let _ = perfetto::document(records, &scenario, &run.happenings(), &window);
     }
 }
 

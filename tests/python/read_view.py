@@ -23,7 +23,7 @@ TYPES = {
     "foxglove.PosesInFrame": PosesInFrame_pb2.PosesInFrame,
     "foxglove.Log": Log_pb2.Log,
 }
-#: Lengths of arrows, as in launcher/flight/src/foxglove/mod.rs.
+#: Lengths of arrows, as in launcher/view/src/scene/mod.rs.
 THRUST_M_PER_N, WIND_M_PER_MPS = 0.08, 0.2
 KF = 1.970e-6
 #: Bytes of a message in the file besides its data: opcode, length, channel, sequence, two times.

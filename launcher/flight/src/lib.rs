@@ -17,7 +17,6 @@
 //! | [`observer`] | reads a flying stack from another process |
 //! | [`recorder`] | the fifth process: writes every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
-//! | [`foxglove`] | the flight in the schemas of a viewer, derived from its messages |
 //! | [`control`] | the socket for requests to a flying stack |
 //! | [`provenance`] | origin of a run: commit, command, host, scheduling |
 //! | [`interrupts`] | Ctrl-C |
@@ -34,7 +33,6 @@ pub mod circumstances;
 pub mod control;
 pub mod duration;
 pub mod event;
-pub mod foxglove;
 pub mod guarded;
 pub mod hover;
 pub mod inprocess;

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Channels, schemas and bytes are those of `export --to foxglove`: first [`flight::log::channels`], those of the log,
-//! then [`flight::log::view_channels`], whose messages a [`Scene`] makes here as there. A message that holds for
+//! then those of [`view::scene`], whose messages a [`Scene`] makes here as there. A message that holds for
 //! the whole flight is sent to each client that subscribes to its channel. The server has no other capability: it takes
 //! no parameters, no service calls and no messages of clients. The protocol is the same under both of its names.
 
@@ -18,12 +18,12 @@ use axum::extract::ws::{Message, WebSocket};
 use axum::http::{HeaderMap, header};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use flight::event::Event;
-use flight::foxglove::{Derived, Scene};
 use flight::log::{self, Channel, Record};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use settings::Scenario;
 use tokio::sync::broadcast::error::RecvError;
+use view::scene::{Derived, Scene};
 
 use crate::hub::{Hub, Published};
 use crate::socket::send;
@@ -84,7 +84,7 @@ impl Encoder {
 
 /// Lists the channels, each at its number.
 fn channels() -> Vec<Channel> {
-    [log::channels(), log::view_channels()].concat()
+    [log::channels(), view::scene::Channel::of_log().into()].concat()
 }
 
 /// Request of a client. Others than these are ignored.
@@ -260,7 +260,7 @@ mod tests {
         assert!(schema(&channels[4]).windows(12).any(|window| window == b"trefoil.prot"), "a set of descriptors");
         let vehicle = channels.iter().find(|channel| channel["topic"] == "/view/vehicle").expect("the vehicle");
         assert_eq!(vehicle["schemaName"], "foxglove.SceneUpdate");
-        assert_eq!(schema(vehicle), flight::foxglove::DESCRIPTORS);
+        assert_eq!(schema(vehicle), view::scene::DESCRIPTORS);
     }
 
     #[test]

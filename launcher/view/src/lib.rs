@@ -13,7 +13,7 @@
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`report`] | `report.html` |
 //! | [`export`] | a run in the formats of other tools |
-//! | [`trace`] | `export --to perfetto`: ticks of a run for a trace viewer |
+//! | [`scene`] | a flight in the schemas of viewers that show a vehicle |
 
 #![allow(missing_docs)]
 
@@ -25,7 +25,7 @@ pub mod draw;
 pub mod explain;
 pub mod export;
 pub mod report;
+pub mod scene;
 pub mod table;
 pub mod targets;
 pub mod thinning;
-pub mod trace;

@@ -4,7 +4,6 @@ use contract::Topic;
 use contract::message::{Payload, Truth};
 
 use super::{EVENTS, MEMORY, schema};
-use crate::foxglove;
 
 /// One channel, encoded as protobuf.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,15 +27,4 @@ pub fn channels() -> Vec<Channel> {
     let messages = messages.map(|((name, publisher), schema)| channel(&format!("/{name}"), schema, publisher));
     let others = [(EVENTS, schema::EVENT), (MEMORY, schema::MEMORY)];
     messages.chain(others.map(|(topic, schema)| channel(topic, schema, "launcher"))).collect()
-}
-
-/// Lists the channels for viewers, `/view/...`, in the order of [`foxglove::Channel::ALL`].
-pub fn view_channels() -> Vec<Channel> {
-    let channel = |channel: foxglove::Channel| Channel {
-        topic: channel.topic().into(),
-        schema: channel.schema(),
-        descriptors: foxglove::DESCRIPTORS,
-        publisher: "launcher",
-    };
-    foxglove::Channel::ALL.map(channel).into()
 }

@@ -28,7 +28,7 @@ mod schema;
 mod tests;
 mod write;
 
-pub use channel::{Channel, channels, view_channels};
+pub use channel::{Channel, channels};
 pub use index::{ALL, Span};
 pub use join::{join, memories, part, read_parts, rest, stream};
 pub use lz4::Lz4;

@@ -5,12 +5,13 @@
 //! | CSV, Parquet | a table for each topic, `events`, `cycles` | `tables`, `csv`, `parquet` |
 //! | `ULog` | the same as topics of one file, and the topics of PX4 that fit | `ulog`, `px4` |
 //! | MCAP for Foxglove | its messages and events, and the scenes derived from them | `scenes` |
-//! | Perfetto | the trace of [`crate::trace`] | |
+//! | Perfetto | some ticks as a trace | [`perfetto`] |
 //!
 //! A log is read once, message by message; nothing holds the whole flight in memory.
 
 mod csv;
 mod parquet;
+pub mod perfetto;
 mod px4;
 mod scenes;
 mod sink;

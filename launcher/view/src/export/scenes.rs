@@ -1,17 +1,17 @@
-//! A run as one MCAP file with pictures: its messages and events as they are, and the scenes of [`flight::foxglove`].
+//! A run as one MCAP file with pictures: its messages and events as they are, and the scenes of [`crate::scene`].
 
 use std::path::Path;
 
 use contract::Topic;
 use contract::message::{Stamp, Truth};
 use flight::event::Event;
-use flight::foxglove::{Channel, Derived, Scene};
-use flight::log::{self, LogWriter, Record, view_channels};
+use flight::log::{self, LogWriter, Record};
 use folder::dir::{Dir, NewFile};
 use settings::{Scenario, to_toml};
 
 use super::sink::Sink;
 use crate::cycle::Cycle;
+use crate::scene::{Channel, Derived, Scene};
 
 pub struct Scenes<'a> {
     file: NewFile<'a>,
@@ -31,7 +31,7 @@ impl<'a> Scenes<'a> {
         let (settings, sample_ns) = (to_toml(scenario), scenario.sample_ns());
         let mut log = LogWriter::begin(file.handle()?, &folder.at(name), &settings, sample_ns, &run)?;
         let mut channels = [0; Channel::ALL.len()];
-        for (number, channel) in channels.iter_mut().zip(view_channels()) {
+        for (number, channel) in channels.iter_mut().zip(Channel::of_log()) {
             *number = log.add_channel(&channel)?;
         }
         let mut scene = Scene::new(scenario);

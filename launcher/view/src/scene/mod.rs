@@ -29,8 +29,8 @@ use settings::Scenario;
 use self::parts::wire::foxglove::log::Level;
 use self::parts::wire::foxglove::{FrameTransforms, Log, Pose, PosesInFrame, SceneEntity, SceneUpdate};
 use self::parts::{BLUE, LEVEL, ORANGE, Timestamp, UP, along, arrow, entity, frame, pose, timestamp};
-use crate::event::{Event, What, name};
-use crate::log::Record;
+use flight::event::{Event, What, name};
+use flight::log::{self, Record};
 
 /// The schemas as logs carry them: a serialised `FileDescriptorSet`.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/foxglove.fds"));
@@ -50,6 +50,17 @@ pub enum Channel {
 impl Channel {
     pub const ALL: [Self; 7] =
         [Self::Frames, Self::Arrows, Self::Path, Self::Log, Self::FixedFrames, Self::Vehicle, Self::Course];
+
+    /// Returns all of them as the channels of a log.
+    pub fn of_log() -> [log::Channel; Self::ALL.len()] {
+        let channel = |channel: Self| log::Channel {
+            topic: channel.topic().into(),
+            schema: channel.schema(),
+            descriptors: DESCRIPTORS,
+            publisher: "launcher",
+        };
+        Self::ALL.map(channel)
+    }
 
     pub const fn topic(self) -> &'static str {
         match self {
