@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`angle`] | wrapping of headings | |
 //! | [`parameters`] | mass, inertia, arms, rotor constants | Table I |
+//! | [`inertia`] | whether a body can have an inertia tensor | |
 //! | [`trim`] | hover equilibrium in closed form | (23)-(30) |
 //! | [`mixing`] | conventional inputs to squared rotor speeds and back | (33)-(38) |
 //! | [`linear`] | the controller's model and its discretisation | (48) |
@@ -32,6 +33,7 @@ pub mod at_speed;
 pub mod demand_set;
 pub mod envelope;
 pub mod exponential;
+pub mod inertia;
 pub mod level_flight;
 pub mod linear;
 pub mod mixing;

@@ -19,6 +19,10 @@ use contract::actuation::Actuation;
 
 use crate::Parameters;
 
+/// Least idle speed, as a share of the speed of rotor 1 at hover. It replaces a slower lower limit, because a controller
+/// takes a command of zero for a cut.
+const IDLE_SHARE: f64 = 0.1;
+
 /// Hover equilibrium: attitude and actuator positions without acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trim {
@@ -41,5 +45,14 @@ impl Trim {
         let omega1 = (lift * a / (1.0 + a) / libm::cos(mu)).sqrt(); // (28)
         let omega2 = (lift / (1.0 + a) / 2.0).sqrt(); // (29)
         Self { roll_rad: phi, actuation: Actuation { rotor_speed: [omega1, omega2, omega2], tilt_rad: mu } } // (30)
+    }
+    /// Idle speed of rotors whose lower limit is `least` \[rotor speed unit\].
+    pub fn idle_speed(&self, least: f64) -> f64 {
+        least.max(IDLE_SHARE * self.actuation.rotor_speed[0])
+    }
+
+    /// Speed of the slowest rotor \[rotor speed unit\].
+    pub fn slowest(&self) -> f64 {
+        self.actuation.rotor_speed.into_iter().fold(f64::INFINITY, f64::min)
     }
 }

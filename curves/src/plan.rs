@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::curve::{Curve, SAMPLES, Shape};
+use crate::curve::{Curve, Leg, SAMPLES, Shape};
 use crate::descent::Descent;
 use crate::fastest;
 use crate::figure::{self, Figure};
@@ -98,9 +98,14 @@ pub struct Planned {
 }
 
 impl Planned {
+    /// Legs of the part, as its demands are computed from them.
+    pub fn legs(&self) -> Vec<Leg> {
+        self.curve.legs(SAMPLES)
+    }
+
     /// Demand of the whole part on a vehicle with `limits`.
     pub fn demand(&self, limits: &Limits) -> Demand {
-        limits.demand_of(&self.curve.legs(SAMPLES))
+        limits.demand_of(&self.legs())
     }
 }
 

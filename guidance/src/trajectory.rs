@@ -24,7 +24,7 @@ impl Trajectory {
     /// Builds the trajectory of the mission of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let ground = &scenario.plant.ground;
-        let standing_down_m = if ground.present { plan::standing_down_m(ground) } else { f64::INFINITY };
+        let standing_down_m = if ground.present { ground.standing_down_m() } else { f64::INFINITY };
         Self { plan: plan::build(scenario), standing_down_m }
     }
 

@@ -3,7 +3,6 @@
 pub mod faults;
 pub mod found;
 pub mod idle;
-mod inertia;
 pub mod parts;
 mod programs;
 pub mod ranges;
@@ -13,7 +12,7 @@ mod tests;
 
 use std::ops::RangeBounds;
 
-use airframe::Trim;
+use airframe::{Trim, inertia};
 use contract::topic::Topic;
 use curves::named::SURVEY_LEG_S;
 use toml::{Table, Value};
@@ -199,8 +198,8 @@ fn check_hover(scenario: &Scenario, found: &mut Found) {
     for (reaction, key) in
         [(plant.tilt_reaction, "plant.tilt_reaction"), (scenario.mixer.tilt_reaction, "mixer.tilt_reaction")]
     {
-        let trim = Trim::solve(&scenario.airframe, reaction).actuation;
-        let slowest = trim.rotor_speed.into_iter().fold(f64::INFINITY, f64::min);
+        let trim = Trim::solve(&scenario.airframe, reaction);
+        let (slowest, trim) = (trim.slowest(), trim.actuation);
         found.require(
             slowest > 0.0 && trim.rotor_speed.iter().chain([&trim.tilt_rad]).all(|x| x.is_finite()),
             &["airframe", key],

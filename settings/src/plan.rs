@@ -22,7 +22,6 @@ use curves::{Limits, Motion, Plan, figure, named};
 use crate::table::mission::{Ramp, RampName, TrajectoryKind};
 use crate::table::part::{CurveKind, HeadingRule, Part, PartHeading, PartKind};
 use crate::table::run::Scenario;
-use crate::table::vehicle::Ground;
 
 /// Sink rate of a landing that gives none \[m/s\]: the default of PX4, `MPC_LAND_SPEED`.
 const SINK_MPS: f64 = 0.7;
@@ -83,11 +82,6 @@ pub fn stray(scenario: &Scenario, part: &Part, planned: &Planned) -> Option<Stra
     Stray::find(&planned.curve, &points_m, least, &limits(scenario).share(scenario.mission.limits.share))
 }
 
-/// Down coordinate of a vehicle that stands on the ground \[m\].
-pub fn standing_down_m(ground: &Ground) -> f64 {
-    ground.down_m - ground.leg_m
-}
-
 /// Reads the keys of a part; missing ones, which the check refuses, are 0.
 fn read(part: &Part, scenario: &Scenario) -> curves::Part {
     let [height_m, radius_m, climb_m, duration_s] =
@@ -118,7 +112,7 @@ fn read(part: &Part, scenario: &Scenario) -> curves::Part {
         PartKind::FigureEight => figure(figure::Shape::Eight),
         PartKind::Loiter => Motion::Rest { at_m: None, duration_s },
         PartKind::Landing => Motion::Land {
-            standing_down_m: standing_down_m(&scenario.plant.ground),
+            standing_down_m: scenario.plant.ground.standing_down_m(),
             sink_mps: part.sink_mps.unwrap_or(SINK_MPS),
         },
     };

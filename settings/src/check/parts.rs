@@ -1,7 +1,6 @@
 //! Checks of a mission of parts: the keys of each part, and what its curves ask of the vehicle. A part that may exceed
 //! its limits is warned of and flown.
 
-use curves::curve::SAMPLES;
 use curves::fastest::MAX_POINTS;
 use curves::limits::Demand;
 use curves::stray::{Offer, Stray};
@@ -282,7 +281,7 @@ fn check_steps(part: &Part, planned: &Planned, place: &Place, found: &mut Found)
 
 /// Finds the first leg that asks for more than the vehicle has: the key that could mend it, and what it asks for.
 fn excess(part: &Part, planned: &Planned, limits: &Limits) -> Option<(&'static str, String)> {
-    let legs = planned.curve.legs(SAMPLES);
+    let legs = planned.legs();
     let exceeded = |(leg, of)| Some((leg, limits.demand(of, 1.0).excess(limits)?));
     let (leg, excess) = legs.iter().enumerate().find_map(exceeded)?;
     let stretch = limits.least_stretch(&legs);
@@ -357,7 +356,7 @@ fn check_space(part: &Part, planned: &Planned, place: &Place, found: &mut Found)
 fn below_ground(scenario: &Scenario, i: usize, planned: &Planned) -> Option<String> {
     let (ground, parts) = (&scenario.plant.ground, &scenario.mission.part);
     let lands = parts[i].kind == PartKind::Landing || parts[i].may_exceed() && i + 1 == parts.len();
-    let below_m = planned.curve.range_m()[1].z - plan::standing_down_m(ground);
+    let below_m = planned.curve.range_m()[1].z - ground.standing_down_m();
     (ground.present && !lands && below_m > GRAZE_M).then(|| format!("its curve goes {below_m:.2} m below the ground"))
 }
 

@@ -115,10 +115,6 @@ pub struct Bounds {
     pub max_fallback_s: Option<f64>,
 }
 
-/// Least idle speed, as a share of the speed of rotor 1 at hover. It replaces a slower `plant.rotor_speed_min`, because
-/// a controller takes a command of zero for a cut.
-const IDLE_SHARE: f64 = 0.1;
-
 /// Time between two records of the nodes' memories in the log \[s\].
 const REMEMBERED_S: u64 = 10;
 
@@ -220,8 +216,7 @@ impl Scenario {
 
     /// Idle speed of the rotors, on the ground before the take-off and after the touchdown \[rotor speed unit\].
     pub fn idle_speed(&self) -> f64 {
-        let trim = Trim::solve(&self.airframe, self.plant.tilt_reaction);
-        self.plant.rotor_speed_min.max(IDLE_SHARE * trim.actuation.rotor_speed[0])
+        Trim::solve(&self.airframe, self.plant.tilt_reaction).idle_speed(self.plant.rotor_speed_min)
     }
 
     /// Limits, lags and rate limits of the true actuators.

@@ -184,6 +184,13 @@ pub struct Ground {
     pub max_sink_mps: f64,
 }
 
+impl Ground {
+    /// Down coordinate of a vehicle that stands on the ground \[m\].
+    pub fn standing_down_m(&self) -> f64 {
+        self.down_m - self.leg_m
+    }
+}
+
 impl Default for Ground {
     fn default() -> Self {
         Self { present: false, down_m: 0.15, leg_m: 0.15, friction: 0.6, max_sink_mps: 1.5 }
