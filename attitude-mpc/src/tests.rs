@@ -5,6 +5,7 @@ use airframe::linear::STATES;
 use contract::message::Stamp;
 use contract::scenario::{Constraints, FaultKind, Law, Profile, Solver, StateConstraints};
 use proptest::prelude::*;
+use runtime::node::Core;
 
 use super::*;
 use crate::fixture::{self, Case};

@@ -8,6 +8,7 @@ use contract::scenario::{
     Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Law, Mode, Model, Profile, Solver,
     StateConstraints,
 };
+use runtime::node::Core;
 
 /// Steps once with a heading error; returns the answer and the number of allocations.
 fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {

@@ -4,6 +4,7 @@ use contract::Scenario;
 use contract::message::{Actuators, Controls, Stamp, State, mixer_flags};
 use contract::scenario::Profile;
 use mixer::Mixer;
+use runtime::node::Core;
 
 #[test]
 fn a_step_allocates_nothing() {

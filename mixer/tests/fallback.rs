@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 use plant::dynamics::{self, Dynamics, StateVector, Surroundings};
 use plant::integrator;
 use plant::rotors::Condition;
+use runtime::node::Core;
 
 /// Vehicle that only the mixer controls.
 struct Flight {

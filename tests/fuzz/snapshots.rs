@@ -11,6 +11,7 @@ use mixer::Mixer;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
+use runtime::node::Core;
 
 use super::cases;
 

@@ -5,6 +5,7 @@ use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags}
 use contract::scenario::{Constraints, DelayCompensation, DelayName, Law, Profile, Solver, StateConstraints};
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
+use runtime::node::Core;
 
 use super::{hover, violent_turn};
 use crate::AttitudeMpc;

@@ -5,6 +5,7 @@ use contract::message::{Reference, State, guidance_flags};
 use contract::scenario::{Profile, TrajectoryKind};
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
+use runtime::node::Core;
 
 use super::{hovering, scenario};
 use crate::Guidance;

@@ -6,6 +6,7 @@ use contract::message::{Actuators, Controls, SolveStatus, Stamp, State, mixer_fl
 use contract::scenario::Profile;
 use contract::snapshot::{self, SNAPSHOT_WORDS};
 use proptest::prelude::*;
+use runtime::node::Core;
 
 use super::any_demand;
 use crate::Mixer;
