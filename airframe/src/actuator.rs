@@ -69,25 +69,28 @@ impl ActuatorLaw {
     /// Rate of change of `position` under an already clipped `command`, per second; the lags must be positive.
     #[inline]
     pub fn rate(&self, position: &Actuation, command: &Actuation) -> Actuation {
-        let lag = |s: f64, to: f64, tau: f64, rate: f64| ((to - s) / tau).clamp(-rate, rate);
-        let mut rotor_speed = [0.0; 3];
-        for ((out, s), to) in rotor_speed.iter_mut().zip(position.rotor_speed).zip(command.rotor_speed) {
-            *out = lag(s, to, self.rotor_lag_s, self.rotor_rate_limit);
-        }
-        let tilt_rad = lag(position.tilt_rad, command.tilt_rad, self.servo_lag_s, self.servo_rate_limit_radps);
-        Actuation { rotor_speed, tilt_rad }
+        self.each(position, command, |s, to, tau_s, rate| ((to - s) / tau_s).clamp(-rate, rate))
     }
 
     /// Position after `command` was held for `dt_s`, in closed form: first at the rate limit, then exponential.
     pub fn advance(&self, position: &Actuation, command: &Actuation, dt_s: f64) -> Actuation {
         let command = self.limits.clip(command);
-        let mut rotor_speed = [0.0; 3];
-        for ((out, s), to) in rotor_speed.iter_mut().zip(position.rotor_speed).zip(command.rotor_speed) {
-            *out = first_order(s, to, self.rotor_lag_s, self.rotor_rate_limit, dt_s);
-        }
-        let tilt_rad =
-            first_order(position.tilt_rad, command.tilt_rad, self.servo_lag_s, self.servo_rate_limit_radps, dt_s);
-        Actuation { rotor_speed, tilt_rad }
+        self.each(position, &command, |s, to, tau_s, rate| first_order(s, to, tau_s, rate, dt_s))
+    }
+
+    /// Computes the `response` of each actuator to its position, command, lag and rate limit.
+    #[inline]
+    fn each(
+        &self,
+        position: &Actuation,
+        command: &Actuation,
+        response: impl Fn(f64, f64, f64, f64) -> f64,
+    ) -> Actuation {
+        let rotor = |i: usize| {
+            response(position.rotor_speed[i], command.rotor_speed[i], self.rotor_lag_s, self.rotor_rate_limit)
+        };
+        let tilt_rad = response(position.tilt_rad, command.tilt_rad, self.servo_lag_s, self.servo_rate_limit_radps);
+        Actuation { rotor_speed: std::array::from_fn(rotor), tilt_rad }
     }
 }
 

@@ -33,13 +33,13 @@ use airframe::angle;
 use contract::actuation::Actuation;
 use contract::delay::Switch;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::snapshot::{self, OptionalTick, Snapshot};
+use contract::snapshot::OptionalTick;
 use nalgebra::{DVector, Vector4};
-use settings::{DelayCompensation, DelayName, Fault, Scenario, ScenarioError};
+use settings::{DelayCompensation, DelayName, Scenario, ScenarioError};
 
 use disturbance::DisturbanceLaw;
 use law::attitude_law::{Account, Aim, AttitudeLaw, Sample};
-use memory::{Memory, Whole};
+use memory::Memory;
 use model::PredictionModel;
 
 /// Index of psi in state and reference, the only angle that is wrapped.
@@ -94,11 +94,6 @@ impl AttitudeMpc {
     /// Returns the plans of the newest step, as [`AttitudeLaw::plans`].
     pub fn plans(&mut self) -> Option<[&DVector<f64>; 2]> {
         self.law.plans()
-    }
-
-    /// Updates fault `number` if it is a fault of the solver.
-    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
-        self.law.apply_fault(number, fault);
     }
 
     /// Computes the demand at `tick` from the newest state and reference: deviations of col, lon, lat, ped from trim
@@ -164,34 +159,6 @@ impl AttitudeMpc {
         let status =
             if decision.status <= SolveStatus::Solved && !led { SolveStatus::NoReference } else { decision.status };
         self.publish(status, &decision.account)
-    }
-
-    /// Packs the whole memory, for the process that continues this flight, except [`hurry`](Self::hurry), which belongs
-    /// to the process.
-    pub fn snapshot(&self) -> Snapshot {
-        snapshot::pack(&Whole { memory: self.memory, warm_start: self.law.warm_start() })
-    }
-
-    /// Continues from a snapshot. Returns `false`, and changes nothing, if the snapshot is foreign, torn or not finite,
-    /// or does not fit this model and solver.
-    pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
-        let states = self.model.states() as u64;
-        let Some(whole) = snapshot::unpack::<Whole>(snapshot).filter(|whole| whole.memory.states == states) else {
-            return false;
-        };
-        let fits = self.law.start_from(&whole.warm_start);
-        if fits {
-            self.memory = whole.memory;
-            if self.disturbance_law.is_none() && !self.law.has_own_estimate() {
-                self.memory.disturbance = Vector4::zeros(); // of another law: nothing here would renew it
-            }
-        }
-        fits
-    }
-
-    /// Sets whether the next steps avoid the solver, because a deadline was missed.
-    pub fn hurry(&mut self, hurried: bool) {
-        self.law.hurry(hurried);
     }
 
     /// Updates the disturbance in `next`, and its gain, by the prediction error of this sample under the inputs `u` of

@@ -4,6 +4,7 @@ use airframe::envelope::Envelope;
 use airframe::linear::STATES;
 use contract::message::Stamp;
 use proptest::prelude::*;
+use runtime::node::Core;
 use settings::{Constraints, FaultKind, Law, Profile, Solver, StateConstraints};
 
 use super::*;

@@ -3,6 +3,7 @@
 use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
+use runtime::node::Core;
 use settings::{
     Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Law, Mode, Model, Profile, Scenario,
     Solver, StateConstraints,

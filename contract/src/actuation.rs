@@ -12,3 +12,10 @@ pub struct Actuation {
     /// Tilt of rotor 1 about the body x axis, mu \[rad\], positive for thrust along body y.
     pub tilt_rad: f64,
 }
+
+impl Actuation {
+    /// Returns whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.rotor_speed.iter().all(|omega| omega.is_finite()) && self.tilt_rad.is_finite()
+    }
+}

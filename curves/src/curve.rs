@@ -5,9 +5,8 @@ use nalgebra::Vector3;
 use crate::descent::Descent;
 use crate::figure::Figure;
 use crate::legs::Legs;
-use crate::min_snap::MinSnap;
 use crate::setpoint::Setpoint;
-use crate::spline::Spline;
+use crate::through::Through;
 
 /// Number of intervals into which a leg is divided for checks.
 pub const SAMPLES: u32 = 100;
@@ -21,10 +20,8 @@ pub enum Shape {
     Rest(Vector3<f64>, f64),
     /// Straight legs.
     Legs(Legs),
-    /// Curve of least jerk through waypoints.
-    Spline(Spline),
-    /// Curve of least snap through waypoints.
-    MinSnap(MinSnap),
+    /// Curve through waypoints.
+    Through(Through),
     /// Circle, helix or figure eight.
     Figure(Figure),
     /// Landing.
@@ -75,8 +72,7 @@ impl Curve {
         let times = match &self.shape {
             Shape::Rest(_, duration_s) => vec![0.0, *duration_s],
             Shape::Legs(legs) => legs.waypoints.iter().map(|(at_s, _)| *at_s).collect(),
-            Shape::Spline(spline) => spline.times_s().collect(),
-            Shape::MinSnap(curve) => curve.times_s().collect(),
+            Shape::Through(curve) => curve.times_s().collect(),
             Shape::Figure(figure) => vec![0.0, figure.laps.turning_s],
             Shape::Descent(descent) => descent.times_s().to_vec(),
         };
@@ -90,8 +86,7 @@ impl Curve {
         let Setpoint { position_m, velocity_mps, acceleration_mps2 } = match &self.shape {
             Shape::Rest(at, _) => Setpoint::at_rest((*at).into()),
             Shape::Legs(legs) => legs.at(t_s),
-            Shape::Spline(spline) => spline.at(t_s),
-            Shape::MinSnap(curve) => curve.at(t_s),
+            Shape::Through(curve) => curve.at(t_s),
             Shape::Figure(figure) => figure.at(t_s),
             Shape::Descent(descent) => descent.at(t_s),
         };

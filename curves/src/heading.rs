@@ -155,19 +155,10 @@ fn to_centre(curve: &Curve, setpoint: &Setpoint) -> Option<f64> {
 }
 
 /// Fills the gaps between known directions with the next one, and the end with the last one.
-fn tracked(known: Vec<Option<f64>>, before_rad: f64) -> Vec<f64> {
-    let last = known.iter().rev().find_map(|known| *known).unwrap_or(before_rad);
-    let mut next = last;
-    let mut filled: Vec<f64> = known
-        .into_iter()
-        .rev()
-        .map(|known| {
-            next = known.unwrap_or(next);
-            next
-        })
-        .collect();
-    filled.reverse();
-    filled
+fn tracked(mut known: Vec<Option<f64>>, before_rad: f64) -> Vec<f64> {
+    let mut next = known.iter().flatten().last().copied().unwrap_or(before_rad);
+    known.iter_mut().rev().for_each(|known| next = *known.get_or_insert(next));
+    known.into_iter().flatten().collect()
 }
 
 #[cfg(test)]

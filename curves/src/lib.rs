@@ -6,6 +6,7 @@
 //! | [`progress`] | the covered share of a way: trapezoid, min-jerk, laps |
 //! | [`legs`] | straight legs at a pace of their own |
 //! | [`tridiagonal`] | the equations of the curves through waypoints |
+//! | [`through`] | a curve through waypoints, at rest only at its ends |
 //! | [`spline`] | the curve of least jerk through waypoints |
 //! | [`min_snap`] | the curve of least snap through waypoints |
 //! | [`figure`] | circle, helix and figure eight |
@@ -37,6 +38,7 @@ pub mod progress;
 pub mod setpoint;
 pub mod spline;
 pub mod stray;
+pub mod through;
 pub mod tridiagonal;
 
 pub use limits::{Excess, Limits, Quantity};

@@ -17,6 +17,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::setpoint::Setpoint;
+use crate::through::{Knot, Through};
 use crate::tridiagonal::{Row, solve};
 
 /// Integral of the squared snap of a leg of one second, as a form in position, velocity, acceleration and jerk at its
@@ -35,54 +36,22 @@ const SNAP: [[f64; 8]; 8] = [
 /// First row of [`SNAP`] of the start of a leg, and of its end.
 const ENDS: [usize; 2] = [0, 4];
 
-/// Waypoint, with time and derivatives of the curve there.
-#[derive(Debug, Clone, Copy)]
-struct Knot {
-    at_s: f64,
-    position: Vector3<f64>,
-    velocity: Vector3<f64>,
-    acceleration: Vector3<f64>,
-    jerk: Vector3<f64>,
-}
-
-/// Curve through all waypoints.
-#[derive(Debug, Clone)]
-pub struct MinSnap(Vec<Knot>);
-
-impl MinSnap {
-    /// Solves the curve through `waypoints`, each with the time at which it is passed \[s\], increasing.
-    pub fn new(waypoints: &[(f64, Vector3<f64>)]) -> Self {
-        let rest = Vector3::zeros();
-        let knot =
-            |&(at_s, position): &(f64, _)| Knot { at_s, position, velocity: rest, acceleration: rest, jerk: rest };
-        let mut knots: Vec<Knot> = waypoints.iter().map(knot).collect();
-        let legs: Vec<Leg> = waypoints.windows(2).map(|ends| Leg::new(ends[0], ends[1])).collect();
-        let units: Vec<Vector3<f64>> = legs.windows(2).map(|two| units(two[0].h.min(two[1].h))).collect();
-        let row = |(i, unit): (usize, &Vector3<f64>)| {
-            let (before, after) = (&legs[i], &legs[i + 1]);
-            Row {
-                on: before.block(1, 1, unit, unit) + after.block(0, 0, unit, unit),
-                across: units.get(i + 1).map_or_else(Matrix3::zeros, |next| after.block(0, 1, unit, next)),
-                right: before.right(1, unit) + after.right(0, unit),
-            }
-        };
-        let rows: Vec<Row<3>> = units.iter().enumerate().map(row).collect();
-        for ((knot, unit), solved) in knots.iter_mut().skip(1).zip(&units).zip(solve(&rows)) {
-            let derivative = |row: usize| solved.row(row).transpose() * unit[row];
-            (knot.velocity, knot.acceleration, knot.jerk) = (derivative(0), derivative(1), derivative(2));
+/// Solves the curve through `waypoints`, each with the time at which it is passed \[s\], increasing.
+pub fn through(waypoints: &[(f64, Vector3<f64>)]) -> Through {
+    let legs: Vec<Leg> = waypoints.windows(2).map(|ends| Leg::new(ends[0], ends[1])).collect();
+    let units: Vec<Vector3<f64>> = legs.windows(2).map(|two| units(two[0].h.min(two[1].h))).collect();
+    let row = |(i, unit): (usize, &Vector3<f64>)| {
+        let (before, after) = (&legs[i], &legs[i + 1]);
+        Row {
+            on: before.block(1, 1, unit, unit) + after.block(0, 0, unit, unit),
+            across: units.get(i + 1).map_or_else(Matrix3::zeros, |next| after.block(0, 1, unit, next)),
+            right: before.right(1, unit) + after.right(0, unit),
         }
-        Self(knots)
-    }
-
-    /// Times of the waypoints \[s\].
-    pub fn times_s(&self) -> impl Iterator<Item = f64> {
-        self.0.iter().map(|knot| knot.at_s)
-    }
-
-    /// Reference at `t_s`; before the first waypoint and after the last it rests there.
-    pub fn at(&self, t_s: f64) -> Setpoint {
-        Setpoint::along(&self.0, |knot| (knot.at_s, knot.position.into()), t_s, |from, to| between(from, to, t_s))
-    }
+    };
+    let rows: Vec<Row<3>> = units.iter().enumerate().map(row).collect();
+    let solved = units.iter().zip(solve(&rows));
+    let derivatives = solved.map(|(unit, solved)| [0, 1, 2].map(|row| solved.row(row).transpose() * unit[row]));
+    Through::new(waypoints, derivatives, between)
 }
 
 /// Reference on the curve of the seventh degree between two waypoints.
@@ -155,19 +124,19 @@ mod tests {
 
     use super::*;
 
-    fn curve(legs: &[(f64, [f64; 3])]) -> MinSnap {
+    fn curve(legs: &[(f64, [f64; 3])]) -> Through {
         let mut at_s = 0.0;
         let later = legs.iter().map(|(h, position)| {
             at_s += h;
             (at_s, Vector3::from(*position))
         });
-        MinSnap::new(&std::iter::once((0.0, Vector3::zeros())).chain(later).collect::<Vec<_>>())
+        through(&std::iter::once((0.0, Vector3::zeros())).chain(later).collect::<Vec<_>>())
     }
 
     /// Integral of the squared snap, by Simpson's rule on second differences of the acceleration.
-    fn cost(curve: &MinSnap) -> f64 {
+    fn cost(curve: &Through) -> f64 {
         let mut sum = 0.0;
-        for ends in curve.0.windows(2) {
+        for ends in curve.knots.windows(2) {
             let h = ends[1].at_s - ends[0].at_s;
             let acceleration =
                 |x: f64| Vector3::from(between(&ends[0], &ends[1], ends[0].at_s + x * h).acceleration_mps2);
@@ -217,8 +186,8 @@ mod tests {
             let least = cost(&best);
             let changed = |sign: f64| {
                 let mut other = best.clone();
-                let inner = 1 + which.index(other.0.len() - 2);
-                let knot = &mut other.0[inner];
+                let inner = 1 + which.index(other.knots.len() - 2);
+                let knot = &mut other.knots[inner];
                 let derivative = [&mut knot.velocity, &mut knot.acceleration, &mut knot.jerk];
                 *derivative.into_iter().nth(order).unwrap() += Vector3::from(by) * sign;
                 cost(&other)
@@ -236,7 +205,7 @@ mod tests {
         ) {
             let legs: Vec<_> = durations.iter().map(|decade| (10_f64.powf(*decade), to)).collect();
             let curve = curve(&legs);
-            for ends in curve.0.windows(2) {
+            for ends in curve.knots.windows(2) {
                 for share in [0.0, 0.3, 0.99] {
                     let here = curve.at(ends[0].at_s + share * (ends[1].at_s - ends[0].at_s));
                     let all = [here.position_m, here.velocity_mps, here.acceleration_mps2];

@@ -9,10 +9,10 @@ use crate::figure::{self, Figure};
 use crate::heading::{Headings, Rule};
 use crate::legs::Legs;
 use crate::limits::{Demand, Limits};
-use crate::min_snap::MinSnap;
+use crate::min_snap;
 use crate::progress::Laps;
 use crate::setpoint::Setpoint;
-use crate::spline::Spline;
+use crate::spline;
 
 /// Motion of one part.
 #[derive(Debug, Clone, PartialEq)]
@@ -187,10 +187,11 @@ fn build(motion: &Motion, from: Vector3<f64>, limits: &Limits) -> Curve {
         }
         Motion::Through { points_m, times_s, least } => {
             let waypoints = waypoints(from, points_m);
-            let solve = |waypoints: &[(f64, Vector3<f64>)]| match least {
-                Least::Snap => Shape::MinSnap(MinSnap::new(waypoints)),
-                Least::Jerk => Shape::Spline(Spline::new(waypoints)),
+            let through = match least {
+                Least::Snap => min_snap::through,
+                Least::Jerk => spline::through,
             };
+            let solve = |waypoints: &[(f64, Vector3<f64>)]| Shape::Through(through(waypoints));
             match times_s {
                 None => fastest::through(&waypoints, limits, solve),
                 Some(times_s) => solve(&timed(waypoints, times_s)).into(),

@@ -16,52 +16,23 @@
 use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
 use crate::setpoint::Setpoint;
+use crate::through::{Knot, Through};
 use crate::tridiagonal::{Row, solve};
 
-/// Waypoint, with time, velocity and acceleration of the curve there.
-#[derive(Debug, Clone, Copy)]
-struct Knot {
-    at_s: f64,
-    position: Vector3<f64>,
-    velocity: Vector3<f64>,
-    acceleration: Vector3<f64>,
-}
-
-/// Curve through all waypoints.
-#[derive(Debug, Clone)]
-pub struct Spline(Vec<Knot>);
-
-impl Spline {
-    /// Solves the curve through `waypoints`, each with the time at which it is passed \[s\], increasing.
-    pub fn new(waypoints: &[(f64, Vector3<f64>)]) -> Self {
-        let rest = Vector3::zeros();
-        let knot = |&(at_s, position): &(f64, _)| Knot { at_s, position, velocity: rest, acceleration: rest };
-        let mut knots: Vec<Knot> = waypoints.iter().map(knot).collect();
-        let row = |three: &[(f64, Vector3<f64>)]| {
-            let (before, after) = (Leg::new(three[0], three[1]), Leg::new(three[1], three[2]));
-            let right = Matrix2x3::from_rows(&[
-                (360.0 * (before.way / before.h[3] + after.way / after.h[3])).transpose(),
-                (60.0 * (after.way / after.h[2] - before.way / before.h[2])).transpose(),
-            ]);
-            Row { on: before.at_end() + after.at_start(), across: after.across(), right }
-        };
-        let rows: Vec<Row<2>> = waypoints.windows(3).map(row).collect();
-        for (knot, solved) in knots.iter_mut().skip(1).zip(solve(&rows)) {
-            knot.velocity = solved.row(0).transpose();
-            knot.acceleration = solved.row(1).transpose();
-        }
-        Self(knots)
-    }
-
-    /// Times of the waypoints \[s\].
-    pub fn times_s(&self) -> impl Iterator<Item = f64> {
-        self.0.iter().map(|knot| knot.at_s)
-    }
-
-    /// Reference at `t_s`; before the first waypoint and after the last it rests there.
-    pub fn at(&self, t_s: f64) -> Setpoint {
-        Setpoint::along(&self.0, |knot| (knot.at_s, knot.position.into()), t_s, |from, to| between(from, to, t_s))
-    }
+/// Solves the curve through `waypoints`, each with the time at which it is passed \[s\], increasing.
+pub fn through(waypoints: &[(f64, Vector3<f64>)]) -> Through {
+    let row = |three: &[(f64, Vector3<f64>)]| {
+        let (before, after) = (Leg::new(three[0], three[1]), Leg::new(three[1], three[2]));
+        let right = Matrix2x3::from_rows(&[
+            (360.0 * (before.way / before.h[3] + after.way / after.h[3])).transpose(),
+            (60.0 * (after.way / after.h[2] - before.way / before.h[2])).transpose(),
+        ]);
+        Row { on: before.at_end() + after.at_start(), across: after.across(), right }
+    };
+    let rows: Vec<Row<2>> = waypoints.windows(3).map(row).collect();
+    let solved = solve(&rows).into_iter();
+    let derivatives = solved.map(|solved| [solved.row(0).transpose(), solved.row(1).transpose(), Vector3::zeros()]);
+    Through::new(waypoints, derivatives, between)
 }
 
 /// Reference on the quintic between two waypoints.

@@ -118,8 +118,8 @@ impl Vehicle for ForeignVehicle {
     fn remember(&mut self, tape: &mut Tape, _tick: u64) {
         let bytes = self.library.memory_bytes();
         let mut layout = self.layout;
-        tape.word(&mut layout);
-        tape.numbers(cast_slice_mut(bytes_of_mut(&mut self.answer)));
+        tape.value(&mut layout);
+        tape.value(&mut self.answer);
         self.diverged = diverged(&self.answer);
         let mut words = [0_u64; MEMORY_BYTES / 8];
         let written = |library: &Library, words: &mut [u64]| {
@@ -128,9 +128,7 @@ impl Vehicle for ForeignVehicle {
         if !tape.reads() {
             written(&self.library, &mut words);
         }
-        for word in &mut words[..bytes.div_ceil(8)] {
-            tape.word(word);
-        }
+        tape.words(&mut words[..bytes.div_ceil(8)]);
         if tape.reads() {
             self.library.restore(&cast_slice(&words)[..bytes]);
             let mut kept = [0_u64; MEMORY_BYTES / 8];

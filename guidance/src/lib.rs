@@ -45,7 +45,7 @@ pub mod trajectory;
 
 use airframe::{Trim, angle};
 use contract::message::{Ahead, PREVIEW, Reference, State, guidance_flags};
-use contract::snapshot::{self, OptionalTick, Snapshot};
+use contract::snapshot::OptionalTick;
 use nalgebra::{Rotation3, Vector2, Vector3};
 use settings::{Derivative, Guidance as Settings, RateReference, RollReference, Scenario};
 
@@ -164,16 +164,6 @@ impl Guidance {
         (self.memory.silent, self.memory.cut) = (0, 0);
         self.memory.reference = reference;
         reference
-    }
-
-    /// Packs the whole memory, for the process that continues this flight.
-    pub fn snapshot(&self) -> Snapshot {
-        snapshot::pack(&self.memory)
-    }
-
-    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
-    pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
-        snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 
     /// Repeats the previous answer with `flag`. The memory is `before`, except that the step counts as silent.

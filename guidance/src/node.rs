@@ -1,7 +1,7 @@
 //! Guidance as the core of a node, woken by STATE; it answers with REFERENCE.
 
 use contract::message::{Reference, State};
-use contract::snapshot::Snapshot;
+use contract::snapshot::{self, Snapshot};
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::node::Core;
@@ -22,10 +22,11 @@ impl Core for Guidance {
     }
 
     fn snapshot(&self) -> Snapshot {
-        self.snapshot()
+        snapshot::pack(&self.memory)
     }
 
-    fn restore(&mut self, memory: &Snapshot) -> bool {
-        self.restore(memory)
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
+    fn restore(&mut self, snapshot: &Snapshot) -> bool {
+        snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 }

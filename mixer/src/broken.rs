@@ -165,8 +165,7 @@ impl Broken {
                 Actuation { rotor_speed: remaining.allocate(lift_n, lon, lat), tilt_rad }
             }
         };
-        let is_finite = command.rotor_speed.iter().all(|speed| speed.is_finite()) && command.tilt_rad.is_finite();
-        is_finite.then_some(command)
+        command.is_finite().then_some(command)
     }
 
     /// Direction that the spin takes for down, in the body frame, so that its thrust brakes the horizontal velocity.

@@ -35,7 +35,7 @@ use airframe::{DemandSet, Limits, MixingMatrix, Trim};
 use bytemuck::Zeroable;
 use contract::actuation::Actuation;
 use contract::message::{Actuators, Controls, SolveStatus, State, mixer_flags};
-use contract::snapshot::{self, OptionalTick, Snapshot};
+use contract::snapshot::OptionalTick;
 use nalgebra::Vector4;
 use settings::{BrokenVehicle, Scenario};
 
@@ -128,16 +128,6 @@ impl Mixer {
         }
         self.memory.delay.outputs[0] = bytemuck::cast(actuators.command);
         actuators
-    }
-
-    /// Packs the whole memory, for the process that continues this flight.
-    pub fn snapshot(&self) -> Snapshot {
-        snapshot::pack(&self.memory)
-    }
-
-    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
-    pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
-        snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 
     /// Stores a demand, unless it is missing, not finite or repeated.

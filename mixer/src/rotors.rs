@@ -112,13 +112,7 @@ impl Rotors {
 
     /// Evidence without any sample, with the actuators at the clipped `command`.
     pub fn unknown(&self, command: &Actuation) -> Evidence {
-        Evidence {
-            actuation: self.law.limits.clip(command),
-            unexplained: Vector4::zeros(),
-            expected: Matrix4x3::zeros(),
-            dead_s: Vector3::zeros(),
-            stuck_s: 0.0,
-        }
+        Evidence { actuation: self.law.limits.clip(command), ..Evidence::zeroed() }
     }
 
     /// Updates the evidence by a sample `elapsed_s` after the one before, from the measurements at both and the command

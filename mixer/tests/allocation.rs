@@ -2,6 +2,7 @@
 
 use contract::message::{Actuators, Controls, Stamp, State, mixer_flags};
 use mixer::Mixer;
+use runtime::node::Core;
 use settings::{Profile, Scenario};
 
 #[test]

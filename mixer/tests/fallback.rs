@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use plant::dynamics::{self, Dynamics, StateVector, Surroundings};
 use plant::integrator;
 use plant::rotors::Condition;
+use runtime::node::Core;
 use settings::{BrokenVehicle, Profile, Scenario};
 
 /// Vehicle that only the mixer controls.

@@ -16,7 +16,8 @@
 use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
 use crate::Aiding;
-use crate::filter::{Constants, MIN_HORIZONTAL, Noise, Wander};
+use crate::filter::MIN_HORIZONTAL;
+use crate::noise::{Constants, Noise, Wander};
 use crate::state::{
     ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, HARD_IRON, Imu, POSITION, RATES_BIAS,
     State, VELOCITY,

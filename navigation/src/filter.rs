@@ -14,17 +14,16 @@
 //! field); if another one that tells of the same motion is refused too, the motion. A velocity that disagrees alone is
 //! refused as long as it does. The covariance of what is reset grows by the innovation, `H' y^2 H`, so that it takes
 //! the innovation up. Resets are counted.
-//!
-//! What a sensor measures too much is a first-order Gauss-Markov process ([`Wander`]), as in section 3.6 of Groves,
-//! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013): drift of the receiver, bias of
-//! the barometer, and the vehicle's own field (hard iron). The declination is a constant.
 
 use libm::hypot;
-use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, Vector2, Vector3};
 
+use crate::memory::{Visit, plain};
+use crate::noise::{Constants, Noise};
+use crate::source::{Measured, Record, SOURCES, Source, direct, scalar};
 use crate::state::{
-    ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, ERRORS, Error, HARD_IRON, Imu,
-    POSITION, RATES_BIAS, State, VELOCITY, turn,
+    ACCELERATION_BIAS, ATTITUDE, Covariance, DECLINATION, DRIFT, ERRORS, Error, HARD_IRON, Imu, RATES_BIAS, State,
+    VELOCITY, turn,
 };
 use crate::yaw::YawCheck;
 
@@ -39,166 +38,6 @@ const UNKNOWN_RAD: f64 = 0.8;
 const WRONG_RAD: f64 = 0.35;
 /// Smallest horizontal share of the magnetic field that tells a heading.
 pub(crate) const MIN_HORIZONTAL: f64 = 0.1;
-
-/// Source of measurements, with a gate of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    /// Position of the satellite receiver, north and east.
-    Position,
-    /// Position of the satellite receiver, down.
-    Depth,
-    /// Velocity of the satellite receiver, north and east.
-    Velocity,
-    /// Velocity of the satellite receiver, down.
-    Sink,
-    /// Barometer.
-    Height,
-    /// Magnetometer.
-    Heading,
-    /// Velocity over the ground.
-    Flow,
-}
-
-impl Source {
-    /// All sources.
-    pub const ALL: [Self; SOURCES] =
-        [Self::Position, Self::Depth, Self::Velocity, Self::Sink, Self::Height, Self::Heading, Self::Flow];
-
-    /// Number of components of a measurement.
-    pub const fn components(self) -> usize {
-        match self {
-            Self::Depth | Self::Sink | Self::Height | Self::Heading => 1,
-            Self::Position | Self::Velocity | Self::Flow => 2,
-        }
-    }
-
-    /// Normalised innovation squared above which a measurement is refused: the chi-square quantile of 0.999 for the
-    /// number of its components.
-    pub const fn gate(self) -> f64 {
-        if self.components() == 1 { 10.828 } else { 13.816 }
-    }
-
-    /// Sources that tell of the same motion, to first order.
-    const fn fellows(self) -> &'static [Self] {
-        match self {
-            Self::Position | Self::Heading => &[Self::Velocity, Self::Flow],
-            Self::Depth => &[Self::Sink, Self::Height],
-            Self::Height => &[Self::Sink, Self::Depth],
-            Self::Velocity => &[Self::Position, Self::Flow],
-            Self::Sink => &[Self::Depth, Self::Height],
-            Self::Flow => &[Self::Position, Self::Velocity],
-        }
-    }
-
-    /// First error state of the motion that is measured, and of what the sensor adds to it, if that is an error state.
-    const fn states(self) -> (usize, Option<usize>) {
-        match self {
-            Self::Position => (POSITION, Some(DRIFT)),
-            Self::Depth => (POSITION + 2, Some(DRIFT + 2)),
-            Self::Height => (POSITION + 2, Some(BAROMETER_BIAS)),
-            Self::Velocity | Self::Flow => (VELOCITY, None),
-            Self::Sink => (VELOCITY + 2, None),
-            Self::Heading => (ATTITUDE, Some(HARD_IRON)),
-        }
-    }
-}
-
-/// Number of sources.
-pub const SOURCES: usize = 7;
-
-/// First-order Gauss-Markov process: `dx = -x / time dt + walk dW`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wander {
-    /// Standard deviation at the start \[unit\].
-    pub start: f64,
-    /// Random walk \[unit / sqrt(s)\].
-    pub walk: f64,
-    /// Time constant \[s\]; infinite for a random walk.
-    pub time_s: f64,
-}
-
-impl Wander {
-    /// Returns a process that is stationary with a `deviation`, or stays as it began if `time_s` is infinite.
-    pub fn stationary(deviation: f64, time_s: f64) -> Self {
-        Self { start: deviation, walk: deviation * (2.0 / time_s).sqrt(), time_s }
-    }
-
-    /// Share of a value that is left after `dt_s`, and the variance that is new, to first order.
-    fn step(&self, dt_s: f64) -> (f64, f64) {
-        (libm::exp(-dt_s / self.time_s), self.walk * self.walk * dt_s)
-    }
-}
-
-/// Standard deviations of the errors that the filter expects.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noise {
-    /// Specific force of one sample \[m/s2\].
-    pub specific_force_mps2: f64,
-    /// Body rates of one sample \[rad/s\].
-    pub rates_radps: f64,
-    /// Random walk of the accelerometer's bias \[m/s2 / sqrt(s)\].
-    pub acceleration_bias_walk: f64,
-    /// Random walk of the gyros' bias \[rad/s / sqrt(s)\].
-    pub rates_bias_walk: f64,
-    /// Position of the satellite receiver, NED \[m\].
-    pub position_m: Vector3<f64>,
-    /// Velocity of the satellite receiver, NED \[m/s\].
-    pub velocity_mps: Vector3<f64>,
-    /// Barometer \[m\].
-    pub height_m: f64,
-    /// Share of the dynamic pressure of its own velocity that the barometer takes for static pressure.
-    pub wind_pressure: f64,
-    /// Magnetometer, as a share of the field.
-    pub field: f64,
-    /// Angle of the earth's field below the horizon, of the map \[rad\].
-    pub inclination_rad: f64,
-    /// Velocity over the ground \[m/s\].
-    pub flow_mps: f64,
-    /// Place of the receiver's antenna, each body axis \[m\].
-    pub antenna_m: f64,
-    /// Time of the receiver's measurements \[s\].
-    pub clock_s: f64,
-    /// Drift of the receiver's position, NED \[m\].
-    pub drift: [Wander; 3],
-    /// Bias of the barometer \[m\].
-    pub barometer: Wander,
-    /// The vehicle's own field on each body axis, as a share of the earth's.
-    pub hard_iron: Wander,
-}
-
-impl Noise {
-    /// Processes of the error states from [`DRIFT`] on.
-    fn wandering(&self) -> [Wander; DECLINATION - DRIFT] {
-        let Self { drift: [north, east, down], barometer, hard_iron, .. } = *self;
-        [north, east, down, barometer, hard_iron, hard_iron, hard_iron]
-    }
-}
-
-/// Record of one source.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Record {
-    /// Measurements that were fused, those of a reset too.
-    pub accepted: f64,
-    /// Measurements that the gate refused.
-    pub refused: f64,
-    /// Resets.
-    pub resets: f64,
-    /// Time since the last accepted measurement \[s\].
-    pub silent_s: f64,
-    /// Measurements refused since then.
-    pub spell: f64,
-    /// Time from then to the first of these \[s\].
-    pub outage_s: f64,
-    /// Normalised innovation squared of the last measurement.
-    pub nis: f64,
-}
-
-impl Record {
-    /// Time for which every measurement was refused \[s\].
-    fn disputed_s(&self) -> f64 {
-        if self.spell > 0.0 { self.silent_s - self.outage_s } else { 0.0 }
-    }
-}
 
 /// Error-state Kalman filter.
 #[derive(Debug, Clone, PartialEq)]
@@ -514,110 +353,19 @@ impl Filter {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
     }
 
-    /// Passes every number of the memory to `visit`, to be read or written.
-    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        self.state.visit(visit);
-        self.pace.iter_mut().for_each(&mut *visit);
-        self.yaw.visit(visit);
+    /// Passes the memory to `visit`, as [`Navigation::visit`](crate::Navigation::visit).
+    pub(crate) fn visit(&mut self, visit: Visit) {
+        plain(&mut self.state, visit);
+        plain(&mut self.pace, visit);
+        plain(&mut self.yaw, visit);
         for i in 0..ERRORS {
             for j in 0..=i {
-                visit(&mut self.covariance[(i, j)]);
+                plain(&mut self.covariance[(i, j)], visit);
                 self.covariance[(j, i)] = self.covariance[(i, j)];
             }
         }
-        for Record { accepted, refused, resets, silent_s, spell, outage_s, nis } in &mut self.records {
-            [accepted, refused, resets, silent_s, spell, outage_s, nis].into_iter().for_each(&mut *visit);
-        }
+        plain(&mut self.records, visit);
     }
-}
-
-/// Standard deviations of the error at the start; those of what wanders are in [`Noise`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Start {
-    /// Position, each axis \[m\].
-    pub position_m: f64,
-    /// Velocity, each axis \[m/s\].
-    pub velocity_mps: f64,
-    /// Roll and pitch \[rad\].
-    pub tilt_rad: f64,
-    /// Heading \[rad\].
-    pub heading_rad: f64,
-    /// Constant errors.
-    pub constants: Constants,
-}
-
-/// Standard deviations of constant errors.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Constants {
-    /// Bias of the accelerometer, body \[m/s2\].
-    pub acceleration_bias_mps2: Vector3<f64>,
-    /// Bias of the gyros, body \[rad/s\].
-    pub rates_bias_radps: Vector3<f64>,
-    /// Declination \[rad\].
-    pub declination_rad: f64,
-}
-
-impl Start {
-    /// Covariance of the error about an `attitude`.
-    pub fn covariance(&self, attitude: &UnitQuaternion<f64>, noise: &Noise) -> Covariance {
-        let Self { position_m, velocity_mps, tilt_rad, heading_rad, constants } = self;
-        let axes = *attitude.to_rotation_matrix().matrix();
-        let level = Matrix3::from_diagonal(&Vector3::new(*tilt_rad, *tilt_rad, *heading_rad));
-        let level = level * axes;
-        let mut covariance = constants.covariance(noise);
-        let mut put =
-            |from: usize, block: Matrix3<f64>| covariance.fixed_view_mut::<3, 3>(from, from).copy_from(&block);
-        put(POSITION, Matrix3::from_diagonal_element(position_m * position_m));
-        put(VELOCITY, Matrix3::from_diagonal_element(velocity_mps * velocity_mps));
-        put(ATTITUDE, level.transpose() * level);
-        covariance
-    }
-}
-
-impl Constants {
-    /// Covariance of a filter that knows the motion, and of the sensors' errors how large they are.
-    pub(crate) fn covariance(&self, noise: &Noise) -> Covariance {
-        let Self { acceleration_bias_mps2, rates_bias_radps, declination_rad } = self;
-        let mut deviations = Error::zeros();
-        for (from, part) in [
-            (ACCELERATION_BIAS, *acceleration_bias_mps2),
-            (RATES_BIAS, *rates_bias_radps),
-            (DRIFT, noise.drift.map(|wander| wander.start).into()),
-            (HARD_IRON, Vector3::repeat(noise.hard_iron.start)),
-        ] {
-            deviations.fixed_rows_mut::<3>(from).copy_from(&part);
-        }
-        (deviations[BAROMETER_BIAS], deviations[DECLINATION]) = (noise.barometer.start, *declination_rad);
-        Covariance::from_diagonal(&deviations.component_mul(&deviations))
-    }
-}
-
-/// Measurement by its innovation, its Jacobian by the error, and the variance of its noise.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Measured<const N: usize> {
-    pub innovation: SVector<f64, N>,
-    pub jacobian: SMatrix<f64, N, ERRORS>,
-    pub variance: SVector<f64, N>,
-}
-
-/// Measurement of the motion of a `source`, with its own error by the factor `own`.
-fn direct<const N: usize>(
-    source: Source,
-    innovation: SVector<f64, N>,
-    own: f64,
-    deviation: SVector<f64, N>,
-) -> Measured<N> {
-    let mut jacobian = SMatrix::<f64, N, ERRORS>::zeros();
-    let (motion, error) = source.states();
-    jacobian.fixed_columns_mut::<N>(motion).copy_from(&SMatrix::identity());
-    if let Some(error) = error {
-        jacobian.fixed_columns_mut::<N>(error).copy_from(&(SMatrix::identity() * own));
-    }
-    Measured { innovation, jacobian, variance: deviation.component_mul(&deviation) }
-}
-
-fn scalar(value: f64) -> SVector<f64, 1> {
-    SVector::from([value])
 }
 
 /// Angle between -pi and pi that is the same turn.

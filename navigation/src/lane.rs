@@ -13,7 +13,9 @@
 
 use nalgebra::Vector3;
 
-use crate::filter::{Constants, Filter};
+use crate::filter::Filter;
+use crate::memory::{Visit, plain};
+use crate::noise::Constants;
 use crate::state::Imu;
 
 /// Range of the accelerometer, 16 g \[m/s2\].
@@ -72,11 +74,11 @@ impl Lane {
         self.well_s < WELL_AFTER_S
     }
 
-    /// Passes every number of the memory to `visit`, to be read or written.
-    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
+    /// Passes the memory to `visit`, as [`Navigation::visit`](crate::Navigation::visit).
+    pub fn visit(&mut self, visit: Visit) {
         self.filter.visit(visit);
-        self.last.visit(visit);
-        [&mut self.stale_s, &mut self.well_s, &mut self.worse_s].into_iter().for_each(visit);
+        plain(&mut self.last, visit);
+        [&mut self.stale_s, &mut self.well_s, &mut self.worse_s].into_iter().for_each(|time_s| plain(time_s, visit));
     }
 }
 

@@ -3,8 +3,11 @@
 //! | module | holds |
 //! |---|---|
 //! | [`state`] | nominal state, and its motion over a sample of the IMU |
-//! | [`filter`] | error-state Kalman filter: covariance, measurements, gates, resets |
+//! | [`filter`] | error-state Kalman filter: covariance, measurements, resets |
+//! | [`source`] | sources of measurements: gates and records |
+//! | [`noise`] | errors that the filter expects |
 //! | `lane` | an IMU with its filter, and the choice among lanes |
+//! | `memory` | memory as words |
 //! | `yaw` | check of the heading by the receiver's velocity |
 //! | [`alignment`] | start of a unit that stands still |
 //!
@@ -33,11 +36,17 @@ use nalgebra::{SVector, Vector2, Vector3};
 pub mod alignment;
 pub mod filter;
 mod lane;
+mod memory;
+pub mod noise;
+pub mod source;
 pub mod state;
 mod yaw;
 
-pub use filter::{Constants, Filter, Noise, Record, Source, Start, Wander};
+pub use filter::Filter;
 use lane::Lane;
+use memory::{Visit, optional, plain};
+pub use noise::{Constants, Noise, Start, Wander};
+pub use source::{Record, Source};
 pub use state::{Covariance, Imu, State};
 
 /// Most IMUs of a unit.
@@ -81,21 +90,12 @@ impl Aiding {
         }
     }
 
-    /// Passes to `visit` one number that tells which measurements there are, and the numbers of these.
-    fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
+    /// Passes the memory to `visit`, as [`Navigation::visit`].
+    fn visit(&mut self, visit: Visit) {
         let Self { position_m, velocity_mps, height_m, field, flow_mps } = self;
-        let there =
-            [position_m.is_some(), velocity_mps.is_some(), height_m.is_some(), field.is_some(), flow_mps.is_some()];
-        let mut code = there.iter().rev().fold(0.0, |code, there| 2.0 * code + f64::from(u8::from(*there)));
-        visit(&mut code);
-        let is_there = |i: usize| code as u64 >> i & 1 == 1;
-        for (i, vector) in [(0, position_m), (1, velocity_mps), (3, field)] {
-            *vector = is_there(i).then(|| vector.unwrap_or_default());
-            vector.iter_mut().flat_map(|vector| vector.iter_mut()).for_each(&mut *visit);
-        }
-        *height_m = is_there(2).then(|| height_m.unwrap_or_default());
-        *flow_mps = is_there(4).then(|| flow_mps.unwrap_or_default());
-        height_m.iter_mut().chain(flow_mps.iter_mut().flat_map(|flow| flow.iter_mut())).for_each(&mut *visit);
+        [position_m, velocity_mps, field].into_iter().for_each(|vector| optional(vector, visit));
+        optional(height_m, visit);
+        optional(flow_mps, visit);
     }
 }
 
@@ -196,19 +196,17 @@ impl Navigation {
         self.frames.iter().map(|(imus, _)| &imus[self.flown])
     }
 
-    /// Passes every number of the memory to `visit`, to be read or written.
-    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
+    /// Passes the memory to `visit`, which writes it elsewhere, or replaces it by that of another estimator.
+    pub fn visit(&mut self, visit: Visit) {
         let Self { lanes, flown, last, frames, delay, .. } = self;
-        for lane in &mut *lanes {
-            lane.visit(visit);
-        }
+        lanes.iter_mut().for_each(|lane| lane.visit(visit));
         last.visit(visit);
-        let mut counts = [*flown as f64, frames.len() as f64];
-        counts.iter_mut().for_each(&mut *visit);
+        let mut counts = [*flown, frames.len()].map(|count| count as u64);
+        plain(&mut counts, visit);
         *flown = (counts[0] as usize).min(lanes.len() - 1);
         frames.resize((counts[1] as usize).min(*delay), Default::default());
         for (imus, aiding) in frames {
-            imus.iter_mut().take(lanes.len()).for_each(|imu| imu.visit(visit));
+            imus.iter_mut().take(lanes.len()).for_each(|imu| plain(imu, visit));
             aiding.visit(visit);
         }
     }

@@ -8,6 +8,7 @@
 //! This is eq. 260 (section 5.4) of Sola, *Quaternion kinematics for the error-state Kalman filter*, arXiv 1711.02508,
 //! with the attitude at the middle of the sample: an IMU gives means over its sample.
 
+use bytemuck::{Pod, Zeroable};
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 /// Number of error states.
@@ -37,7 +38,8 @@ pub type Error = SVector<f64, ERRORS>;
 pub type Covariance = SMatrix<f64, ERRORS, ERRORS>;
 
 /// Sample of the IMU: means since the sample before.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct Imu {
     /// Specific force, body \[m/s2\].
     pub specific_force_mps2: Vector3<f64>,
@@ -45,32 +47,26 @@ pub struct Imu {
     pub rates_radps: Vector3<f64>,
 }
 
-impl Imu {
-    /// Passes every number to `visit`, to be read or written.
-    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        self.specific_force_mps2.iter_mut().chain(&mut self.rates_radps).for_each(visit);
-    }
-}
-
 /// Estimate of the motion and of what the sensors measure too much.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct State {
+    /// Rotation from body to NED axes.
+    pub attitude: UnitQuaternion<f64>,
     /// Position, NED \[m\].
     pub position_m: Vector3<f64>,
     /// Velocity, NED \[m/s\].
     pub velocity_mps: Vector3<f64>,
-    /// Rotation from body to NED axes.
-    pub attitude: UnitQuaternion<f64>,
     /// Bias of the accelerometer, body \[m/s2\].
     pub acceleration_bias_mps2: Vector3<f64>,
     /// Bias of the gyros, body \[rad/s\].
     pub rates_bias_radps: Vector3<f64>,
     /// Drift of the receiver's position, NED \[m\].
     pub drift_m: Vector3<f64>,
-    /// Bias of the barometer's height \[m\].
-    pub barometer_bias_m: f64,
     /// The vehicle's own field, body, as shares of the strength of the earth's.
     pub hard_iron: Vector3<f64>,
+    /// Bias of the barometer's height \[m\].
+    pub barometer_bias_m: f64,
     /// Azimuth of the earth's field, beyond the one that the map has \[rad\].
     pub declination_rad: f64,
 }
@@ -138,17 +134,6 @@ impl State {
         error[BAROMETER_BIAS] = truth.barometer_bias_m - self.barometer_bias_m;
         error[DECLINATION] = truth.declination_rad - self.declination_rad;
         error
-    }
-
-    /// Passes every number to `visit`, to be read or written.
-    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        let Self { position_m, velocity_mps, attitude, acceleration_bias_mps2, rates_bias_radps, .. } = self;
-        attitude.as_mut_unchecked().coords.iter_mut().for_each(&mut *visit);
-        for vector in [position_m, velocity_mps, acceleration_bias_mps2, rates_bias_radps] {
-            vector.iter_mut().for_each(&mut *visit);
-        }
-        let Self { drift_m, barometer_bias_m, hard_iron, declination_rad, .. } = self;
-        drift_m.iter_mut().chain(hard_iron).chain([barometer_bias_m, declination_rad]).for_each(visit);
     }
 }
 

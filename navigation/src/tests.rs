@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::filter::{Measured, SOURCES};
+use crate::source::{Measured, SOURCES};
 use crate::state::{ACCELERATION_BIAS, Covariance, DRIFT, ERRORS, Error, POSITION, RATES_BIAS, VELOCITY, turn};
 
 pub(crate) const G_MPS2: f64 = 9.81;
@@ -444,7 +444,7 @@ fn no_input_makes_an_estimate_that_is_no_number() {
             flight.navigation.update(&[imu; IMUS], &aiding);
             let (state, rates) = flight.navigation.estimate(0.001);
             let mut all_finite = rates.iter().all(|rate| rate.is_finite());
-            { state }.visit(&mut |number| all_finite &= number.is_finite());
+            all_finite &= bytemuck::cast::<_, [f64; 24]>(state).iter().all(|number| number.is_finite());
             assert!(all_finite, "seed {seed}, sample {sample}: {state:?}");
         }
         let covariance = flight.navigation.filter().covariance;
@@ -457,10 +457,12 @@ fn an_estimator_with_the_memory_of_another_continues_bit_by_bit() {
     let [mut first, mut second] = [7, 8].map(|seed| Flight::new(seed, truth, START));
     (0..777).for_each(|_| first.step());
     let mut memory = vec![];
-    first.navigation.visit(&mut |number| memory.push(number.to_bits()));
-    let mut words = memory.iter();
-    second.navigation.visit(&mut |number| *number = f64::from_bits(*words.next().expect("as many words")));
-    assert!(words.next().is_none());
+    first.navigation.visit(&mut |words| memory.extend_from_slice(words));
+    let mut left = memory.as_slice();
+    second.navigation.visit(&mut |words| {
+        words.copy_from_slice(left.split_off(..words.len()).expect("as many words"));
+    });
+    assert!(left.is_empty());
     for _ in 0..500 {
         let (imu, aiding) = first.measure();
         first.navigation.update(&[imu; IMUS], &aiding);

@@ -10,6 +10,7 @@
 //! holds for any angle, as the bank of filters of PX4's `EKFGSF_yaw` does, where the error of the filter's own heading
 //! must be small. It tells nothing of a vehicle that does not accelerate, and says so by its deviation.
 
+use bytemuck::{Pod, Zeroable};
 use libm::{atan2, hypot};
 use nalgebra::Vector2;
 
@@ -21,7 +22,8 @@ const MAX_DEVIATION: f64 = 0.2;
 const MIN_COUNT: f64 = 10.0;
 
 /// Sums over the changes of velocity in the last time.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct YawCheck {
     /// Change since the last fix by the IMU, north and east, and the time since \[m/s, s\].
     change_mps: Vector2<f64>,
@@ -70,13 +72,6 @@ impl YawCheck {
     /// Forgets all changes, which an attitude told that is turned now.
     pub fn forget(&mut self) {
         *self = Self { last_mps: self.last_mps, fixes: self.fixes, ..Self::default() };
-    }
-
-    /// Passes every number of the memory to `visit`, to be read or written.
-    pub fn visit(&mut self, visit: &mut impl FnMut(&mut f64)) {
-        let Self { change_mps, since_s, last_mps, dot, cross, of_imu, of_receiver, count, fixes } = self;
-        change_mps.iter_mut().chain(last_mps).for_each(&mut *visit);
-        [since_s, dot, cross, of_imu, of_receiver, count, fixes].into_iter().for_each(visit);
     }
 }
 

@@ -45,7 +45,7 @@ impl Battery {
 
     /// Writes or reads the used energy.
     pub fn remember(&mut self, tape: &mut Tape) {
-        tape.number(&mut self.used_j);
+        tape.value(&mut self.used_j);
     }
 
     /// Scales `command` by the voltage for the next `dt_s`, and draws the power of the rotor speeds in `position`.

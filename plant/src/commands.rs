@@ -13,6 +13,7 @@
 
 use std::collections::VecDeque;
 
+use bytemuck::{Pod, Zeroable};
 use contract::actuation::Actuation;
 use contract::message::{Actuators, Stamp};
 use rand::RngExt;
@@ -32,7 +33,8 @@ const WAITING_PER_SAMPLE: u64 = 4;
 pub const CUT_NS: u64 = 500_000_000;
 
 /// Command on the time line.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct Command {
     /// Commanded positions.
     pub actuation: Actuation,
@@ -45,8 +47,6 @@ pub struct Command {
     effect_ns: u64,
     /// Time from the sample it was computed from to its effect \[ns\].
     pub age_ns: u64,
-    /// `true` if the motor controllers cut it: the rotors stop, also below their idle speed.
-    pub cut: bool,
 }
 
 impl Command {
@@ -54,21 +54,14 @@ impl Command {
     fn order(&self) -> (u64, u64) {
         (self.samples, self.sequence)
     }
-
-    fn remember(&mut self, tape: &mut Tape) {
-        tape.numbers(&mut self.actuation.rotor_speed);
-        tape.number(&mut self.actuation.tilt_rad);
-        for word in [&mut self.sequence, &mut self.samples, &mut self.effect_ns, &mut self.age_ns] {
-            tape.word(word);
-        }
-        tape.flag(&mut self.cut);
-    }
 }
 
 /// Command in force, and those under way.
 #[derive(Debug, Clone)]
 pub struct CommandLine {
     in_force: Command,
+    /// `true` if the motor controllers cut it: the rotors stop, also below their idle speed.
+    is_cut: bool,
     /// Commands under way, increasing in effect time and in order: the later of two is always the newer.
     waiting: VecDeque<Command>,
     capacity: usize,
@@ -89,7 +82,8 @@ impl CommandLine {
         let samples_on_the_way = 2 + (delay_ns + jitter_ns) / scenario.sample_ns();
         let capacity = (WAITING_PER_SAMPLE * samples_on_the_way) as usize;
         Self {
-            in_force: Command { actuation: trim, sequence: 0, samples: 0, effect_ns: 0, age_ns: 0, cut: false },
+            in_force: Command { actuation: trim, ..Command::default() },
+            is_cut: false,
             waiting: VecDeque::with_capacity(capacity),
             capacity,
             sample_ns: scenario.sample_ns(),
@@ -103,8 +97,9 @@ impl CommandLine {
 
     /// Writes or reads the commands and the random streams.
     pub fn remember(&mut self, tape: &mut Tape) {
-        self.in_force.remember(tape);
-        tape.queue(&mut self.waiting, self.capacity, |tape, command| command.remember(tape));
+        tape.value(&mut self.in_force);
+        tape.flag(&mut self.is_cut);
+        tape.queue(&mut self.waiting, self.capacity, Tape::value);
         tape.random(&mut self.drops);
         tape.random(&mut self.jitter);
     }
@@ -119,21 +114,21 @@ impl CommandLine {
         let sample_ns = tick.saturating_mul(self.sample_ns);
         let age_ns = effect_ns.saturating_sub(sample_ns);
         let actuation = Actuation::from(actuators.command);
-        if !lost && is_finite(&actuation) && sample_ns <= arrival_ns {
+        if !lost && actuation.is_finite() && sample_ns <= arrival_ns {
             let samples = tick.saturating_add(1);
-            self.insert(Command { actuation, sequence, samples, effect_ns, age_ns, cut: false });
+            self.insert(Command { actuation, sequence, samples, effect_ns, age_ns });
         }
     }
 
     /// Puts the commands into force that take effect up to and including `now_ns`, and cuts one in force for too long.
     pub fn switch(&mut self, now_ns: u64) {
         while let Some(next) = self.waiting.front().filter(|c| c.effect_ns <= now_ns) {
-            self.in_force = *next;
+            (self.in_force, self.is_cut) = (*next, false);
             self.waiting.pop_front();
         }
         if self.cut_ns() <= now_ns {
             self.in_force.actuation.rotor_speed = [0.0; 3];
-            self.in_force.cut = true;
+            self.is_cut = true;
         }
     }
 
@@ -144,7 +139,7 @@ impl CommandLine {
 
     /// Time at which the next command takes effect or the present one is cut \[ns\]; `u64::MAX` if neither will happen.
     pub fn next_switch_ns(&self) -> u64 {
-        let cut_ns = if self.in_force.cut { u64::MAX } else { self.cut_ns() };
+        let cut_ns = if self.is_cut { u64::MAX } else { self.cut_ns() };
         self.waiting.front().map_or(cut_ns, |c| c.effect_ns.min(cut_ns))
     }
 
@@ -172,10 +167,6 @@ impl CommandLine {
     fn draw_jitter_ns(&mut self) -> u64 {
         if self.jitter_ns == 0 { 0 } else { (self.jitter.random::<f64>() * self.jitter_ns as f64) as u64 }
     }
-}
-
-fn is_finite(actuation: &Actuation) -> bool {
-    actuation.rotor_speed.iter().all(|omega| omega.is_finite()) && actuation.tilt_rad.is_finite()
 }
 
 #[cfg(test)]

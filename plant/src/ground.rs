@@ -26,6 +26,7 @@ use settings::{Ground as Settings, Scenario};
 
 use crate::landing::Footing;
 use crate::memory::Tape;
+use crate::rotors;
 
 /// Number of feet.
 const FEET: f64 = 3.0;
@@ -80,13 +81,7 @@ impl Ground {
     /// Builds the ground of `scenario`; `None` if it has none.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = scenario.plant.ground.clone();
-        let vehicle = scenario.flown_airframe();
-        let centre = Vector3::from(scenario.plant.airframe.centre_of_mass_m);
-        let hubs = [
-            Vector3::new(vehicle.l1_m, 0.0, 0.0) - centre,
-            Vector3::new(-vehicle.l2_m, vehicle.l3_m, 0.0) - centre,
-            Vector3::new(-vehicle.l2_m, -vehicle.l3_m, 0.0) - centre,
-        ];
+        let hubs = rotors::hubs(scenario);
         let [stiffness_npm, damping_nspm] = FOOT.map(|of| of * (scenario.airframe.mass_kg / FOOT_MASS_KG));
         let present = settings.present;
         present.then_some(Self { settings, stiffness_npm, damping_nspm, hubs, anchors: [None; 3] })
@@ -136,7 +131,7 @@ impl Ground {
     /// Writes or reads the anchors.
     pub fn remember(&mut self, tape: &mut Tape) {
         for anchor in &mut self.anchors {
-            tape.option(anchor, |tape, anchor| tape.numbers(anchor.as_mut_slice()));
+            tape.option(anchor, Tape::value);
         }
     }
 

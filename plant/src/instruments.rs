@@ -23,8 +23,7 @@ use navigation::{Aiding, Constants, IMUS, Imu, Noise, State, Wander, state::turn
 use rand_chacha::ChaCha8Rng;
 use settings::{Gyros, Magnetometer, Scenario, Sensor as Settings};
 
-use crate::faults::memory::{Readings, SENSORS};
-use crate::faults::sensors::{ACCELERATION_READINGS, RATES_READINGS};
+use crate::faults::memory::{ACCELERATION, FIELD, FLOW, HEIGHT, POSITION, RATES, Readings, SENSORS, VELOCITY};
 use crate::memory::Tape;
 use crate::random::normal;
 use crate::sensor::Sensor;
@@ -78,7 +77,7 @@ pub struct Instruments {
     period_s: f64,
     /// True attitude and velocity, NED, at the last sample of the IMU.
     before: (UnitQuaternion<f64>, Vector3<f64>),
-    /// Last measurements without faults; of the attitude stands the magnetic field.
+    /// Last measurements without faults.
     readings: Readings,
 }
 
@@ -243,8 +242,8 @@ impl Instruments {
         for (i, InertialSensors { accelerometer, gyros, shapes }) in self.imus.iter_mut().enumerate() {
             let shaken = shapes[0] * force + draw(shakes, random) + lines;
             let turning = shapes[1] * rates_radps;
-            measured[ACCELERATION_READINGS[i]] = accelerometer.measure(now_ns, shaken.into(), true, random);
-            measured[RATES_READINGS[i]] = gyros.measure(now_ns, turning.into(), true, random);
+            measured[ACCELERATION[i]] = accelerometer.measure(now_ns, shaken.into(), true, random);
+            measured[RATES[i]] = gyros.measure(now_ns, turning.into(), true, random);
         }
         let mut measure = |sensor: &mut Sensor, truth: Vector3<f64>| sensor.measure(now_ns, truth.into(), true, random);
         let position = measure(&mut self.position, antenna_m);
@@ -253,7 +252,7 @@ impl Instruments {
         let field = self.magnetometer.as_mut().and_then(|sensor| measure(sensor, field));
         let flow = self.flow.as_mut().and_then(|sensor| measure(sensor, body));
 
-        for (i, new) in [(0, position), (1, velocity), (2, field), (5, height), (6, flow)] {
+        for (i, new) in [(POSITION, position), (VELOCITY, velocity), (FIELD, field), (HEIGHT, height), (FLOW, flow)] {
             measured[i] = new;
         }
         self.readings.iter_mut().zip(&measured).for_each(|(last, new)| *last = new.unwrap_or(*last));
@@ -261,15 +260,15 @@ impl Instruments {
         inject(&mut readings);
         let new = |i: usize| measured[i].map(|_| Vector3::from(readings[i]));
         let imus = std::array::from_fn(|imu| Imu {
-            specific_force_mps2: readings[ACCELERATION_READINGS[imu]].into(),
-            rates_radps: readings[RATES_READINGS[imu]].into(),
+            specific_force_mps2: readings[ACCELERATION[imu]].into(),
+            rates_radps: readings[RATES[imu]].into(),
         });
         let aiding = Aiding {
-            position_m: new(0),
-            velocity_mps: new(1),
-            height_m: new(5).map(|height| height.x),
-            field: new(2),
-            flow_mps: new(6).map(|flow| flow.xy()),
+            position_m: new(POSITION),
+            velocity_mps: new(VELOCITY),
+            height_m: new(HEIGHT).map(|height| height.x),
+            field: new(FIELD),
+            flow_mps: new(FLOW).map(|flow| flow.xy()),
         };
         (imus, aiding)
     }
@@ -314,10 +313,10 @@ impl Instruments {
     /// Writes or reads the memory.
     pub fn remember(&mut self, tape: &mut Tape) {
         self.sensors().for_each(|sensor| sensor.remember(tape));
-        tape.numbers(self.before.0.as_mut_unchecked().coords.as_mut_slice());
-        tape.numbers(self.before.1.as_mut_slice());
-        tape.numbers(self.readings.as_flattened_mut());
-        self.lines.iter_mut().for_each(|(_, phase)| tape.number(phase));
+        tape.value(&mut self.before.0);
+        tape.value(&mut self.before.1);
+        tape.value(&mut self.readings);
+        self.lines.iter_mut().for_each(|(_, phase)| tape.value(phase));
     }
 }
 

@@ -81,9 +81,9 @@ impl Landing {
         let mut phase = self.phase as usize;
         tape.count(&mut phase, Phase::ALL.len() - 1);
         self.phase = Phase::ALL[phase];
-        tape.word(self.rest.elapsed_ns_mut());
+        tape.value(self.rest.elapsed_ns_mut());
         tape.flag(&mut self.is_still);
-        tape.number(&mut self.slid_m);
+        tape.value(&mut self.slid_m);
     }
 
     /// Updates the phase by a step of `dt_ns`, in which the feet have slid by `slid_m`, and that ends with this motion,

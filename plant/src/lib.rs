@@ -151,14 +151,10 @@ impl<V: Vehicle + ?Sized> Plant<V> {
     }
 
     fn remember(&mut self, tape: &mut Tape) {
-        tape.word(&mut self.tick);
+        tape.value(&mut self.tick);
         for (arrivals, arrived) in [&mut self.arrivals, &mut self.arrived] {
             tape.count(arrived, MAX_ARRIVALS);
-            for Arrival { sequence, epoch, after_ns } in arrivals {
-                for word in [sequence, epoch, after_ns] {
-                    tape.word(word);
-                }
-            }
+            tape.value(arrivals);
         }
         self.vehicle.remember(tape, self.tick);
         self.telemetry.remember(tape, &self.vehicle.actuators());

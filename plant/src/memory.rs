@@ -5,10 +5,11 @@
 
 use std::collections::VecDeque;
 
+use bytemuck::Pod;
 use rand_chacha::ChaCha8Rng;
 
 /// First word of a memory: its type, and the version of its layout.
-const NAME: u64 = u64::from_be_bytes(*b"vehicle5");
+const NAME: u64 = u64::from_be_bytes(*b"vehicle6");
 
 /// Cursor over the words of a memory.
 pub struct Tape<'a> {
@@ -22,7 +23,7 @@ impl<'a> Tape<'a> {
     /// Begins to write `words`.
     pub fn to_write(words: &'a mut [u64]) -> Self {
         let mut tape = Self { words, at: 0, reads: false, fits: true };
-        tape.word(&mut { NAME });
+        tape.value(&mut { NAME });
         tape
     }
 
@@ -30,7 +31,7 @@ impl<'a> Tape<'a> {
     pub fn to_read(words: &'a mut [u64]) -> Self {
         let mut tape = Self { words, at: 0, reads: true, fits: true };
         let mut name = 0;
-        tape.word(&mut name);
+        tape.value(&mut name);
         tape.fits &= name == NAME;
         tape
     }
@@ -50,34 +51,25 @@ impl<'a> Tape<'a> {
         self.fits = false;
     }
 
-    /// Writes or reads one word.
-    pub fn word(&mut self, word: &mut u64) {
-        match self.words.get_mut(self.at) {
-            Some(place) if self.reads => *word = *place,
-            Some(place) => *place = *word,
+    /// Writes or reads words.
+    pub fn words(&mut self, words: &mut [u64]) {
+        match self.words.get_mut(self.at..self.at + words.len()) {
+            Some(place) if self.reads => words.copy_from_slice(place),
+            Some(place) => place.copy_from_slice(words),
             None => self.fits = false,
         }
-        self.at += 1;
+        self.at += words.len();
     }
 
-    /// Writes or reads a number, bit by bit.
-    pub fn number(&mut self, number: &mut f64) {
-        let mut word = number.to_bits();
-        self.word(&mut word);
-        *number = f64::from_bits(word);
-    }
-
-    /// Writes or reads numbers.
-    pub fn numbers(&mut self, numbers: &mut [f64]) {
-        for number in numbers {
-            self.number(number);
-        }
+    /// Writes or reads a value that is made of whole words.
+    pub fn value<T: Pod>(&mut self, value: &mut T) {
+        self.words(bytemuck::cast_slice_mut(std::slice::from_mut(value)));
     }
 
     /// Writes or reads a count; refuses one above `most`.
     pub fn count(&mut self, count: &mut usize, most: usize) {
         let mut word = *count as u64;
-        self.word(&mut word);
+        self.value(&mut word);
         if word > most as u64 {
             self.refuse();
         } else {
@@ -117,9 +109,7 @@ impl<'a> Tape<'a> {
     pub fn random(&mut self, random: &mut ChaCha8Rng) {
         let drawn = random.get_word_pos();
         let mut words = [drawn as u64, (drawn >> 64) as u64];
-        for word in &mut words {
-            self.word(word);
-        }
+        self.words(&mut words);
         if self.reads {
             random.set_word_pos(u128::from(words[1]) << 64 | u128::from(words[0]));
         }

@@ -160,9 +160,9 @@ impl NavigationUnit {
     /// Writes or reads the memory.
     pub fn remember(&mut self, tape: &mut Tape) {
         self.instruments.remember(tape);
-        self.navigation.visit(&mut |number| tape.number(number));
+        self.navigation.visit(&mut |words| tape.words(words));
         tape.random(&mut self.random);
-        tape.word(&mut self.due_ns);
+        tape.value(&mut self.due_ns);
     }
 }
 

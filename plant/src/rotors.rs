@@ -80,17 +80,12 @@ impl Rotors {
     /// Builds the rotors of the vehicle of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let (plant, vehicle) = (&scenario.plant, scenario.flown_airframe());
-        let centre = Vector3::from(plant.airframe.centre_of_mass_m);
         let rotor = &plant.rotor;
         let in_air = [rotor.inflow_ns2pm, rotor.h_force_ns2pm];
         Self {
             kf: vehicle.kf,
             km: vehicle.km,
-            arms: [
-                Vector3::new(vehicle.l1_m, 0.0, 0.0) - centre,
-                Vector3::new(-vehicle.l2_m, vehicle.l3_m, 0.0) - centre,
-                Vector3::new(-vehicle.l2_m, -vehicle.l3_m, 0.0) - centre,
-            ],
+            arms: hubs(scenario),
             effectiveness: plant.rotor_effectiveness,
             tilt_reaction: plant.tilt_reaction,
             in_air_ns2pm: (in_air != [0.0; 2]).then_some(in_air),
@@ -147,6 +142,16 @@ impl Rotors {
         momentum.rate += turning * (-SENSES[0] * self.inertia_kgm2 * actuators.rotor_speed[0]);
         momentum
     }
+}
+
+/// Rotor hubs in the body frame from the centre of mass \[m\].
+pub fn hubs(scenario: &Scenario) -> [Vector3<f64>; 3] {
+    let (vehicle, centre) = (scenario.flown_airframe(), Vector3::from(scenario.plant.airframe.centre_of_mass_m));
+    [
+        Vector3::new(vehicle.l1_m, 0.0, 0.0) - centre,
+        Vector3::new(-vehicle.l2_m, vehicle.l3_m, 0.0) - centre,
+        Vector3::new(-vehicle.l2_m, -vehicle.l3_m, 0.0) - centre,
+    ]
 }
 
 /// Axes along which the rotors push, in the body frame, by sine and cosine of the tilt of rotor 1.

@@ -54,8 +54,8 @@ impl Sensor {
 
     /// Writes or reads the bias and the time of the next measurement.
     pub fn remember(&mut self, tape: &mut Tape) {
-        tape.option(&mut self.bias, |tape, bias| tape.numbers(bias));
-        tape.word(&mut self.due_ns);
+        tape.option(&mut self.bias, Tape::value);
+        tape.value(&mut self.due_ns);
     }
 
     /// Lets the time of the flight begin: the next measurement is due at once.

@@ -60,8 +60,7 @@ impl Telemetry {
     pub fn remember(&mut self, tape: &mut Tape, now: &Actuation) {
         let age = self.past.len() - 1;
         for actuators in self.past.iter_mut().take(age) {
-            tape.numbers(&mut actuators.rotor_speed);
-            tape.number(&mut actuators.tilt_rad);
+            tape.value(actuators);
         }
         self.past[age] = *now;
     }

@@ -122,7 +122,7 @@ impl Vehicle for Tricopter {
     }
 
     fn remember(&mut self, tape: &mut Tape, tick: u64) {
-        tape.numbers(&mut self.x);
+        tape.value(&mut self.x);
         self.diverged = divergence(&self.x);
         self.battery.iter_mut().for_each(|battery| battery.remember(tape));
         self.dynamics.remember(tape);

@@ -160,18 +160,16 @@ impl Turbulence {
     /// Writes or reads the filters at sample `tick`; refuses if the newest gust is not that of the sample before.
     pub fn remember(&mut self, tape: &mut Tape, tick: u64) {
         for Axis { a, b, decay, share, noise, scale, .. } in [&mut self.along, &mut self.across, &mut self.down] {
-            tape.numbers(noise);
+            tape.value(noise);
             for number in [a, b, decay, share, scale] {
-                tape.number(number);
+                tape.value(number);
             }
         }
-        let mut turned = *self.to_ned.matrix();
-        tape.numbers(turned.as_mut_slice());
-        self.to_ned = Rotation3::from_matrix_unchecked(turned);
+        tape.value(&mut self.to_ned);
         tape.random(&mut self.random);
         tape.option(&mut self.newest, |tape, (newest, gust)| {
-            tape.word(newest);
-            tape.numbers(gust.as_mut_slice());
+            tape.value(newest);
+            tape.value(gust);
         });
         if self.newest.is_none_or(|(newest, _)| newest.checked_add(1) != Some(tick)) {
             tape.refuse();

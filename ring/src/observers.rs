@@ -103,7 +103,7 @@ impl Observers {
         let drained = &self.drained[Topic::COUNT];
         let before = drained.get();
         self.receive_all(&*self.truths, &mut |truth, from| {
-            if from == self.page.truth_port() && !(truth.is_probe() && truth.is_intact()) {
+            if from == self.page.truth_port.get() && !(truth.is_probe() && truth.is_intact()) {
                 each(&(*truth).into());
                 drained.set(drained.get() + 1);
             }

@@ -135,7 +135,7 @@ impl CycleLoop {
         let is_assigned = self.is_assigned();
         let page = &self.member.page;
         let state_bell = page.doorbell(Topic::State);
-        let origin_ns = page.origin_ns();
+        let origin_ns = page.origin_ns.get();
         if !is_assigned || origin_ns == 0 {
             // A process becomes active or standby with a tick; the first input may never come.
             state_bell.wait(rung, look_around_ns);
@@ -146,7 +146,7 @@ impl CycleLoop {
         let due = self.next.max(present);
         let sample_ns = origin_ns + due * period_ns;
         let late_ns = sample_ns + self.patience_ns;
-        let will_be_sampled = page.total_samples() == 0 || due < page.total_samples();
+        let will_be_sampled = page.total_samples.get() == 0 || due < page.total_samples.get();
         let warm_up_ns = warm_up_ns(period_ns, sample_ns.saturating_sub(period_ns), now);
         let wake_ns = if will_be_sampled { warm_up_ns.unwrap_or(late_ns) } else { u64::MAX };
 

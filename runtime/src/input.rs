@@ -146,7 +146,7 @@ mod tests {
         let page = Arc::new(ControlPage::private().unwrap());
         page.role(Topic::State).offer(1);
         page.role(Topic::State).done(1).set(5);
-        page.set_origin_ns(now_ns() - since_ns);
+        page.origin_ns.set(now_ns() - since_ns);
         let role = page.role(Topic::Controls);
         role.assign(0, |_| Assignment { active: 1, standby: 0 });
         role.offer(1);

@@ -137,7 +137,7 @@ mod tests {
         while receivers.0.receive(&mut |state, _| assert!(state.stamp.is_faulted())).unwrap() {}
         let mut sent = vec![];
         let mut take = |truth: &Truth, from| {
-            assert!(truth.is_intact() && from == ring.page.truth_port());
+            assert!(truth.is_intact() && from == ring.page.truth_port.get());
             sent.push((truth.tick, truth.sequence));
         };
         while receivers.1.receive(&mut take).unwrap() {}

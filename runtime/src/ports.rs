@@ -81,7 +81,7 @@ impl Ports {
     /// Opens the sending side of TRUTH, for the plant that has the place in its role. It works also without a receiver.
     pub fn truth_sender(&mut self) -> Result<Rc<dyn SendPort<Truth>>, SessionError> {
         let port = self.open_sender()?;
-        self.page.set_truth_port(port.number());
+        self.page.truth_port.set(port.number());
         let (prober, probe) = (port.clone(), Truth::default().with_checksum());
         let works = move || {
             let _ = prober.send(&probe);
@@ -107,7 +107,7 @@ impl Ports {
 
     /// Opens the receiving side of TRUTH with a queue of `depth`.
     pub fn truth_receiver(&mut self, depth: usize) -> Result<Rc<dyn ReceivePort<Truth>>, SessionError> {
-        self.receive_from(State::TOPIC.publisher(), |page| page.truth_port(), depth)
+        self.receive_from(State::TOPIC.publisher(), |page| page.truth_port.get(), depth)
     }
 
     /// Opens the receiving side of `M`, which `node` sends through the port that `publisher` returns.

@@ -46,8 +46,8 @@ impl Release {
     /// Instant of sample `tick` \[ns\]; in lockstep that of the present sample, whatever the `tick`.
     pub fn sample_ns(self, page: &ControlPage, tick: u64) -> u64 {
         match self {
-            Self::Timer { period_ns } => page.origin_ns() + tick * period_ns,
-            Self::Barrier => page.origin_ns(),
+            Self::Timer { period_ns } => page.origin_ns.get() + tick * period_ns,
+            Self::Barrier => page.origin_ns.get(),
         }
     }
 
@@ -73,8 +73,8 @@ impl Caller {
     /// answer.
     pub fn samples_by_now(self, page: &ControlPage, taken: u64, tick: u64) -> u64 {
         match self {
-            Self::Loop(Release::Timer { period_ns }) if tick >= taken && page.origin_ns() > 0 => {
-                taken.max(now_ns().saturating_sub(page.origin_ns()) / period_ns + 1)
+            Self::Loop(Release::Timer { period_ns }) if tick >= taken && page.origin_ns.get() > 0 => {
+                taken.max(now_ns().saturating_sub(page.origin_ns.get()) / period_ns + 1)
             }
             Self::Loop(_) => taken,
             Self::Recording => u64::MAX, // the message was checked in the flight

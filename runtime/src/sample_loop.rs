@@ -90,7 +90,7 @@ impl SampleLoop {
 
     /// Marks `tick` as the last; call it before its STATE is sent. The tick is finished, and no other begins.
     pub fn ends_with(&self, tick: u64) {
-        self.member.page.set_total_samples(tick + 1);
+        self.member.page.total_samples.set(tick + 1);
     }
 
     /// Marks `tick` as done after its STATE was sent, which in lockstep wakes the nodes.
@@ -119,7 +119,7 @@ impl SampleLoop {
                 self.wait_until(limit_ns, page.doorbell(topic), waits);
             }
             let origin_ns = now_ns() + LEAD_IN_NS;
-            page.set_origin_ns(origin_ns);
+            page.origin_ns.set(origin_ns);
             // The doorbell of the phase rings at the end of the run only, so this is a sleep until the first release.
             page.phase.wait(page.phase.count(), origin_ns);
             timing.begin(origin_ns);
@@ -196,7 +196,7 @@ impl SampleLoop {
             page.asked.raise(tick as u32 + 1);
             self.wait_for(&page.decided, || u64::from(page.decided.count()) > tick)?;
         }
-        page.set_origin_ns(now_ns());
+        page.origin_ns.set(now_ns());
         Some(())
     }
 
@@ -222,7 +222,7 @@ impl SampleLoop {
 
     fn is_over(&self) -> bool {
         let Member { page, timing, .. } = &self.member;
-        let was_last = self.tick.is_some_and(|tick| page.total_samples() == tick + 1);
+        let was_last = self.tick.is_some_and(|tick| page.total_samples.get() == tick + 1);
         was_last || page.phase.count() >= phase::LEAVE || timing.is_broken()
     }
 }

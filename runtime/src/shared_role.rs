@@ -300,6 +300,23 @@ impl Word {
     }
 }
 
+/// Long number on the control page.
+#[repr(transparent)]
+#[derive(Default)]
+pub struct LongWord(AtomicU64);
+
+impl LongWord {
+    /// Loads the number.
+    pub fn get(&self) -> u64 {
+        self.0.load(Ordering::Acquire)
+    }
+
+    /// Stores `value`.
+    pub fn set(&self, value: u64) {
+        self.0.store(value, Ordering::Release);
+    }
+}
+
 /// Snapshot of a node's memory of up to `WORDS`, which one process writes and others read, whole or not at all.
 ///
 /// There are two copies, written alternately: a writer that dies while writing leaves the other one intact.

@@ -9,6 +9,7 @@ use mixer::Mixer;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
+use runtime::node::Core;
 use settings::{Law, Profile, Scenario};
 
 use super::cases;

@@ -57,8 +57,7 @@ impl Indi {
 
     /// Positions of the actuators: those `sensed`, or the `modelled` ones without telemetry.
     pub fn actuators(&self, sensed: Actuation, modelled: Actuation) -> Actuation {
-        let is_there = sensed.rotor_speed.iter().chain([&sensed.tilt_rad]).all(|value| value.is_finite());
-        if self.actuators == IndiActuators::Sensed && is_there { sensed } else { modelled }
+        if self.actuators == IndiActuators::Sensed && sensed.is_finite() { sensed } else { modelled }
     }
 }
 

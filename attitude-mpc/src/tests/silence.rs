@@ -3,6 +3,7 @@
 use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags};
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
+use runtime::node::Core;
 use settings::{Constraints, DelayCompensation, DelayName, Law, Profile, Scenario, Solver, StateConstraints};
 
 use super::{hover, violent_turn};

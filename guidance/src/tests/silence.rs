@@ -3,6 +3,7 @@
 use contract::message::{Reference, State, guidance_flags};
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
+use runtime::node::Core;
 use settings::{Profile, Scenario, TrajectoryKind};
 
 use super::{hovering, scenario};

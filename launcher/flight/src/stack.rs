@@ -318,7 +318,7 @@ impl Stack {
             let (name, topic, epoch) = (process.name(), process.topic, process.epoch);
             match (topic, how) {
                 (None, _) => _ = archive.as_mut().map(|archive| archive.exited(run, i, tick)),
-                (Some(Topic::State), ChildExit::Well) if run.page.total_samples() > 0 => return Some(Ended::Flown),
+                (Some(Topic::State), ChildExit::Well) if run.page.total_samples.get() > 0 => return Some(Ended::Flown),
                 (Some(topic), ChildExit::Late)
                     if topic == Topic::State || run.driver.nodes()[topic as usize].role.is_alone(epoch) =>
                 {

@@ -5,6 +5,7 @@ use contract::actuation::Actuation;
 use contract::message::{Actuators, Controls, SolveStatus, Stamp, State, mixer_flags as flags};
 use contract::snapshot::{self, SNAPSHOT_WORDS};
 use proptest::prelude::*;
+use runtime::node::Core;
 use settings::{Profile, Scenario};
 
 use super::any_demand;

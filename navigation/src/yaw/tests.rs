@@ -1,4 +1,4 @@
-use crate::filter::Start;
+use crate::noise::Start;
 use crate::state::{ATTITUDE, turn};
 use crate::tests::{DELAY, DT_S, Flight, START, truth};
 use crate::{Filter, IMUS, Navigation, Source};

@@ -111,18 +111,18 @@ fn a_command_without_a_successor_is_cut() {
     let given = line.in_force().actuation;
     assert_eq!(line.next_switch_ns(), 100 * MS + CUT_NS);
     line.switch(99 * MS + CUT_NS);
-    assert_eq!((line.in_force().actuation, line.in_force().cut), (given, false));
+    assert_eq!((line.in_force().actuation, line.is_cut), (given, false));
     line.switch(100 * MS + CUT_NS);
     assert_eq!(line.in_force().actuation, Actuation { rotor_speed: [0.0; 3], ..given }, "the tilt is held");
-    assert_eq!((line.in_force().cut, line.in_force().sequence), (true, 7));
+    assert_eq!((line.is_cut, line.in_force().sequence), (true, 7));
     assert_eq!(line.next_switch_ns(), u64::MAX, "it is cut once");
     line.receive(&message(10, 7), 700 * MS);
     line.switch(700 * MS);
-    assert!(line.in_force().cut, "the same one again does not revive it");
+    assert!(line.is_cut, "the same one again does not revive it");
     line.receive(&message(70, 8), 710 * MS);
     assert_eq!(line.next_switch_ns(), 710 * MS);
     line.switch(710 * MS);
-    assert_eq!((line.in_force().actuation, line.in_force().cut), (message(70, 8).command.into(), false));
+    assert_eq!((line.in_force().actuation, line.is_cut), (message(70, 8).command.into(), false));
     assert_eq!(line.next_switch_ns(), 710 * MS + CUT_NS, "and the time counts again");
 }
 
@@ -132,7 +132,7 @@ fn the_trim_command_of_the_start_is_cut_as_late_as_any_other() {
         let mut line = line(delay_ms, 0.0, 0.0, 0);
         line.receive(&message(0, 1), 0);
         line.switch(time_ns);
-        line.in_force().cut
+        line.is_cut
     };
     assert!(!cut_at(600.0, CUT_NS - 1) && cut_at(600.0, CUT_NS) && !cut_at(600.0, 600 * MS));
     assert!(!cut_at(500.0, CUT_NS), "what takes effect at that instant is in time");

@@ -88,7 +88,7 @@ impl ActuatorFaults {
     pub fn remember(&mut self, tape: &mut Tape) {
         for fault in self.faults.all_mut() {
             if let Effect::Stuck(onset) = &mut fault.effect.effect {
-                tape.option(onset, Tape::number);
+                tape.option(onset, Tape::value);
             }
         }
     }
@@ -100,8 +100,8 @@ impl ActuatorFaults {
         if self.faults.all().is_empty() {
             return (*command, Condition::default());
         }
-        let position = as_array(position);
-        let mut targets = as_array(command);
+        let position: [f64; 4] = bytemuck::cast(*position);
+        let mut targets: [f64; 4] = bytemuck::cast(*command);
         let mut condition = Condition::default();
         for ActuatorFault { actuator, effect } in self.faults.on_mut(tick) {
             let target = &mut targets[*actuator];
@@ -118,8 +118,7 @@ impl ActuatorFaults {
                 Effect::Saturated(limit) => *target = target.min(*limit).max(-*limit),
             }
         }
-        let [o1, o2, o3, tilt_rad] = targets;
-        (Actuation { rotor_speed: [o1, o2, o3], tilt_rad }, condition)
+        (bytemuck::cast(targets), condition)
     }
 }
 
@@ -147,11 +146,6 @@ impl ActuatorFault {
         };
         Some(Self { actuator, effect })
     }
-}
-
-fn as_array(actuation: &Actuation) -> [f64; 4] {
-    let [o1, o2, o3] = actuation.rotor_speed;
-    [o1, o2, o3, actuation.tilt_rad]
 }
 
 #[cfg(test)]

@@ -2,16 +2,32 @@
 
 use std::collections::VecDeque;
 
+use navigation::IMUS;
+
 use crate::memory::Tape;
 
 /// Reading of one sensor on its three axes, in SI units.
 pub type Reading = [f64; 3];
 /// Number of sensors.
-pub const SENSORS: usize = 9;
-/// Readings of all sensors: position, velocity, attitude, rates, and of the EKF specific force, height and velocity
-/// over the ground, of which only the first one and the first two numbers count, then rates and specific force of the
-/// second IMU.
+pub const SENSORS: usize = 10;
+/// Readings of all sensors, each at the index below. Those that a vehicle has not are 0.
 pub type Readings = [Reading; SENSORS];
+/// Index of the position.
+pub const POSITION: usize = 0;
+/// Index of the velocity.
+pub const VELOCITY: usize = 1;
+/// Index of the attitude, which the EKF does not measure.
+pub const ATTITUDE: usize = 2;
+/// Indices of the rates of each IMU; those of a vehicle without the EKF are the first.
+pub const RATES: [usize; IMUS] = [3, 7];
+/// Indices of the specific force of each IMU.
+pub const ACCELERATION: [usize; IMUS] = [4, 8];
+/// Index of the height; the first number counts.
+pub const HEIGHT: usize = 5;
+/// Index of the velocity over the ground; the first two numbers count.
+pub const FLOW: usize = 6;
+/// Index of the magnetic field.
+pub const FIELD: usize = 9;
 
 /// First-order low-pass, exact for readings that are constant from sample to sample.
 #[derive(Debug, Clone)]
@@ -31,8 +47,8 @@ impl Filter {
     /// Writes or reads the last sample.
     pub fn remember(&mut self, tape: &mut Tape) {
         tape.option(&mut self.last, |tape, (tick, output)| {
-            tape.word(tick);
-            tape.numbers(output);
+            tape.value(tick);
+            tape.value(output);
         });
     }
 
@@ -77,8 +93,8 @@ impl Past {
     /// Writes or reads all readings.
     pub fn visit(&mut self, tape: &mut Tape) {
         tape.queue(&mut self.readings, self.ticks as usize + 1, |tape, (tick, readings)| {
-            tape.word(tick);
-            tape.numbers(readings.as_flattened_mut());
+            tape.value(tick);
+            tape.value(readings);
         });
     }
 

@@ -22,7 +22,9 @@ use rand_chacha::ChaCha8Rng;
 use settings::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS, MAX_SENSOR_DELAY_TICKS};
 use settings::{Fault, FaultKind, FaultTarget, Filter as Choice, Mode, Scenario, Wrong};
 
-use super::memory::{Filter, Past, Reading, Readings, SENSORS};
+use super::memory::{
+    ACCELERATION, ATTITUDE, FIELD, FLOW, Filter, HEIGHT, POSITION, Past, RATES, Reading, Readings, SENSORS, VELOCITY,
+};
 use crate::memory::Tape;
 use crate::random::{Stream, begin_tick, normal};
 
@@ -36,31 +38,6 @@ const SCALE: f64 = 1.5;
 const SLOW_MS: f64 = 200.0;
 /// Default age of the readings of a delayed sensor \[ms\].
 const DELAYED_MS: f64 = 100.0;
-
-/// Default bias and standard deviation of noise: far beyond those of a good sensor, within those of a bad one.
-struct Sizes {
-    bias: f64,
-    noise: f64,
-}
-/// Sizes for the position \[m\].
-const POSITION: Sizes = Sizes { bias: 1.0, noise: 0.3 };
-/// Sizes for the velocity \[m/s\].
-const VELOCITY: Sizes = Sizes { bias: 0.5, noise: 0.2 };
-/// Sizes for the attitude \[deg\].
-const ATTITUDE: Sizes = Sizes { bias: 5.0, noise: 2.0 };
-/// Sizes for the rates \[deg/s\].
-const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
-/// Sizes for the specific force \[m/s2\].
-const ACCELERATION: Sizes = Sizes { bias: 1.0, noise: 1.0 };
-/// Sizes for the height \[m\].
-const HEIGHT: Sizes = Sizes { bias: 1.0, noise: 0.3 };
-/// Sizes for the magnetic field \[share of the earth's\].
-const FIELD: Sizes = Sizes { bias: 0.1, noise: 0.05 };
-
-/// Rates of each IMU in [`Readings`].
-pub const RATES_READINGS: [usize; IMUS] = [3, 7];
-/// Specific force of each IMU in [`Readings`].
-pub const ACCELERATION_READINGS: [usize; IMUS] = [4, 8];
 
 /// Reading without a measurement.
 const NONE: Reading = [f64::NAN; 3];
@@ -142,7 +119,7 @@ impl SensorFaults {
         for fault in self.faults.all_mut() {
             for place in fault.effect.places.iter_mut().flatten() {
                 match &mut place.effect {
-                    Effect::Stuck(last) => tape.option(last, |tape, last| tape.numbers(last)),
+                    Effect::Stuck(last) => tape.option(last, Tape::value),
                     Effect::Slow(filter) => filter.remember(tape),
                     _ => {}
                 }
@@ -183,46 +160,41 @@ impl SensorFault {
             let has = |imu: usize| imu < sampled.imus && fault.imu.is_none_or(|only| only == imu as u64 + 1);
             std::array::from_fn(|imu| has(imu).then_some(sensors[imu]))
         };
-        let sensors = match fault.target {
-            FaultTarget::Position => [Some(0), None],
-            FaultTarget::Velocity => [Some(1), None],
-            FaultTarget::Attitude | FaultTarget::Field => [Some(2), None],
-            FaultTarget::Height => [Some(5), None],
-            FaultTarget::Flow => [Some(6), None],
-            FaultTarget::Rates => of_imus(RATES_READINGS),
-            FaultTarget::Acceleration => of_imus(ACCELERATION_READINGS),
+        let (only, degree) = (|sensor| [Some(sensor), None], 1_f64.to_radians());
+        // Unit of the settings, and default bias and deviation of noise in it: far beyond those of a good sensor,
+        // within those of a bad one.
+        let (sensors, unit, sizes) = match fault.target {
+            FaultTarget::Position => (only(POSITION), 1.0, [1.0, 0.3]),
+            FaultTarget::Velocity => (only(VELOCITY), 1.0, [0.5, 0.2]),
+            FaultTarget::Attitude => (only(ATTITUDE), degree, [5.0, 2.0]),
+            FaultTarget::Field => (only(FIELD), 1.0, [0.1, 0.05]),
+            FaultTarget::Height => (only(HEIGHT), 1.0, [1.0, 0.3]),
+            FaultTarget::Flow => (only(FLOW), 1.0, [0.5, 0.2]),
+            FaultTarget::Rates => (of_imus(RATES), degree, [10.0, 10.0]),
+            FaultTarget::Acceleration => (of_imus(ACCELERATION), 1.0, [1.0, 1.0]),
             _ => return None,
         };
-        let effect = Effect::new(sampled.sample_s, fault)?;
+        let effect = Effect::new(sampled.sample_s, fault, unit, sizes)?;
         let place = |sensor: Option<usize>| Some(Place { sensor: sensor?, effect: effect.clone() });
         Some(Self { places: sensors.map(place), random: Stream::Fault(number).open(sampled.seed) })
     }
 }
 
 impl Effect {
-    /// Builds the effect of a fault of a sensor; `None` if a sensor has no such kind.
-    fn new(sample_s: f64, fault: &Fault) -> Option<Self> {
-        let degree = 1f64.to_radians();
-        let (unit, sizes) = match fault.target {
-            FaultTarget::Position => (1.0, POSITION),
-            FaultTarget::Attitude => (degree, ATTITUDE),
-            FaultTarget::Field => (1.0, FIELD),
-            FaultTarget::Rates => (degree, RATES),
-            FaultTarget::Acceleration => (1.0, ACCELERATION),
-            FaultTarget::Height => (1.0, HEIGHT),
-            _ => (1.0, VELOCITY),
-        };
+    /// Builds the effect of a fault of a sensor whose settings are in `unit`, with these default sizes; `None` if a
+    /// sensor has no such kind.
+    fn new(sample_s: f64, fault: &Fault, unit: f64, [bias, noise]: [f64; 2]) -> Option<Self> {
         Some(match (fault.kind, fault.wrong()) {
             (FaultKind::Off, _) => Self::Off,
             (FaultKind::Stuck, _) => Self::Stuck(None),
             (FaultKind::Garbage, _) => Self::Garbage(fault.probability.unwrap_or(GARBAGE_SHARE)),
-            (FaultKind::Wrong, Wrong::Bias) => Self::Bias(fault.value.unwrap_or(sizes.bias) * unit),
+            (FaultKind::Wrong, Wrong::Bias) => Self::Bias(fault.value.unwrap_or(bias) * unit),
             (FaultKind::Wrong, Wrong::Scale) => Self::Scale(fault.value.unwrap_or(SCALE)),
             (FaultKind::Wrong, Wrong::Sign) => Self::Scale(-1.0),
             (FaultKind::Slow, _) => Self::Slow(Filter::new(fault.ms.unwrap_or(SLOW_MS) / 1e3, sample_s)),
             (FaultKind::Delayed, _) => Self::Delayed(ticks(fault.ms.unwrap_or(DELAYED_MS), sample_s)),
             (FaultKind::Intermittent, _) => Self::Intermittent(fault.probability.unwrap_or(OFF_SHARE)),
-            (FaultKind::Noise, _) => Self::Noise(fault.value.unwrap_or(sizes.noise) * unit),
+            (FaultKind::Noise, _) => Self::Noise(fault.value.unwrap_or(noise) * unit),
             _ => return None,
         })
     }

@@ -86,7 +86,7 @@ fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
     ring.run.run.rate_hz = 1000;
     ring.run.fault = vec![Fault::new(FaultTarget::Guidance, FaultKind::Exit, 0.005, None)];
     let (mut cycles, mut states) = guidance(&ring, 1);
-    ring.page.set_origin_ns(now_ns());
+    ring.page.origin_ns.set(now_ns());
     let end = (0..100).map(|_| cycles.next(&mut states)).find(|tick| !matches!(tick, Ok(Some(0..5))));
     assert!(matches!(end, Some(Err(SessionError::FaultExit { tick: 5.. }))));
 }
@@ -95,7 +95,7 @@ fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
 fn slow_ring(since_ns: u64) -> Ring {
     let mut ring = Ring::flying(Mode::Realtime);
     ring.run.node.plant.deadline_ms = Some(2_000.0);
-    ring.page.set_origin_ns(now_ns() - since_ns);
+    ring.page.origin_ns.set(now_ns() - since_ns);
     ring
 }
 
@@ -114,12 +114,12 @@ fn by_the_timer_a_node_answers_when_its_input_comes() {
     let mut plant = ring.session(Topic::State, 1);
     let mut states: Output<State> = plant.output().unwrap();
     let (mut cycles, mut input) = slow_guidance(&ring);
-    states.send(State::default(), Stamp::at(0, ring.page.origin_ns()));
+    states.send(State::default(), Stamp::at(0, ring.page.origin_ns.get()));
     assert_eq!(cycles.next(&mut input).unwrap(), Some(0));
     let mut stamp = Stamp::default();
     cycles.member.timing.report(&mut stamp);
     assert_eq!(stamp.release_ns, input.newest().stamp.publish_ns[0], "it was due when the input was sent");
-    assert_eq!(cycles.provenance(0), Stamp::at(0, ring.page.origin_ns()));
+    assert_eq!(cycles.provenance(0), Stamp::at(0, ring.page.origin_ns.get()));
 }
 
 #[test]
@@ -141,10 +141,10 @@ fn by_the_timer_a_node_wakes_for_the_first_sample_even_if_its_input_never_comes(
     };
     cycles.release = Release::Timer { period_ns: TEN_S_NS };
     let mut is_woken_by_the_sample = || {
-        ring.page.set_origin_ns(0);
+        ring.page.origin_ns.set(0);
         let began_ns = now_ns();
         let first_sample = || {
-            ring.page.set_origin_ns(now_ns());
+            ring.page.origin_ns.set(now_ns());
             sample(&ring.page, 0);
         };
         assert_eq!(only_after(first_sample, || cycles.sleep(TEN_S_NS, &mut input)), Wake::LookAround);
@@ -165,7 +165,7 @@ fn by_the_timer_a_process_begins_with_the_tick_of_its_assignment() {
     role.set_pending(2);
     role.activate_pending(2);
     assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround, "sample 1 is not its own, and 2 is late in 1 s");
-    ring.page.set_origin_ns(now_ns() - 2 * TEN_S_NS - 2_000_000_001);
+    ring.page.origin_ns.set(now_ns() - 2 * TEN_S_NS - 2_000_000_001);
     assert_eq!(cycles.next(&mut input).unwrap(), Some(2));
     let mut stamp = Stamp::default();
     cycles.member.timing.report(&mut stamp);
@@ -177,7 +177,7 @@ fn by_the_timer_slots_that_were_slept_through_are_skipped_and_counted() {
     let ring = slow_ring(3_000_000_000);
     let (mut cycles, mut input) = slow_guidance(&ring);
     assert_eq!(cycles.next(&mut input).unwrap(), Some(0));
-    ring.page.set_origin_ns(now_ns() - 4 * TEN_S_NS - 3_000_000_000);
+    ring.page.origin_ns.set(now_ns() - 4 * TEN_S_NS - 3_000_000_000);
     assert_eq!(cycles.next(&mut input).unwrap(), Some(4));
     let mut stamp = Stamp::default();
     cycles.member.timing.report(&mut stamp);
@@ -189,7 +189,7 @@ fn by_the_timer_a_node_warms_up_once_before_a_sample() {
     let ring = slow_ring(3_000_000_000);
     let (mut cycles, mut input) = slow_guidance(&ring);
     assert_eq!(cycles.next(&mut input).unwrap(), Some(0));
-    ring.page.set_origin_ns(now_ns() - TEN_S_NS + 260_000);
+    ring.page.origin_ns.set(now_ns() - TEN_S_NS + 260_000);
     assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::WarmUp);
     assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround);
 }
@@ -199,9 +199,9 @@ fn by_the_timer_no_node_answers_to_a_sample_after_the_last() {
     let ring = slow_ring(TEN_S_NS + 3_000_000_000);
     let (mut cycles, mut input) = slow_guidance(&ring);
     cycles.next = 1;
-    ring.page.set_total_samples(1);
+    ring.page.total_samples.set(1);
     assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround, "sample 1 would be late");
-    ring.page.set_total_samples(2);
+    ring.page.total_samples.set(2);
     assert!(matches!(cycles.sleep(TEN_S_NS, &mut input), Wake::Late(1, _)));
 }
 

@@ -4,6 +4,7 @@
 //! process that dies while it creates a service makes that service unusable for all. So the launcher creates every
 //! service before it starts any process, and keeps it; the nodes only open services.
 
+use std::any::Any;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -24,7 +25,7 @@ use crate::error::{PortError, PortFailure};
 use crate::limits::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS};
 use crate::realtime::shortage;
 use contract::integrity::checksum;
-use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
+use contract::message::{Actuators, Controls, LAYOUT, Payload, Reference, State, Truth};
 
 /// Attachment of a process to the iceoryx2 services of a domain.
 pub struct Bus {
@@ -34,13 +35,7 @@ pub struct Bus {
 }
 
 /// Handles that keep the services of a run alive: one for each topic, and that of TRUTH.
-pub struct Services {
-    _state: PortFactory<FileService, State, ()>,
-    _reference: PortFactory<FileService, Reference, ()>,
-    _controls: PortFactory<FileService, Controls, ()>,
-    _actuators: PortFactory<FileService, Actuators, ()>,
-    _truth: PortFactory<FileService, Truth, ()>,
-}
+pub struct Services(#[expect(dead_code, reason = "they are kept, not used")] [Box<dyn Any>; LAYOUT.len()]);
 
 impl Bus {
     /// Attaches this process to `domain`.
@@ -68,13 +63,14 @@ impl Bus {
 
     /// Creates the services, with queues of up to `depth`; called by the launcher.
     pub fn create_services(&self, depth: usize) -> Result<Services, PortError> {
-        Ok(Services {
-            _state: create(&self.node, depth)?,
-            _reference: create(&self.node, depth)?,
-            _controls: create(&self.node, depth)?,
-            _actuators: create(&self.node, depth)?,
-            _truth: create(&self.node, depth)?,
-        })
+        let node = &self.node;
+        Ok(Services([
+            Box::new(create::<State>(node, depth)?),
+            Box::new(create::<Reference>(node, depth)?),
+            Box::new(create::<Controls>(node, depth)?),
+            Box::new(create::<Actuators>(node, depth)?),
+            Box::new(create::<Truth>(node, depth)?),
+        ]))
     }
 
     /// Opens the sending side of `M`.

@@ -7,11 +7,11 @@
 //! A doorbell holds no state that matters: if a process dies between sending and ringing, the others wait for one
 //! time-out.
 
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::{sleep_while, wake};
 use crate::fault_table::FaultTable;
-use crate::shared_role::{SharedRole, SnapshotCell, Word};
+use crate::shared_role::{LongWord, SharedRole, SnapshotCell, Word};
 use contract::Topic;
 use contract::snapshot::PLANT_WORDS;
 
@@ -43,9 +43,12 @@ pub struct Page {
     pub fault_table: FaultTable,
     /// Number of TRUTHs that the plant has sent.
     pub truths_sent: Word,
-    truth_port: AtomicU64,
-    origin_ns: AtomicU64,
-    samples: AtomicU64,
+    /// Port through which the plant sends TRUTH; 0 before it is open.
+    pub truth_port: LongWord,
+    /// Instant of sample 0, in lockstep of the present sample \[ns\]; 0 before it is known. Set by the plant.
+    pub origin_ns: LongWord,
+    /// Number of samples of the run; 0 until the plant takes the last one, and set before it sends that.
+    pub total_samples: LongWord,
 }
 
 /// Phases of a run: the values of [`Page::phase`].
@@ -114,36 +117,6 @@ impl Page {
     /// Current tick: the newest that the plant has sampled; 0 before the first.
     pub fn plant_tick(&self) -> u64 {
         self.samples_taken().saturating_sub(1)
-    }
-
-    /// Instant of sample 0, in lockstep of the present sample \[ns\]; 0 before it is known.
-    pub fn origin_ns(&self) -> u64 {
-        self.origin_ns.load(Ordering::Acquire)
-    }
-
-    /// Sets the instant of sample 0, in lockstep of the present sample; called by the plant.
-    pub fn set_origin_ns(&self, origin_ns: u64) {
-        self.origin_ns.store(origin_ns, Ordering::Release);
-    }
-
-    /// Number of samples of the run; 0 until the plant has taken the last one.
-    pub fn total_samples(&self) -> u64 {
-        self.samples.load(Ordering::Acquire)
-    }
-
-    /// Sets the number of samples of the run; called by the plant before it sends the last one.
-    pub fn set_total_samples(&self, samples: u64) {
-        self.samples.store(samples, Ordering::Release);
-    }
-
-    /// Port through which the plant sends TRUTH; 0 before it is open.
-    pub fn truth_port(&self) -> u64 {
-        self.truth_port.load(Ordering::Acquire)
-    }
-
-    /// Sets the port of TRUTH; called by the plant.
-    pub fn set_truth_port(&self, port: u64) {
-        self.truth_port.store(port, Ordering::Release);
     }
 
     /// Moves the run on to `phase` and wakes every process that waits on a doorbell of a topic or of the phase.

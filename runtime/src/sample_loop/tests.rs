@@ -51,8 +51,8 @@ fn by_the_timer_samples_stand_for_instants_one_period_apart() {
     let mut ticks = vec![];
     for _ in 0..5 {
         let tick = cycles.next(&mut commands, |_, _| {}).unwrap().unwrap();
-        assert!(now_ns() >= ring.page.origin_ns() + tick * 1_000_000, "none is taken before its instant");
-        assert_eq!(cycles.provenance(tick), Stamp::at(tick, ring.page.origin_ns() + tick * 1_000_000));
+        assert!(now_ns() >= ring.page.origin_ns.get() + tick * 1_000_000, "none is taken before its instant");
+        assert_eq!(cycles.provenance(tick), Stamp::at(tick, ring.page.origin_ns.get() + tick * 1_000_000));
         cycles.done(tick);
         ticks.push(tick);
     }
@@ -79,7 +79,7 @@ fn by_the_timer_the_first_sample_waits_until_all_nodes_wait_for_it() {
         assert_eq!(cycles.next(&mut commands, |_, _| {}).unwrap(), Some(0));
         mpc.join().unwrap()
     });
-    assert!(ring.page.origin_ns() > waits_ns);
+    assert!(ring.page.origin_ns.get() > waits_ns);
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn the_last_tick_is_finished_and_no_other_begins() {
     cycles.ends_with(0);
     cycles.done(0);
     assert_eq!(cycles.next(&mut commands, |_, _| {}).unwrap(), None);
-    assert!(now_ns() >= ring.page.origin_ns() + 1_000_000, "the nodes had their time");
+    assert!(now_ns() >= ring.page.origin_ns.get() + 1_000_000, "the nodes had their time");
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub struct Constrained {
     hessian: DMatrix<f64>,
     faults: FaultSchedule<FaultKind>,
     projection: Projection,
-    /// `true` if the solver is not to be used: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::hurry).
+    /// `true` if the solver is not to be used: see [`Core::hurry`](runtime::node::Core::hurry).
     pub hurried: bool,
     /// Plan of the solver, 4Nu.
     solved: DVector<f64>,

@@ -76,14 +76,14 @@ impl Realtime {
 
     /// Returns the time from the start of this driver to sample 0 \[ns\].
     fn lead_in_ns(&self) -> u64 {
-        let since_sample_0_ns = now_ns().saturating_sub(self.page.origin_ns());
+        let since_sample_0_ns = now_ns().saturating_sub(self.page.origin_ns.get());
         (self.started.elapsed().as_nanos() as u64).saturating_sub(since_sample_0_ns)
     }
 
     /// Returns the instant of the look after `at`: the first at which a restart is due or a process may count as hung,
     /// but [`LOOK_AGAIN`] to [`LOOK`] later.
     fn next_look(&self, at: Instant) -> Instant {
-        let origin_ns = (self.page.origin_ns() > 0).then(|| self.lead_in_ns() + GRACE_NS);
+        let origin_ns = (self.page.origin_ns.get() > 0).then(|| self.lead_in_ns() + GRACE_NS);
         let starts = self.nodes.iter().filter_map(|node| node.role.due_ns());
         let hangs = self.nodes.iter().filter_map(|node| node.role.hangs_at_ns(self.sample_ns, origin_ns?));
         let instants = starts.chain(hangs).map(|ns| self.started + Duration::from_nanos(ns));

@@ -21,7 +21,7 @@ fn faulted(faults: &[Fault], tick: u64) -> ([f64; 4], Condition) {
     let scenario = Scenario { fault: faults.to_vec(), ..Scenario::default() };
     let mut faults = ActuatorFaults::new(&scenario);
     let (target, condition) = faults.inject(tick, &actuation(POSITION), &actuation(COMMAND));
-    (as_array(&target), condition)
+    (bytemuck::cast(target), condition)
 }
 
 /// Flies a changed vehicle from hover at 100 Hz; every 0.1 s the rotors are commanded 10 % faster or slower, with tilt.
@@ -29,7 +29,7 @@ fn fly(change: impl Fn(&mut Scenario)) -> Vec<Truth> {
     let mut scenario = Scenario::default();
     change(&mut scenario);
     let mut plant = Plant::new(&scenario);
-    let trim = as_array(&plant.truth().actuators.into());
+    let trim = bytemuck::cast::<Actuation, [f64; 4]>(plant.truth().actuators.into());
     let mut sample = |k: u64| {
         let share = if (k / 10).is_multiple_of(2) { 1.1 } else { 0.9 };
         let command = actuation(trim.map(|position| position * share)).into();
@@ -48,7 +48,7 @@ fn faulty(faults: &[Fault]) -> Vec<Truth> {
 
 /// Positions of one actuator along that flight.
 fn track(faults: &[Fault], actuator: usize) -> Vec<f64> {
-    faulty(faults).iter().map(|truth| as_array(&truth.actuators.into())[actuator]).collect()
+    faulty(faults).iter().map(|truth| bytemuck::cast::<Actuation, [f64; 4]>(truth.actuators.into())[actuator]).collect()
 }
 
 #[test]

@@ -118,7 +118,7 @@ fn wrong_adds_multiplies_or_turns_the_sign() {
     let truth = measured(15).position_m;
     let wrong = |how, value| positions(FaultKind::Wrong, |fault| (fault.how, fault.value) = (how, value))[15];
     assert_eq!(wrong(None, Some(-0.25)), truth.map(|m| m - 0.25));
-    assert_eq!(wrong(Some(Wrong::Bias), None), truth.map(|m| m + POSITION.bias));
+    assert_eq!(wrong(Some(Wrong::Bias), None), truth.map(|m| m + 1.0));
     assert_eq!(wrong(Some(Wrong::Scale), Some(0.5)), truth.map(|m| m * 0.5));
     assert_eq!(wrong(Some(Wrong::Scale), None), truth.map(|m| m * SCALE));
     assert_eq!(wrong(Some(Wrong::Sign), Some(7.0)), truth.map(|m| -m));
@@ -155,7 +155,7 @@ fn delayed_is_what_was_measured_then_bit_for_bit() {
 #[test]
 fn noise_has_the_mean_and_deviation_it_was_asked_for() {
     let n = 20_000;
-    for (asked, deviation) in [(Some(0.7), 0.7), (None, POSITION.noise)] {
+    for (asked, deviation) in [(Some(0.7), 0.7), (None, 0.3)] {
         let faults = [Fault { value: asked, ..Fault::new(FaultTarget::Position, FaultKind::Noise, 0.0, None) }];
         let told = told(&faults, 9, 0..n);
         let draw = |tick: u64, axis: usize| {
@@ -195,7 +195,7 @@ fn one_fault_leaves_the_draws_of_another_alone() {
     assert_eq!(position(&[noise(FaultTarget::Position), noise(FaultTarget::Rates)]), alone);
     let other = told(&[noise(FaultTarget::Position), noise(FaultTarget::Velocity)], 2, [0])[0];
     let draws = [other.position_m[0] - measured(0).position_m[0], other.velocity_mps[0] - measured(0).velocity_mps[0]];
-    assert!((draws[0] / POSITION.noise - draws[1] / VELOCITY.noise).abs() > 1e-3, "each has its own");
+    assert!((draws[0] / 0.3 - draws[1] / 0.2).abs() > 1e-3, "each has its own");
 }
 
 #[test]

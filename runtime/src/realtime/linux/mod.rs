@@ -29,7 +29,7 @@ use rustix::thread::CpuSet;
 pub use child::die_with_parent;
 pub use copies::{ThisProcess, tell_of_copies};
 pub use crash::{die_of_crashes, end_at_once, name_in_crashes, tell_of_crashes};
-pub use mapping::ControlPage;
+pub use mapping::{ControlPage, Mapping, Shared};
 pub use peer::peer_of;
 pub use signals::{keep_nohup, reset_signals};
 pub use word_pipe::{Pipes, SharedPipes, WordPipe};

@@ -3,19 +3,16 @@
 
 use std::fs::File;
 use std::io;
-use std::ops::Deref;
 use std::os::fd::AsFd;
-use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
-use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
+use super::mapping::{Mapping, Shared};
 use crate::realtime::Doorbell;
 
 /// Words that a pipe holds: about 240 samples of a flight with all their messages.
 const WORDS: usize = 1 << 16;
-const BYTES: usize = size_of::<Pipes>();
 
 /// Pipe with one writer and one reader.
 #[repr(C)]
@@ -90,17 +87,18 @@ impl WordPipe {
     }
 }
 
-/// Mapping of two pipes, unmapped when it is dropped.
-pub struct SharedPipes {
-    pipes: NonNull<Pipes>,
-}
+// SAFETY: it is made of atomics only.
+unsafe impl Shared for Pipes {}
+
+/// Mapping of two pipes.
+pub type SharedPipes = Mapping<Pipes>;
 
 impl SharedPipes {
     /// Creates the pipes in memory that has no name; the file is for the child.
     pub fn create() -> io::Result<(Self, File)> {
         let file = File::from(memfd_create(c"trefoil-pipes", MemfdFlags::CLOEXEC)?);
-        ftruncate(&file, BYTES as u64)?;
-        Ok((Self::map(&file)?, file))
+        ftruncate(&file, Self::BYTES as u64)?;
+        Ok((Self::of(&file)?, file))
     }
 
     /// Maps the pipes that the parent has created.
@@ -108,36 +106,10 @@ impl SharedPipes {
     /// # Errors
     /// `file` is not of the size of such pipes.
     pub fn open(file: impl AsFd) -> io::Result<Self> {
-        if rustix::fs::fstat(&file)?.st_size != BYTES as i64 {
+        if rustix::fs::fstat(&file)?.st_size != Self::BYTES as i64 {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "not the pipes of a launcher"));
         }
-        Self::map(file)
-    }
-
-    fn map(file: impl AsFd) -> io::Result<Self> {
-        let protection = ProtFlags::READ | ProtFlags::WRITE;
-        // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the length is that of the
-        // file, checked or set by the caller. Nothing but atomics is ever read or written through it.
-        let address = unsafe { mmap(std::ptr::null_mut(), BYTES, protection, MapFlags::SHARED, file, 0)? };
-        let pipes = NonNull::new(address.cast::<Pipes>()).ok_or_else(|| io::Error::other("mapped at address zero"))?;
-        Ok(Self { pipes })
-    }
-}
-
-impl Deref for SharedPipes {
-    type Target = Pipes;
-
-    fn deref(&self) -> &Pipes {
-        // SAFETY: `pipes` comes from `map`: page-aligned, as long as `Pipes`, and mapped until drop. `Pipes` is made of
-        // atomics only, for which every bit pattern is valid and shared writes are defined.
-        unsafe { self.pipes.as_ref() }
-    }
-}
-
-impl Drop for SharedPipes {
-    fn drop(&mut self) {
-        // SAFETY: mapped with this length, and no reference outlives `self`. Failure would leak the mapping.
-        let _ = unsafe { munmap(self.pipes.as_ptr().cast(), BYTES) };
+        Self::of(file)
     }
 }
 
