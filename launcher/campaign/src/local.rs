@@ -107,8 +107,9 @@ pub fn fly(
             open.insert(number, row);
             if range(shard).end - range(shard).start == open.len() as u64 {
                 let mut table = Table::new(&columns);
-                let rows = gathering.remove(&shard).unwrap_or_default();
-                rows.into_values().for_each(|row| table.push(row));
+                for row in gathering.remove(&shard).unwrap_or_default().into_values() {
+                    table.push(row);
+                }
                 if let Err(error) = folder.write(shard, &table) {
                     is_over.store(1, Ordering::Relaxed);
                     return Err(error);
