@@ -419,7 +419,7 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &Shown) -> anyhow::Resu
 /// Returns the table of how many flights each controller passes, and sentences on the basis of these rates.
 fn rates(page: &Page) -> String {
     let row = |(name, rate): (&str, Rate)| {
-        let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share()) };
+        let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share) };
         let Rate { survived, flights, draws, .. } = rate;
         vec![name.to_owned(), survived.to_string(), flights.to_string(), draws.to_string(), share, rate.interval()]
     };

@@ -89,40 +89,36 @@ impl Evidence {
 
     /// Computes the rate of flights, each given by its number and whether it passed.
     pub fn rate(&self, flights: impl Iterator<Item = (u64, bool)>) -> Rate {
-        let mut draws: BTreeMap<u64, (usize, usize)> = BTreeMap::new();
-        for (number, passed) in flights {
-            let draw = draws.entry(self.draw(number)).or_default();
-            *draw = (draw.0 + usize::from(passed), draw.1 + 1);
-        }
+        let passed = |draw: &Vec<bool>| draw.iter().filter(|passed| **passed).count();
+        let draws = self.by_draw(flights);
         if self.is_sample() {
-            return Rate::over(draws.into_values());
+            return Rate::over(draws.iter().map(|draw| (passed(draw), draw.len())));
         }
-        let [passed, flown] = [draws.values().map(|draw| draw.0).sum(), draws.values().map(|draw| draw.1).sum()];
-        Rate::counted(passed, flown)
+        Rate::counted(draws.iter().map(passed).sum(), draws.iter().map(Vec::len).sum())
     }
 
     /// Computes the difference of two controllers over flights that both have flown, each given by its number and
     /// whether the first and the second passed. `None` if the flights are no sample, or there are none.
     pub fn difference(&self, flights: impl Iterator<Item = (u64, [bool; 2])>) -> Option<Difference> {
-        let mut draws: BTreeMap<u64, (i64, usize)> = BTreeMap::new();
-        for (number, [one, other]) in flights {
-            let draw = draws.entry(self.draw(number)).or_default();
-            *draw = (draw.0 + i64::from(one) - i64::from(other), draw.1 + 1);
-        }
-        let draws: Vec<(i64, usize)> = draws.into_values().collect();
+        let more = |[one, other]: &[bool; 2]| i64::from(*one) - i64::from(*other);
+        let draw = |flights: Vec<[bool; 2]>| (flights.iter().map(more).sum(), flights.len());
+        let draws: Vec<(i64, usize)> = self.by_draw(flights).into_iter().map(draw).collect();
         (self.is_sample() && !draws.is_empty()).then(|| Difference::over(&draws))
     }
 
     /// Computes the difference of a metric of two controllers over flights that both have flown, each given by its
     /// number and the first controller's metric less the second's. `None` if the flights are no sample, or too few.
     pub fn metric_difference(&self, flights: impl Iterator<Item = (u64, f64)>) -> Option<MetricDifference> {
-        let mut draws: BTreeMap<u64, (f64, f64)> = BTreeMap::new();
-        for (number, more) in flights {
-            let draw = draws.entry(self.draw(number)).or_default();
-            *draw = (draw.0 + more, draw.1 + 1.0);
-        }
-        let means: Vec<f64> = draws.into_values().map(|(sum, count)| sum / count).collect();
+        let draws = self.by_draw(flights);
+        let means: Vec<f64> = draws.iter().map(|draw| draw.iter().sum::<f64>() / draw.len() as f64).collect();
         self.is_sample().then(|| MetricDifference::over(&means)).flatten()
+    }
+
+    /// Gathers what is known of flights, each given by its number, by their draws.
+    fn by_draw<T>(&self, flights: impl Iterator<Item = (u64, T)>) -> Vec<Vec<T>> {
+        let mut draws: BTreeMap<u64, Vec<T>> = BTreeMap::new();
+        flights.for_each(|(number, known)| draws.entry(self.draw(number)).or_default().push(known));
+        draws.into_values().collect()
     }
 
     /// Returns whether intervals over draws with `each` flights of a controller cover more than 95 %.

@@ -385,8 +385,10 @@ impl Campaign {
             let others = self.factors.iter().enumerate().filter(|(other, _)| *other != i);
             for (_, Factor { key, .. }) in others {
                 ensure!(key != whole, "`{key}` varies twice, by `seeds` and in [vary]: remove one of them");
-                let is_part = key.strip_prefix(whole).is_some_and(|rest| rest.starts_with('.'));
-                ensure!(!is_part, "`{key}` in [vary] is a part of `{whole}`, which varies too: remove one of them");
+                ensure!(
+                    !is_part(whole, key),
+                    "`{key}` in [vary] is a part of `{whole}`, which varies too: remove one of them"
+                );
             }
         }
         for Factor { key, .. } in &self.factors {
@@ -417,7 +419,6 @@ impl Campaign {
         let key = &limit.key;
         ensure!(key != SEED, "`{key}` has no safe end: search another setting");
         for Factor { key: varied, .. } in &self.factors {
-            let is_part = |whole: &str, part: &str| part.strip_prefix(whole).is_some_and(|rest| rest.starts_with('.'));
             ensure!(
                 varied != key && !is_part(varied, key) && !is_part(key, varied),
                 "`{key}` of [limit] and `{varied}` vary the same setting: remove one of them"
@@ -517,6 +518,11 @@ fn check_flights(wanted: &[Wanted], samples: u64, controllers: usize) -> anyhow:
 fn in_process() -> Table {
     let run = Table::from_iter([("mode".to_owned(), Value::from("inprocess"))]);
     Table::from_iter([("run".to_owned(), Value::Table(run))])
+}
+
+/// Returns whether the dotted key `part` stands below `whole`.
+fn is_part(whole: &str, part: &str) -> bool {
+    part.strip_prefix(whole).is_some_and(|rest| rest.starts_with('.'))
 }
 
 /// Returns the value of a dotted key.

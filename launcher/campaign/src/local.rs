@@ -53,12 +53,6 @@ fn duration(time_s: f64) -> String {
     }
 }
 
-/// Rows of a shard that is not yet complete.
-struct Gathering {
-    rows: Vec<Option<Vec<Cell>>>,
-    absent: usize,
-}
-
 /// Flies all flights of a small plan on all cores, without a folder.
 pub fn fly_all(plan: &Plan) -> Table {
     let row = |number| row::of(plan, number, || true).map_or(vec![], |row| row.cells);
@@ -102,21 +96,20 @@ pub fn fly(
                 let _ = done.send(row); // fails only after the receiver returned an error
             });
         });
-        let mut gathering: BTreeMap<u64, Gathering> = BTreeMap::new();
+        // Rows of the shards that are not yet complete, by shard and number.
+        let mut gathering: BTreeMap<u64, BTreeMap<u64, Vec<Cell>>> = BTreeMap::new();
         for (shard, number, standing, row) in rows {
-            let numbers = range(shard);
-            let length = (numbers.end - numbers.start) as usize;
             progress.flown += 1;
             progress.failed += u64::from(standing == Standing::Failed);
             progress.invalid += u64::from(standing == Standing::Invalid);
             show(&progress, &row);
-            let open = gathering.entry(shard).or_insert_with(|| Gathering { rows: vec![None; length], absent: length });
-            open.rows[(number - numbers.start) as usize] = Some(row);
-            open.absent -= 1;
-            if open.absent == 0 {
+            let open = gathering.entry(shard).or_default();
+            open.insert(number, row);
+            if range(shard).end - range(shard).start == open.len() as u64 {
                 let mut table = Table::new(&columns);
-                let rows = gathering.remove(&shard).map_or(vec![], |open| open.rows);
-                rows.into_iter().flatten().for_each(|row| table.push(row));
+                for row in gathering.remove(&shard).unwrap_or_default().into_values() {
+                    table.push(row);
+                }
                 if let Err(error) = folder.write(shard, &table) {
                     is_over.store(1, Ordering::Relaxed);
                     return Err(error);

@@ -174,16 +174,9 @@ impl Plan {
             for value in factor.values.ends() {
                 let mut alone = vec![(factor.key.clone(), value.clone())];
                 let case = take_case(&mut alone);
-                let mut refused = None;
-                let flies =
-                    self.campaign.givens(case.as_deref()).into_iter().any(|given| match given.scenario(&alone) {
-                        Ok(_) => true,
-                        Err(error) => {
-                            refused.get_or_insert(error);
-                            false
-                        }
-                    });
-                let Some(error) = refused.filter(|_| !flies) else { continue };
+                let givens = self.campaign.givens(case.as_deref());
+                let refusal = first_if_all(givens.into_iter().map(|given| given.scenario(&alone).err()));
+                let Some(error) = refusal else { continue };
                 let mut flights = (0..self.flights().min(LOOKED_AT)).map(|number| self.flight(number));
                 if !flights.any(|flight| flight.values[i] == value && flight.scenario.is_ok()) {
                     bail!("[vary] `{}` = {value}: {}", factor.key, error.in_one_line());
@@ -201,7 +194,7 @@ impl Plan {
             let (key, value) = limit.setting(step);
             let flight = |number| self.flight_with(number, &[(key.clone(), value.clone())]);
             let refusals = (0..self.flights().min(LOOKED_AT)).map(|number| flight(number).refusal());
-            if let Some(refusal) = refusals.collect::<Option<Vec<String>>>().and_then(|all| all.into_iter().next()) {
+            if let Some(refusal) = first_if_all(refusals) {
                 bail!("[limit] `{key}` = {value}: {refusal}");
             }
         }
@@ -214,15 +207,10 @@ impl Plan {
         let all = self.flights() / controllers;
         let looked_at = all.min(LOOKED_AT);
         let flights = (0..looked_at).map(|i| self.flight(i * all / looked_at * controllers + number));
-        let mut first = None;
-        for flight in flights {
-            match flight.scenario.and_then(|scenario| scenario::check(&scenario)) {
-                Ok(()) => return Ok(()),
-                Err(error) => first.get_or_insert(error),
-            };
-        }
-        let why = first.map_or(String::new(), |error| error.in_one_line());
-        bail!("no flight of the controller `{}` can be flown: {why}", self.campaign.controllers[number as usize].0)
+        let refusals = flights.map(|flight| flight.scenario.and_then(|scenario| scenario::check(&scenario)).err());
+        let Some(error) = first_if_all(refusals) else { return Ok(()) };
+        let (name, why) = (&self.campaign.controllers[number as usize].0, error.in_one_line());
+        bail!("no flight of the controller `{name}` can be flown: {why}")
     }
 
     /// Columns that describe a flight: its number, controller, values, seed and random faults.
@@ -244,6 +232,11 @@ impl Plan {
         cells.extend(self.campaign.random_faults().into_iter().flat_map(|faults| faults.cells(&flight.faults)));
         cells
     }
+}
+
+/// Returns the first refusal if every one of some flights is refused.
+fn first_if_all<T>(refusals: impl Iterator<Item = Option<T>>) -> Option<T> {
+    refusals.collect::<Option<Vec<T>>>()?.into_iter().next()
 }
 
 /// Takes the name of the case out of the values of a flight; `None` if it has none.

@@ -16,7 +16,7 @@ pub struct Rate {
     /// Number of draws; 0 if the flights are no sample.
     pub draws: usize,
     /// Mean of the shares of the draws.
-    share: f64,
+    pub share: f64,
     /// Ends of the 95 % interval of the share; NaN without draws.
     pub low: f64,
     pub high: f64,
@@ -49,10 +49,6 @@ impl Rate {
     pub fn picture(&self) -> Share {
         let Self { share, low, high, .. } = *self;
         if self.draws == 0 { Share { share, low: share, high: share } } else { Share { share, low, high } }
-    }
-
-    pub fn share(&self) -> f64 {
-        self.share
     }
 
     /// Formats the interval as `93.1 to 97.4 %`, or `none` without draws.
@@ -113,8 +109,8 @@ mod tests {
         assert_eq!((copies.survived, copies.flights, copies.draws), (60, 60, 20));
         assert_eq!(copies.interval(), Rate::of(20, 20).interval());
         let mixed = Rate::over([(1, 1), (0, 4)]);
-        assert_eq!((mixed.share(), mixed.draws), (0.5, 2), "each draw counts alike");
+        assert_eq!((mixed.share, mixed.draws), (0.5, 2), "each draw counts alike");
         let counted = Rate::counted(3, 4);
-        assert_eq!((counted.share(), counted.interval().as_str()), (0.75, "none"));
+        assert_eq!((counted.share, counted.interval().as_str()), (0.75, "none"));
     }
 }

@@ -104,15 +104,12 @@ impl Points {
             }
             Sampling::Sobol => {
                 // The sample has 24 bits; take the middle of the interval that they stand for.
-                let bits = sobol_burley::sample(sample as u32, dimension as u32, self.sobol_seed());
+                let seed = (self.seed ^ self.seed >> 32) as u32;
+                let bits = sobol_burley::sample(sample as u32, dimension as u32, seed);
                 f64::from(bits) + 0.5 / f64::from(1 << 24)
             }
         };
         self.axes.iter().enumerate().map(coordinate).collect()
-    }
-
-    fn sobol_seed(&self) -> u32 {
-        (self.seed ^ self.seed >> 32) as u32
     }
 }
 

@@ -26,8 +26,8 @@ pub struct Factor {
 pub enum Values {
     /// List; each value is flown.
     Listed(Vec<Value>),
-    /// Distribution; one value is drawn for each sample.
-    Drawn(Distribution),
+    /// Distribution; one value is drawn for each sample. A range is listed instead.
+    Drawn(Variation),
 }
 
 /// Table `[vary]` of a campaign file.
@@ -90,19 +90,6 @@ pub struct Range {
     /// Number of values, 2 or more.
     #[schemars(range(min = 2))]
     steps: u32,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-pub enum Distribution {
-    /// Uniform from the first to the second.
-    Uniform([f64; 2]),
-    /// Uniform in the logarithm.
-    LogUniform([f64; 2]),
-    /// Whole numbers of equal probability, both ends included; at most 2^53 different ones can be drawn.
-    Integer([i64; 2]),
-    Normal(Normal),
-    /// One of these values, with equal probability.
-    Choice(Vec<Value>),
 }
 
 impl From<Table> for Vary {
@@ -293,71 +280,36 @@ impl Variation {
             );
             Ok(())
         };
-        Ok(match self {
-            Self::Range(Range { from, to, steps }) => {
+        match &self {
+            Self::Range(range) => {
+                let Range { from, to, steps } = *range;
                 ensure!(steps >= 2 && from.is_finite() && to.is_finite(), "give finite ends, and at least 2 steps");
-                let step = (to - from) / f64::from(steps - 1);
-                let at = |i: u32| if i + 1 == steps { to } else { from + step * f64::from(i) };
-                Values::Listed((0..steps).map(|i| Value::Float(at(i))).collect())
+                return Ok(Values::Listed((0..steps).map(|i| range.value(i)).collect()));
             }
-            Self::Uniform(ends) => {
-                rises(ends)?;
-                Values::Drawn(Distribution::Uniform(ends))
-            }
+            Self::Uniform(ends) => rises(*ends)?,
             Self::LogUniform(ends) => {
-                rises(ends)?;
+                rises(*ends)?;
                 ensure!(ends[0] > 0.0, "the logarithm is of numbers above 0");
-                Values::Drawn(Distribution::LogUniform(ends))
             }
-            Self::Integer(ends) => {
-                ensure!(ends[0] < ends[1], "give two whole numbers, the smaller one first");
-                Values::Drawn(Distribution::Integer(ends))
-            }
+            Self::Integer(ends) => ensure!(ends[0] < ends[1], "give two whole numbers, the smaller one first"),
             Self::Normal(normal) => {
-                let Normal { mean, deviation, within } = normal;
+                let Normal { mean, deviation, within } = *normal;
                 ensure!(mean.is_finite() && deviation.is_finite() && deviation > 0.0, "give a deviation above 0");
                 within.map_or(Ok(()), rises)?;
                 ensure!(normal.has_values(), "no values lie within; widen it");
-                Values::Drawn(Distribution::Normal(normal))
             }
-            Self::Choice(choices) => {
-                ensure!(!choices.is_empty(), "give the values to choose from");
-                Values::Drawn(Distribution::Choice(choices))
-            }
-        })
-    }
-}
-
-impl Values {
-    /// Returns the values that the file shows: all of a list, the ends of a distribution, the median of a normal one.
-    pub fn ends(&self) -> Vec<Value> {
-        match self {
-            Self::Listed(all) | Self::Drawn(Distribution::Choice(all)) => all.clone(),
-            Self::Drawn(Distribution::Uniform(ends) | Distribution::LogUniform(ends)) => ends.map(Value::Float).into(),
-            Self::Drawn(Distribution::Integer(ends)) => ends.map(Value::Integer).into(),
-            Self::Drawn(distribution @ Distribution::Normal(_)) => vec![distribution.quantile(0.5)],
+            Self::Choice(choices) => ensure!(!choices.is_empty(), "give the values to choose from"),
         }
+        Ok(Values::Drawn(self))
     }
 
-    /// Returns the type of a column of these values.
-    pub fn kind(&self) -> Kind {
-        let all = self.ends();
-        match () {
-            () if all.iter().all(Value::is_integer) => Kind::Int,
-            () if all.iter().all(|value| value.is_integer() || value.is_float()) => Kind::Real,
-            () if all.iter().all(Value::is_bool) => Kind::Bool,
-            () => Kind::Text,
-        }
-    }
-}
-
-impl Distribution {
     /// Returns the value below which the share `u` of all values lies, 0 < u < 1.
     pub fn quantile(&self, u: f64) -> Value {
         let between = |[low, high]: [f64; 2]| low + (high - low) * u;
-        // Needs 128 bits: the number of values of the widest range is 2^64.
+        // Needs 128 bits: the number of values of the widest range is 2^64, of which 2^53 can be drawn.
         let index = |count: i128| ((u * count as f64) as i128).min(count - 1);
         match self {
+            Self::Range(range) => range.value(index(range.steps.into()) as u32),
             Self::Uniform(ends) => Value::Float(between(*ends)),
             Self::LogUniform(ends) => {
                 let [low, high] = *ends;
@@ -373,6 +325,37 @@ impl Distribution {
     }
 }
 
+impl Range {
+    /// Returns value `i`, from 0; the last is `to` without rounding.
+    fn value(&self, i: u32) -> Value {
+        let step = (self.to - self.from) / f64::from(self.steps - 1);
+        Value::Float(if i + 1 == self.steps { self.to } else { self.from + step * f64::from(i) })
+    }
+}
+
+impl Values {
+    /// Returns the values that the file shows: all of a list, the ends of a distribution, the median of a normal one.
+    pub fn ends(&self) -> Vec<Value> {
+        match self {
+            Self::Listed(all) | Self::Drawn(Variation::Choice(all)) => all.clone(),
+            Self::Drawn(Variation::Uniform(ends) | Variation::LogUniform(ends)) => ends.map(Value::Float).into(),
+            Self::Drawn(Variation::Integer(ends)) => ends.map(Value::Integer).into(),
+            Self::Drawn(variation) => vec![variation.quantile(0.5)],
+        }
+    }
+
+    /// Returns the type of a column of these values.
+    pub fn kind(&self) -> Kind {
+        let all = self.ends();
+        match () {
+            () if all.iter().all(Value::is_integer) => Kind::Int,
+            () if all.iter().all(|value| value.is_integer() || value.is_float()) => Kind::Real,
+            () if all.iter().all(Value::is_bool) => Kind::Bool,
+            () => Kind::Text,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -381,9 +364,9 @@ mod tests {
         Wanted::all(&text.parse::<Table>().unwrap().into())?.into_iter().map(Wanted::factor).collect()
     }
 
-    fn drawn(text: &str) -> Distribution {
+    fn drawn(text: &str) -> Variation {
         match factors(&format!("x = {text}")).unwrap().remove(0).values {
-            Values::Drawn(distribution) => distribution,
+            Values::Drawn(variation) => variation,
             Values::Listed(list) => panic!("{list:?}"),
         }
     }
@@ -407,7 +390,7 @@ mod tests {
     #[test]
     fn whole_numbers_are_drawn_from_any_range() {
         for [low, high] in [[0, i64::MAX], [i64::MIN, i64::MAX], [i64::MIN, 0], [-1, 1]] {
-            let integers = Distribution::Integer([low, high]);
+            let integers = Variation::Integer([low, high]);
             let at = |u: f64| integers.quantile(u).as_integer().unwrap();
             let drawn: Vec<i64> = (0..1000).map(|i| at((f64::from(i) + 0.5) / 1000.0)).collect();
             assert!(drawn.iter().all(|n| (low..=high).contains(n)), "{low} to {high}");

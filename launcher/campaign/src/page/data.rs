@@ -105,12 +105,12 @@ impl<'a> Page<'a> {
         of_controller / self.evidence.all_draws().max(1)
     }
 
-    /// Verdicts of each case, by controller; `None` if not flown.
-    pub fn by_case(&self) -> BTreeMap<u64, Vec<Option<bool>>> {
-        let mut cases: BTreeMap<u64, Vec<Option<bool>>> = BTreeMap::new();
-        for row in 0..self.rows() {
+    /// Returns the rows of each case, by controller; `None` if not there. Rows without `meant` are left out.
+    pub fn by_case(&self, meant: impl Fn(usize) -> bool) -> BTreeMap<u64, Vec<Option<usize>>> {
+        let mut cases: BTreeMap<u64, Vec<Option<usize>>> = BTreeMap::new();
+        for row in (0..self.rows()).filter(|row| meant(*row)) {
             let case = cases.entry(self.case(row)).or_insert_with(|| vec![None; self.names.len()]);
-            case[self.controllers[row]] = self.passed[row];
+            case[self.controllers[row]] = Some(row);
         }
         cases
     }

@@ -92,28 +92,18 @@ fn rows<'a>(page: &'a Page<'a>) -> Vec<Row<'a>> {
     let Some(with) = page.names.iter().position(|name| *name == compare.with) else { return vec![] };
     let named: Vec<Option<&str>> = campaign.cases().map(Some).collect();
     let cases = if named.is_empty() { vec![None] } else { named };
+    let column = page.flights.column(CASE);
+    let is_in = |row, case: Option<&str>| case.is_none_or(|case| column.is_some_and(|all| all.text(row) == case));
     let mut rows = vec![];
     for metric in &compare.metrics {
         for case in &cases {
-            let of_case = rows_by_flight(page, *case);
+            let of_case = page.by_case(|row| is_in(row, *case));
             for controller in (0..page.names.len()).filter(|controller| compare.compares(page.names[*controller])) {
                 rows.push(row(page, &of_case, metric, *case, [controller, with]));
             }
         }
     }
     rows
-}
-
-/// Returns the rows of each flight in `case`, by controller.
-fn rows_by_flight(page: &Page, case: Option<&str>) -> BTreeMap<u64, Vec<Option<usize>>> {
-    let mut flights: BTreeMap<u64, Vec<Option<usize>>> = BTreeMap::new();
-    let column = page.flights.column(CASE);
-    let is_in = |row: &usize| case.is_none_or(|case| column.is_some_and(|all| all.text(*row) == case));
-    for row in (0..page.rows()).filter(is_in) {
-        flights.entry(page.case(row)).or_insert_with(|| vec![None; page.names.len()])[page.controllers[row]] =
-            Some(row);
-    }
-    flights
 }
 
 fn row<'a>(

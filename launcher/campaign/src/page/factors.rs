@@ -6,7 +6,7 @@ use view::draw::{self, Axis, Dots, MapCell, Quartiles, legend, map, short};
 use super::bins::{Binned, parts};
 use super::data::Page;
 use super::limits;
-use super::maps::share_cell;
+use super::maps::{cells, share_cell};
 use super::words::heading;
 
 /// Largest number of controllers that are told apart by colour; with more, each has a row.
@@ -113,30 +113,27 @@ fn rows(page: &Page, factor: &Binned) -> String {
         let (row, column) = if factor.is_number { (controller, bin) } else { (bin, controller) };
         flights[last - row][column].push(flight);
     }
-    let cells = |of: &dyn Fn(&[usize], String) -> Option<MapCell>| -> Vec<Vec<Option<MapCell>>> {
-        let rows = flights.iter().zip(&up.entries).map(|(row, of_row)| {
-            let row = row.iter().zip(&across.entries);
-            row.map(|(flights, of_column)| of(flights, format!("{of_row}, {of_column}"))).collect()
-        });
-        rows.collect()
-    };
+    let axes = [&across, &up];
+    let words = |row: &str, column: &str| format!("{row}, {column}");
     if let Some(limit) = page.plan.campaign.limit() {
-        let limits = cells(&|rows, of| limits::cell(page, limit, rows, &of));
-        return map("median limit", [&across, &up], &limits, |_, _| false);
+        let limits = cells(axes, &flights, |rows, row, column| limits::cell(page, limit, rows, &words(row, column)));
+        return map("median limit", axes, &limits, |_, _| false);
     }
-    let passed = cells(&|flights, of| share_cell(&page.rate_of(flights.iter().copied()), &of));
+    let passed = cells(axes, &flights, |flights, row, column| {
+        share_cell(&page.rate_of(flights.iter().copied()), &words(row, column))
+    });
     let median_of = |flights: &[usize]| median(flights.iter().filter_map(|row| page.error.of(*row)).collect());
     let medians = || flights.iter().flatten().filter_map(|flights| median_of(flights)).filter(|median| *median > 0.0);
     let [low, high] = [medians().fold(f64::INFINITY, f64::min), medians().fold(0.0, f64::max)];
-    let errors = cells(&|flights, of| {
+    let errors = cells(axes, &flights, |flights, row, column| {
         let median = median_of(flights)?;
         let shade = if high > low { libm::log(median / low) / libm::log(high / low) } else { 0.5 };
         let label = two_digits(median);
-        let title = format!("{of}: median {label} m of {} flights", flights.len());
+        let title = format!("{row}, {column}: median {label} m of {} flights", flights.len());
         Some(MapCell { shade, label, note: String::new(), title })
     });
     let title = format!("median {} [m]", page.error.words);
-    map("passed [%]", [&across, &up], &passed, |_, _| false) + &map(&title, [&across, &up], &errors, |_, _| false)
+    map("passed [%]", axes, &passed, |_, _| false) + &map(&title, axes, &errors, |_, _| false)
 }
 
 /// Returns quartiles and whiskers; quantiles of type 8 of Hyndman and Fan (The American Statistician 50, 1996).

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use view::draw::{MapCell, map};
+use view::draw::{Axis, MapCell, map};
 
 use super::bins::{Binned, parts_of_two};
 use super::data::Page;
@@ -91,7 +91,7 @@ fn effect(page: &Page, factor: &Binned) -> f64 {
     }
     let rates = (0..factor.axis.entries.len()).map(|bin| page.rate(|row| factor.bin(row) == Some(bin)));
     // Without draws there is no interval, so the shares themselves are compared.
-    let ends = |rate: Rate| if rate.draws == 0 { [rate.share(); 2] } else { [rate.low, rate.high] };
+    let ends = |rate: Rate| if rate.draws == 0 { [rate.share; 2] } else { [rate.low, rate.high] };
     let [low, high] =
         rates.map(ends).fold([0.0_f64, 1.0_f64], |[low, high], ends| [low.max(ends[0]), high.min(ends[1])]);
     low - high
@@ -106,24 +106,32 @@ fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool
         }
     }
     let title = if page.names.len() > 1 { page.names[controller] } else { "" };
+    let axes = [&across.axis, &up.axis];
+    let words = |of_up: &str, of_across: &str| format!("{of_across}, {of_up}");
     if let Some(limit) = page.plan.campaign.limit() {
-        let cells = of_cells.iter().zip(&up.axis.entries).map(|(of_row, of_up)| {
-            let of_row = of_row.iter().zip(&across.axis.entries);
-            of_row.map(|(rows, of_across)| limits::cell(page, limit, rows, &format!("{of_across}, {of_up}"))).collect()
-        });
-        return map(title, [&across.axis, &up.axis], &cells.collect::<Vec<Vec<_>>>(), |_, _| false);
+        let limits = cells(axes, &of_cells, |rows, up, across| limits::cell(page, limit, rows, &words(up, across)));
+        return map(title, axes, &limits, |_, _| false);
     }
     let rate = |rows: &Vec<usize>| page.rate_of(rows.iter().copied());
     let rates: Vec<Vec<Rate>> = of_cells.iter().map(|line| line.iter().map(rate).collect()).collect();
-    let cells = rates.iter().zip(&up.axis.entries).map(|(of_row, of_up)| {
-        let of_row = of_row.iter().zip(&across.axis.entries);
-        of_row.map(|(rate, of_across)| share_cell(rate, &format!("{of_across}, {of_up}"))).collect()
-    });
+    let shares = cells(axes, &rates, |rate, up, across| share_cell(rate, &words(up, across)));
     let border = |one: [usize; 2], other: [usize; 2]| {
         let [one, other] = [one, other].map(|[row, column]| &rates[row][column]);
-        are_apart(one, other) || is_grid && (one.share() < 0.5) != (other.share() < 0.5)
+        are_apart(one, other) || is_grid && (one.share < 0.5) != (other.share < 0.5)
     };
-    map(title, [&across.axis, &up.axis], &cells.collect::<Vec<Vec<_>>>(), border)
+    map(title, axes, &shares, border)
+}
+
+/// Makes the cells of a map from what is known of each row and column, and the entries of both.
+pub fn cells<T>(
+    [across, up]: [&Axis; 2],
+    known: &[Vec<T>],
+    cell: impl Fn(&T, &str, &str) -> Option<MapCell>,
+) -> Vec<Vec<Option<MapCell>>> {
+    let row = |(row, of_row): (&Vec<T>, &String)| {
+        row.iter().zip(&across.entries).map(|(known, of_column)| cell(known, of_row, of_column)).collect()
+    };
+    known.iter().zip(&up.entries).map(row).collect()
 }
 
 /// Returns whether two intervals are disjoint; always `false` without draws, because their ends are NaN.
@@ -135,8 +143,8 @@ fn are_apart(one: &Rate, other: &Rate) -> bool {
 pub fn share_cell(rate: &Rate, of: &str) -> Option<MapCell> {
     let Rate { survived, flights, .. } = rate;
     (*flights > 0).then(|| MapCell {
-        shade: rate.share(),
-        label: format!("{:.0}", 100.0 * rate.share()),
+        shade: rate.share,
+        label: format!("{:.0}", 100.0 * rate.share),
         note: format!("n {flights}"),
         title: format!("{of}: {survived} of {flights} passed, 95 % interval {}", rate.interval()),
     })

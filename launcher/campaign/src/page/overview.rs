@@ -103,8 +103,7 @@ impl Page<'_> {
         if self.names.len() == 1 {
             return String::new();
         }
-        let row = |(i, name): (usize, &&str)| {
-            let rate = self.rate(|row| self.controllers[row] == i);
+        let row = |(name, rate): (&str, Rate)| {
             let (share, picture) = match rate.flights {
                 0 => (draw::DASH.to_owned(), String::new()),
                 _ => (percent(&rate, " %"), draw::interval(&rate.picture())),
@@ -112,7 +111,7 @@ impl Page<'_> {
             vec![escape(name), rate.survived.to_string(), rate.flights.to_string(), share, rate.interval(), picture]
         };
         let headings = ["controller", "passed", "of", "share", "95 % interval", "0 to 100 %"];
-        let table = draw::table(&headings, self.names.iter().enumerate().map(row));
+        let table = draw::table(&headings, self.rates().into_iter().map(row));
         format!(
             "<section id=\"controllers\"><h2>Controllers</h2><p>The share of flights passed. Intervals that overlap do not say \
              that the controllers are alike: the next table compares them draw by draw.</p>{table}</section>"
@@ -170,5 +169,5 @@ impl Page<'_> {
 
 /// Formats the share of a rate in percent.
 fn percent(rate: &Rate, sign: &str) -> String {
-    format!("{:.1}{sign}", 100.0 * rate.share())
+    format!("{:.1}{sign}", 100.0 * rate.share)
 }

@@ -16,9 +16,8 @@ const OPEN: usize = 8;
 struct Pair {
     /// Indices of the controllers; the one that passes more cases comes first.
     names: [usize; 2],
-    only: [u64; 2],
-    both: u64,
-    neither: u64,
+    /// Numbers of the cases that only the first passes, only the second, both, and neither.
+    counts: [u64; 4],
     /// Difference of the shares; `None` if the flights are no sample.
     difference: Option<Difference>,
 }
@@ -35,7 +34,7 @@ pub fn section(page: &Page) -> String {
     let mut rows: Vec<Vec<String>> = pairs
         .iter()
         .map(|pair| {
-            let counts = [pair.only[0], pair.only[1], pair.both, pair.neither].map(|count| count.to_string());
+            let counts = pair.counts.map(|count| count.to_string());
             [pair.names.map(|i| law(page, i)).to_vec(), counts.to_vec()].concat()
         })
         .collect();
@@ -90,19 +89,21 @@ fn explained(page: &Page, pairs: usize) -> String {
 
 /// Compares every pair of controllers; sorted by p-value, the smallest first.
 fn compare(page: &Page) -> Vec<Pair> {
-    let cases = page.by_case();
+    let cases = page.by_case(|_| true);
     let pair = |a: usize, b: usize| {
-        let flown = || cases.iter().filter_map(|(case, passed)| Some((*case, [passed[a]?, passed[b]?])));
+        let flown =
+            || cases.iter().filter_map(|(case, rows)| Some((*case, [page.passed[rows[a]?]?, page.passed[rows[b]?]?])));
         let count = |meant: [bool; 2]| flown().filter(|(_, passed)| *passed == meant).count() as u64;
-        let only = [count([true, false]), count([false, true])];
-        let is_turned = only[0] < only[1];
+        let mut counts = [[true, false], [false, true], [true, true], [false, false]].map(count);
+        let is_turned = counts[0] < counts[1];
+        if is_turned {
+            counts.swap(0, 1);
+        }
         let turn = |[one, other]: [bool; 2]| if is_turned { [other, one] } else { [one, other] };
         let first_of_case = |case: u64| case * page.names.len() as u64;
         Pair {
             names: if is_turned { [b, a] } else { [a, b] },
-            only: if is_turned { [only[1], only[0]] } else { only },
-            both: count([true, true]),
-            neither: count([false, false]),
+            counts,
             difference: page.evidence.difference(flown().map(|(case, passed)| (first_of_case(case), turn(passed)))),
         }
     };

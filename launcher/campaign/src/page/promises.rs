@@ -74,7 +74,7 @@ fn target(promise: &Promise, page: &Page, group: &Group) -> Target {
 fn share(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whole: bool) -> Target {
     let limit = promise.at_least.unwrap_or_default();
     let rate = page.rate_of(rows.iter().copied());
-    let measured = is_whole.then(|| rate.share());
+    let measured = is_whole.then_some(rate.share);
     let target = Target::at_least(figure, measured, limit);
     let is_open = rate.draws > 0 && rate.low < limit && rate.high >= limit;
     if is_open && is_whole {

@@ -13,20 +13,10 @@ use crate::table::Table;
 const PARTIAL: &str = "The flights that are there are no random sample of the campaign: short ones end first. Intervals \
                        and sure differences hold for one look, at the end, and not for the first look at which they appear.";
 
-/// Progress of a campaign, for its page.
-struct Now<'a> {
-    /// Flights that are there, and flights of the whole campaign.
-    there: u64,
-    all: u64,
-    /// Progress of the campaign in words.
-    words: &'a str,
-}
-
 /// Renders the page of the `flights` that are there, in one thread of the caller's priority; `words` tell the progress.
 /// The command `again`, followed by a number, flies one flight again.
 pub fn page(plan: &Plan, flights: &Table, words: &str, again: &str) -> String {
-    let now = Now { there: flights.rows() as u64, all: plan.flights(), words };
-    let render = || render(&Page::new(plan, flights), &now, again);
+    let render = || render(&Page::new(plan, flights), words, again);
     // The threads of the campaign would take up the work only after the last flight.
     match ThreadPoolBuilder::new().num_threads(1).build() {
         Ok(own) => own.install(render),
@@ -34,10 +24,11 @@ pub fn page(plan: &Plan, flights: &Table, words: &str, again: &str) -> String {
     }
 }
 
-fn render(all: &Page, now: &Now, again: &str) -> String {
+fn render(all: &Page, words: &str, again: &str) -> String {
+    let (there, planned) = (all.rows(), all.plan.flights());
     let body = [
         all.title(),
-        progress(now),
+        progress(there, planned, words),
         all.tiles(),
         all.counts(),
         all.causes(),
@@ -49,13 +40,11 @@ fn render(all: &Page, now: &Now, again: &str) -> String {
         pairs::section(all),
         setup::section(all.plan),
     ];
-    let title =
-        format!("Campaign {}, {} of {} {}", all.plan.campaign.name(), now.there, now.all, all.plan.campaign.units());
+    let title = format!("Campaign {}, {there} of {planned} {}", all.plan.campaign.name(), all.plan.campaign.units());
     draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body.concat())
 }
 
-fn progress(now: &Now) -> String {
-    let Now { there, all, words } = now;
+fn progress(there: usize, all: u64, words: &str) -> String {
     format!(
         "<section id=\"progress\"><p role=\"status\">{}</p>\
          <progress aria-label=\"flights that are there\" max=\"{all}\" value=\"{there}\"></progress>\
