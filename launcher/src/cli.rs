@@ -248,7 +248,7 @@ fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Op
     match (name, log) {
         (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, |session| {
             let vehicle = nodes::vehicle(&session.scenario)?;
-            plant::run_with(session, vehicle)
+            plant::run(session, vehicle)
         }),
         (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),

@@ -18,7 +18,6 @@
 //! it asks the launcher for the assignment of the tick that begins, if that may have changed.
 
 use contract::message::{Message, Stamp};
-use contract::scenario::Fault;
 use contract::topic::Topic;
 
 use crate::cycle_timing::warm_up_ns;
@@ -75,11 +74,6 @@ impl SampleLoop {
         }
         self.tick = Some(tick);
         Ok(self.tick)
-    }
-
-    /// Passes the faults that are new since the last tick to `apply`, with their numbers.
-    pub fn new_faults(&self, apply: impl FnMut(usize, &Fault)) {
-        self.member.faults.new_faults(apply);
     }
 
     /// Provenance of the STATE of `tick`, which begins a new chain.

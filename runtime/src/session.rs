@@ -20,7 +20,7 @@ use crate::error::PortFailure;
 pub use crate::error::SessionError;
 use crate::input::Input;
 use crate::member::Member;
-use crate::output::{Output, TruthOutput};
+use crate::output::Output;
 use crate::ports::Ports;
 use crate::realtime::{self, ThisProcess, tell_of_copies};
 use crate::release::Release;
@@ -71,11 +71,6 @@ impl NodeSession {
     /// Opens the output on which this node sends `M`. This also claims the place in the role that was offered to it.
     pub fn output<M: Message>(&mut self) -> Result<Output<M>, SessionError> {
         Output::open(&mut self.ports, &self.member, &self.scenario)
-    }
-
-    /// Opens the output on which the plant sends TRUTH, after [`Self::output`].
-    pub fn truth_output(&mut self) -> Result<TruthOutput, SessionError> {
-        TruthOutput::open(&mut self.ports, &self.member)
     }
 
     /// Opens a node with all its ports by `open`.

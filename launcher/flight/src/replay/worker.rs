@@ -5,15 +5,13 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 use contract::Topic;
-use contract::message::{Actuators, Stamp, State};
+use contract::message::{Actuators, Stamp};
 use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
-use plant::Plant;
-use plant::vehicle::Vehicle;
+use plant::sampler::Sampler;
 use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
-use runtime::output::{Output, TruthOutput};
 use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
@@ -40,14 +38,6 @@ enum Core {
     Node(Box<dyn Node>),
 }
 
-/// Plant with its outputs, and the tick of its newest sample.
-struct Sampler {
-    plant: Plant<dyn Vehicle>,
-    output: Output<State>,
-    truths: TruthOutput,
-    tick: u64,
-}
-
 impl Worker {
     /// Creates the process `epoch` of the node that answers on `topic`, which begins with this memory.
     pub fn new(
@@ -64,10 +54,8 @@ impl Worker {
         scenario.attitude.mpc.time_limit_ms = 0.0; // the result must not depend on this machine
         let mut core = match topic {
             Topic::State => {
-                let output = Output::open(&mut ports, &member, &scenario)?;
-                let truths = TruthOutput::open(&mut ports, &member)?;
-                let plant = Plant::with(&scenario, nodes::vehicle(&scenario)?);
-                Core::Plant(Box::new(Sampler { plant, output, truths, tick: 0 }))
+                let vehicle = nodes::vehicle(&scenario)?;
+                Core::Plant(Box::new(Sampler::open(&mut ports, &member, &scenario, vehicle)?))
             }
             _ => Core::Node(nodes::open(&mut ports, &member, &scenario)?),
         };
@@ -103,7 +91,7 @@ impl Worker {
     /// Gives the plant a command that arrives `after_ns` after its last sample.
     pub fn command(&mut self, command: &Actuators, after_ns: u64) {
         if let Core::Plant(sampler) = &mut self.core {
-            sampler.plant.command(command, after_ns);
+            sampler.command(command, after_ns);
         }
     }
 
@@ -130,26 +118,17 @@ impl Worker {
         // Sets the clock without the offset of a fault: `publish_ns` has it already, and the fault adds it again.
         let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);
         let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
+        faults.update();
+        timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
+        let known = known.map(Record::as_any);
         match &mut self.core {
             Core::Plant(sampler) => {
-                let Sampler { plant, output, truths, tick } = &mut **sampler;
-                let known = output.known(known.map(Record::as_any));
-                if known.is_none() {
-                    plant.advance(cycle.tick - *tick)?;
-                }
-                *tick = cycle.tick;
-                faults.update();
-                timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
-                faults.new_faults(|number, fault| plant.apply_fault(number, fault));
-                let state = known.unwrap_or_else(|| plant.sample());
-                output.send(state, provenance);
-                truths.send(plant.truth(), output);
+                let state = sampler.sample(cycle.tick, known)?;
+                sampler.send(state, provenance, || {});
             }
             Core::Node(node) => {
-                faults.update();
-                timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
                 faults.new_faults(|number, fault| node.apply_fault(number, fault));
-                node.answer(provenance, known.map(Record::as_any))?;
+                node.answer(provenance, known)?;
             }
         }
         let own = *topic;
@@ -169,7 +148,7 @@ impl Worker {
     /// Continues from what the process remembered in the flight; returns false if `memory` does not fit it.
     pub fn restore(&mut self, memory: &Memory) -> bool {
         match &mut self.core {
-            Core::Plant(sampler) => sampler.plant.restore(memory.origin.done - 1, &memory.words),
+            Core::Plant(sampler) => sampler.restore(memory.origin.done - 1, &memory.words),
             Core::Node(node) => memory.padded().is_some_and(|words| node.restore(&words) && node.memory() == words),
         }
     }
