@@ -17,7 +17,7 @@
 //! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
 //! | [`navigation_unit`], [`instruments`] | the EKF in place of that filter, and its sensors | |
 //! | [`telemetry`] | rotor speeds and tilt as sensed | |
-//! | [`sampler`], `process` | the plant behind its outputs, in every mode, and as a process | |
+//! | [`sampler`], `process` | the plant behind its ports, in every mode, and as a process | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //! | [`memory`] | state of the vehicle as words | |

@@ -1,6 +1,6 @@
 //! Plant as a process, which begins every tick.
 
-use contract::message::{Actuators, Content};
+use contract::message::Content;
 use runtime::error::SessionError;
 use runtime::session::NodeSession;
 
@@ -13,10 +13,11 @@ use crate::vehicle::Vehicle;
 /// of its arrival, with the delay of the scenario.
 pub fn run(mut session: NodeSession, vehicle: Box<dyn Vehicle>) -> Result<(), SessionError> {
     let mut sampler = session.open(|ports, member, scenario| Sampler::open(ports, member, scenario, vehicle))?;
-    let mut commands = session.input::<Actuators>()?;
     let scenario = session.scenario.clone();
     let mut cycles = session.ready_to_sample()?;
-    while let Some(tick) = cycles.next(&mut commands, |command, arrival_ns| sampler.command(command, arrival_ns))? {
+    while let Some(tick) =
+        cycles.next(&mut sampler.commands, |command, arrival_ns| sampler.plant.command(command, arrival_ns))?
+    {
         let state = sampler.sample(tick, None)?;
         if state.is_last() {
             cycles.ends_with(tick);

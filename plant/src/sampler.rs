@@ -1,7 +1,7 @@
-//! The plant behind its outputs: a process, the ring in one thread and a replay sample it in the same order.
+//! The plant behind its ports: a process, the ring in one thread and a replay sample it in the same order.
 //!
 //! ```text
-//! command  each one that arrives after the newest sample
+//! command  each one that arrives after the newest sample: `plant.command`
 //! sample   integrates to the next sample, applies the faults that were given since, and measures STATE
 //! send     STATE, which the nodes wait for, then TRUTH
 //! memory   of the plant after this sample, from which a replay can begin
@@ -13,6 +13,7 @@ use contract::message::{Actuators, Stamp, State};
 use contract::scenario::Scenario;
 use contract::snapshot::PLANT_WORDS;
 use runtime::error::SessionError;
+use runtime::input::Input;
 use runtime::member::Member;
 use runtime::output::{Output, TruthOutput};
 use runtime::ports::Ports;
@@ -20,9 +21,12 @@ use runtime::ports::Ports;
 use crate::Plant;
 use crate::vehicle::Vehicle;
 
-/// Plant with its outputs.
+/// Plant with its ports.
 pub struct Sampler {
-    plant: Plant<dyn Vehicle>,
+    /// The plant, which gets commands and goes on from memories directly.
+    pub plant: Plant<dyn Vehicle>,
+    /// Input of the commands; silent in a replay, which has their instants.
+    pub commands: Input<Actuators>,
     member: Member,
     states: Output<State>,
     truths: TruthOutput,
@@ -30,10 +34,10 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Opens the outputs of `member`, with the plant of `scenario` and this `vehicle` at its start.
+    /// Opens the ports of `member`, with the plant of `scenario` and this `vehicle` at its start.
     ///
     /// # Errors
-    /// An output cannot be opened.
+    /// A port cannot be opened.
     pub fn open(
         ports: &mut Ports,
         member: &Member,
@@ -45,18 +49,9 @@ impl Sampler {
             member: member.clone(),
             states: Output::open(ports, member, scenario)?,
             truths: TruthOutput::open(ports, member)?,
+            commands: Input::open(ports, member)?,
             words: vec![0; PLANT_WORDS],
         })
-    }
-
-    /// Returns the plant.
-    pub fn plant(&self) -> &Plant<dyn Vehicle> {
-        &self.plant
-    }
-
-    /// Receives a command `arrival_ns` after the newest sample, as [`Plant::command`] does.
-    pub fn command(&mut self, command: &Actuators, arrival_ns: u64) {
-        self.plant.command(command, arrival_ns);
     }
 
     /// Flies to sample `tick`, and measures STATE there. A `known` STATE of a replay is returned instead, and the plant
@@ -84,10 +79,5 @@ impl Sampler {
     pub fn memory(&mut self) -> Option<&[u64]> {
         let length = self.plant.memory(&mut self.words)?;
         Some(&self.words[..length])
-    }
-
-    /// Continues from a memory after sample `tick`, as [`Plant::restore`] does.
-    pub fn restore(&mut self, tick: u64, words: &[u64]) -> bool {
-        self.plant.restore(tick, words)
     }
 }

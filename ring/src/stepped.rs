@@ -6,14 +6,13 @@
 //! end      observers get the messages, and the plant the command
 //! ```
 
-use contract::message::{Actuators, Content, Stamp, State};
+use contract::message::{Content, Stamp, State};
 use contract::scenario::{Scenario, candidate};
 use contract::topic::Topic;
 use plant::Plant;
 use plant::sampler::Sampler;
 use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
-use runtime::input::Input;
 use runtime::node::{Asked, Open};
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
@@ -49,7 +48,6 @@ pub struct Stepped {
     observers: Observers,
     roles: Simulated,
     sampler: Sampler,
-    commands: Input<Actuators>,
     /// Nodes that answer, in the order of [`TOPICS`].
     nodes: [Workers; 3],
     /// Newest sample, and the provenance of the chains that begin with it.
@@ -77,7 +75,6 @@ impl Stepped {
         let observers = Observers::open(&mut ring.ports(), scenario)?;
         let (member, mut ports) = ring.member(Topic::State, 1, scenario, scenario);
         let sampler = Sampler::open(&mut ports, &member, scenario, vehicle)?;
-        let commands = Input::open(&mut ports, &member)?;
         let node = |i: usize| Workers::new(&ring, TOPICS[i], scenario, open[i]);
         Ok(Self {
             nodes: [node(0)?, node(1)?, node(2)?],
@@ -85,7 +82,6 @@ impl Stepped {
             observers,
             roles: Simulated::new(scenario),
             sampler,
-            commands,
             ring,
             sample: (State::default(), Stamp::default()),
             next: 0,
@@ -101,7 +97,7 @@ impl Stepped {
 
     /// Returns the plant.
     pub fn plant(&self) -> &Plant<dyn Vehicle> {
-        self.sampler.plant()
+        &self.sampler.plant
     }
 
     /// Flies to the end, or until `watch`, which gets every message, returns false; `remember` gets the memory of every
@@ -201,12 +197,13 @@ impl Stepped {
             self.roles.observe(record);
             go_on &= watch(record);
         });
-        let command = self.commands.fresh();
+        let Sampler { plant, commands, .. } = &mut self.sampler;
+        let command = commands.fresh();
         if !go_on || self.sample.0.is_last() {
             let ended = given_up(&self.roles.nodes).map_or(Ended::Flown, |name| Ended::Lost(name.into()));
             self.ended = Some(ended);
         } else if let Some(command) = command {
-            self.sampler.command(command, command.stamp.held_ns);
+            plant.command(command, command.stamp.held_ns);
         }
     }
 

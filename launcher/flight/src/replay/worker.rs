@@ -91,7 +91,7 @@ impl Worker {
     /// Gives the plant a command that arrives `after_ns` after its last sample.
     pub fn command(&mut self, command: &Actuators, after_ns: u64) {
         if let Core::Plant(sampler) = &mut self.core {
-            sampler.command(command, after_ns);
+            sampler.plant.command(command, after_ns);
         }
     }
 
@@ -148,7 +148,7 @@ impl Worker {
     /// Continues from what the process remembered in the flight; returns false if `memory` does not fit it.
     pub fn restore(&mut self, memory: &Memory) -> bool {
         match &mut self.core {
-            Core::Plant(sampler) => sampler.restore(memory.origin.done - 1, &memory.words),
+            Core::Plant(sampler) => sampler.plant.restore(memory.origin.done - 1, &memory.words),
             Core::Node(node) => memory.padded().is_some_and(|words| node.restore(&words) && node.memory() == words),
         }
     }
