@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use contract::Scenario;
 use contract::scenario::{Fault, FaultTarget, Profile, to_toml};
-use flight::{inprocess, settings};
+use flight::log::Record;
+use flight::{guarded, settings};
 use outcome::judge::{Circumstances, Verdict};
 use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
@@ -151,10 +152,11 @@ fn check(overrides: &[String]) {
     let (told, result) = channel();
     let fly = move || {
         let mut summary = Summary::new(&scenario);
-        let flown = inprocess::fly(&scenario, |record| {
+        let watch = |record: &Record| {
             summary.observe(record);
             true
-        });
+        };
+        let flown = guarded::fly(&scenario, true, watch, |_| {}).expect("it is flown");
         let how = Circumstances::from(flown);
         let verdict = Verdict::of(&summary, &scenario, &how);
         let (summary, scenario, how, verdict) = (&summary, &scenario, &how, &verdict);

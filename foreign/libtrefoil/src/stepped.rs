@@ -9,10 +9,10 @@ use std::time::Instant;
 
 use contract::scenario::{Mode, ProgramKind, Scenario};
 use contract::topic::Topic;
-use flight::inprocess::stepped::{Stepped, TOPICS};
 use flight::log::Record;
+use flight::nodes::{self, Stepped, TOPICS};
 use flight::provenance::provenance;
-use flight::{nodes, settings};
+use flight::settings;
 use foreign::abi::TrefoilSetup;
 use foreign::setup::Setup;
 use outcome::judge::{Circumstances, Verdict};

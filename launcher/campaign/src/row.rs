@@ -15,7 +15,6 @@ use contract::Scenario;
 use contract::message::Sample;
 use flight::event::TimedEvent;
 use flight::guarded;
-use flight::inprocess::changes_messages;
 use flight::log::Record;
 use flight::programs::hex;
 use flight::settings;
@@ -150,7 +149,7 @@ fn try_to_fly(
         was_stopped = !go_on();
         !was_stopped
     };
-    let how = guarded::fly(scenario, changes_messages(scenario), watch, |_| {})?.into();
+    let how = guarded::fly(scenario, guarded::changes_messages(scenario), watch, |_| {})?.into();
     if was_stopped {
         return Ok(None);
     }
@@ -210,7 +209,6 @@ mod tests {
 
     use super::*;
     use crate::{Campaign, columns};
-    use flight::inprocess;
     use flight::log::Samples;
 
     fn flown(settings: &str) -> FlightRow {
@@ -273,10 +271,11 @@ mod tests {
             if is_unlogged {
                 fly(flight, || true, &mut watch).unwrap();
             } else {
-                inprocess::fly(scenario, |record| {
+                let watch = |record: &Record| {
                     watch(record);
                     true
-                });
+                };
+                guarded::fly(scenario, true, watch, |_| {}).unwrap();
             }
             hash.finalize()
         };

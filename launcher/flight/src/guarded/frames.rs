@@ -5,10 +5,10 @@ use bytemuck::{cast_slice, pod_read_unaligned};
 use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
 use contract::scenario::{self, Scenario, to_toml};
 use contract::topic::Topic;
+use ring::stepped::Flown;
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
 
-use crate::inprocess::Flown;
 use crate::log::{Memory, Record};
 
 /// Kinds of frames after those of messages, which are their [`Record::kind`].

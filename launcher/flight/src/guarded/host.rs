@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 use contract::guard::Refusal;
 use contract::scenario::Scenario;
 use contract::topic::Topic;
+use ring::stepped::Flown;
 use runtime::error::SessionError;
 use runtime::realtime::{SharedPipes, die_with_parent, now_ns};
 
 use super::frames::{Answer, End, Request, Work};
 use crate::event::{Event, What};
-use crate::inprocess::Flown;
 use crate::libraries;
 use crate::log::{Memory, Record};
 use crate::own_program;

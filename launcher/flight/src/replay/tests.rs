@@ -12,7 +12,7 @@ use proptest::test_runner::{Config, TestRunner};
 use super::flight::Flight;
 use super::*;
 use crate::event::What;
-use crate::inprocess;
+use crate::guarded;
 use crate::log::{Log, Record};
 
 /// Flies some seconds in process, and returns the settings and the log.
@@ -22,10 +22,11 @@ fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
     scenario.run.duration_s = seconds;
     scenario.supervision.hang_ms = 1e3; // a process that stops is not replaced
     let mut log = Log::default();
-    let flown = inprocess::fly(&scenario, |record| {
+    let watch = |record: &Record| {
         log.push(record);
         true
-    });
+    };
+    let flown = guarded::fly(&scenario, true, watch, |_| {}).unwrap();
     log.events = flown.events;
     (scenario, log)
 }

@@ -17,7 +17,7 @@ use anyhow::bail;
 use contract::Scenario;
 use contract::message::{Reference, State};
 use contract::scenario::{self, Constraints, Law, Mode, Solver};
-use flight::inprocess;
+use flight::guarded;
 use flight::log::{LogWriter, Record};
 use outcome::recorded::{Part, Recorded};
 use runtime::console::eprint_line;
@@ -67,10 +67,11 @@ pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
         let path = folder.join(name).with_extension("mcap");
         let mut log = LogWriter::create(&path, &scenario::to_toml(&scenario), scenario.sample_ns())?;
         let mut written = Ok(());
-        inprocess::fly(&scenario, |record| {
+        let watch = |record: &Record| {
             written = log.write(record);
             written.is_ok()
-        });
+        };
+        guarded::fly(&scenario, true, watch, |_| {})?;
         written?;
         log.finish()?;
         recorded(&path)

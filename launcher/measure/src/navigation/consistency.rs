@@ -10,7 +10,7 @@
 
 use contract::message::{Kinematics, State, Truth};
 use contract::scenario::{SensorPreset, Sensors};
-use flight::inprocess::{self, stepped::TOPICS};
+use flight::nodes::{self, TOPICS};
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use navigation::state::{ATTITUDE, POSITION, VELOCITY};
 use navigation::{Covariance, Source};
@@ -120,7 +120,7 @@ fn fly(seed: u64, sensors: &Sensors) -> anyhow::Result<Seed> {
     let mut scenario = contract::scenario::load_text(HOVER, "a hover in gusts", &[])?;
     scenario.run.seed = seed;
     scenario.plant.sensors = sensors.clone();
-    let mut ring = inprocess::ring(&scenario, false)?;
+    let mut ring = nodes::ring(&scenario, false)?;
     let mut found = Seed { nees: Default::default(), nis: Default::default(), resets: 0.0, refused: 0.0 };
     while ring.begin()? {
         ring.answer(&TOPICS);
