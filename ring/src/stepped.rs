@@ -54,7 +54,7 @@ pub struct Stepped {
     sample: (State, Stamp),
     /// Tick of the next sample.
     next: u64,
-    /// How the flight ended; `None` before.
+    /// End of the flight; `None` before.
     ended: Option<Ended>,
     failures: Vec<String>,
 }

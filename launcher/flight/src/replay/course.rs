@@ -18,7 +18,7 @@ pub(super) enum Runs {
     Elsewhere(Box<Program>),
 }
 
-/// What the next cycle of a process waits for.
+/// Cause for which the next cycle of a process waits.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Waits {
     /// All that it reads is there.
