@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use contract::message::Truth;
+use flight::guarded;
 use flight::hover::{Hover, Loops};
-use flight::inprocess;
+use flight::log::Record;
 use settings::{Initial, Scenario, load};
 
 use crate::harness::{fly, launcher, top};
@@ -33,10 +34,11 @@ fn is_held(settings: &[&str], changed: &str) -> bool {
     let mut scenario = scenario(&[settings, &own].concat());
     scenario.initial = Initial { position_m: [0.02; 3], attitude_deg: [1.0; 3], ..Initial::default() };
     let mut end = Truth::default();
-    inprocess::fly(&scenario, |record| {
+    let watch = |record: &Record| {
         record.message::<Truth>().inspect(|truth| end = **truth);
         true
-    });
+    };
+    guarded::fly(&scenario, true, watch, |_| {}).expect("it is flown");
     let is_near = |of: [f64; 3], within: f64| of.iter().all(|x| x.abs() < within);
     is_near(end.actual.position_m, 0.02) && is_near(end.actual.rates_radps, 0.01)
 }

@@ -17,6 +17,7 @@
 //! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
 //! | [`navigation_unit`], [`instruments`] | the EKF in place of that filter, and its sensors | |
 //! | [`telemetry`] | rotor speeds and tilt as sensed | |
+//! | [`sampler`], `process` | the plant behind its ports, in every mode, and as a process | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //! | [`memory`] | state of the vehicle as words | |
@@ -47,6 +48,7 @@ pub mod navigation_unit;
 mod process;
 pub mod random;
 pub mod rotors;
+pub mod sampler;
 pub mod schedule;
 pub mod sensor;
 pub mod sensors;
@@ -65,7 +67,7 @@ use faults::sensors::SensorFaults;
 use memory::Tape;
 use navigation_unit::NavigationUnit;
 #[cfg(target_os = "linux")]
-pub use process::{run, run_with};
+pub use process::run;
 use sensors::Sensors;
 use telemetry::Telemetry;
 use tricopter::Tricopter;

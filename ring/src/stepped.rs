@@ -3,18 +3,16 @@
 //! ```text
 //! begin    the plant takes a sample and sends STATE and TRUTH
 //! answer   guidance, attitude-mpc, mixer: each answers, one call each, in this order
-//! end      observers get the messages, and the plant advances to the next sample
+//! end      observers get the messages, and the plant the command
 //! ```
 
-use contract::message::{Actuators, Content, Stamp, State};
-use contract::snapshot::PLANT_WORDS;
+use contract::message::{Content, Stamp, State};
 use contract::topic::Topic;
 use plant::Plant;
+use plant::sampler::Sampler;
 use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
-use runtime::input::Input;
 use runtime::node::{Asked, Open};
-use runtime::output::{Output, TruthOutput};
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
 use settings::{Scenario, candidate};
@@ -46,14 +44,15 @@ pub struct Stepped {
     ring: Ring,
     observers: Observers,
     roles: Simulated,
-    plant: Plant<dyn Vehicle>,
-    states: Output<State>,
-    truths: TruthOutput,
-    commands: Input<Actuators>,
+    sampler: Sampler,
     /// Nodes that answer, in the order of [`Topic::OF_CONTROLLERS`].
     nodes: [Workers; 3],
     /// Newest sample, and the provenance of the chains that begin with it.
     sample: (State, Stamp),
+    /// Tick of the next sample.
+    next: u64,
+    /// End of the flight; `None` before.
+    ended: Option<Ended>,
     failures: Vec<String>,
 }
 
@@ -72,21 +71,18 @@ impl Stepped {
         let ring = Ring::new(with_checksums)?;
         let observers = Observers::open(&mut ring.ports(), scenario)?;
         let (member, mut ports) = ring.member(Topic::State, 1, scenario, scenario);
-        let states = Output::open(&mut ports, &member, scenario)?;
-        let truths = TruthOutput::open(&mut ports, &member)?;
-        let commands = Input::open(&mut ports, &member)?;
+        let sampler = Sampler::open(&mut ports, &member, scenario, vehicle)?;
         let node = |i: usize| Workers::new(&ring, Topic::OF_CONTROLLERS[i], scenario, open[i]);
         Ok(Self {
             nodes: [node(0)?, node(1)?, node(2)?],
             scenario: scenario.clone(),
             observers,
             roles: Simulated::new(scenario),
-            plant: Plant::with(scenario, vehicle),
-            states,
-            truths,
-            commands,
+            sampler,
             ring,
             sample: (State::default(), Stamp::default()),
+            next: 0,
+            ended: None,
             failures: vec![],
         })
     }
@@ -98,7 +94,7 @@ impl Stepped {
 
     /// Returns the plant.
     pub fn plant(&self) -> &Plant<dyn Vehicle> {
-        &self.plant
+        &self.sampler.plant
     }
 
     /// Flies to the end, or until `watch`, which gets every message, returns false; `remember` gets the memory of every
@@ -111,50 +107,58 @@ impl Stepped {
         mut watch: impl FnMut(&Record) -> bool,
         mut remember: impl FnMut(&Memory),
     ) -> Result<Flown, SessionError> {
-        loop {
-            if !self.begin()? {
-                return Ok(self.over(Ended::Lost("plant".into())));
-            }
-            for topic in Topic::OF_CONTROLLERS {
-                self.answer(topic);
-            }
+        while self.begin()? {
+            self.answer(&Topic::OF_CONTROLLERS);
             self.memories().iter().for_each(&mut remember);
-            if let Some(ended) = self.end(&mut watch) {
-                return Ok(self.over(ended));
-            }
+            self.end(&mut watch);
         }
+        Ok(self.over())
     }
 
-    /// Takes the next sample and sends it; returns `false` if the plant is lost, and with it the flight.
+    /// Takes the next sample and sends it; returns `false` if the flight is over, or the plant is lost and so ends it.
     ///
     /// # Errors
     /// A new process of a node cannot be built.
     pub fn begin(&mut self) -> Result<bool, SessionError> {
-        let state = self.plant.sample();
-        let tick = state.stamp.tick;
+        if self.ended.is_some() {
+            return Ok(false);
+        }
+        let tick = self.next;
+        let lost = || Some(Ended::Lost(Topic::State.publisher().into()));
+        let state = match self.sampler.sample(tick, None) {
+            Ok(state) => state,
+            Err(error) => {
+                self.failures.push(format!("plant 1, tick {tick}: {error}"));
+                self.ended = lost();
+                return Ok(false);
+            }
+        };
         for order in self.roles.begin(tick) {
             self.obey(order)?;
         }
         if self.roles.assignment(Topic::State).active == 0 {
+            self.ended = lost();
             return Ok(false);
         }
+        self.next += 1;
         for topic in Topic::ALL {
             self.ring.page.role(topic).assign(tick as u32, |_| self.roles.assignment(topic));
         }
         self.sample = (state, Stamp::at(tick, tick * self.scenario.sample_ns()));
-        self.states.send(state, self.sample.1);
-        self.truths.send(self.plant.truth(), &self.states);
-        self.ring.page.role(Topic::State).done(1).set(tick as u32 + 1);
+        let done = self.ring.page.role(Topic::State).done(1);
+        self.sampler.send(state, self.sample.1, || done.set(tick as u32 + 1));
         Ok(true)
     }
 
-    /// Lets the processes of the node on `topic` answer to the sample, except those that leave instead.
-    pub fn answer(&mut self, topic: Topic) {
-        self.leave(topic);
+    /// Lets the processes of the nodes on `topics` answer to the sample, except those that leave instead.
+    pub fn answer(&mut self, topics: &[Topic]) {
         let sample = self.sample.1;
-        for (epoch, error) in self.workers(topic).answer(sample) {
-            self.exited(topic, epoch);
-            self.failures.push(format!("{} {epoch}, tick {}: {error}", topic.publisher(), sample.tick));
+        for topic in topics {
+            self.leave(*topic);
+            for (epoch, error) in self.workers(*topic).answer(sample) {
+                self.exited(*topic, epoch);
+                self.failures.push(format!("{} {epoch}, tick {}: {error}", topic.publisher(), sample.tick));
+            }
         }
     }
 
@@ -173,9 +177,8 @@ impl Stepped {
         if !self.scenario.is_remembered(tick) {
             return vec![];
         }
-        let mut words = vec![0; PLANT_WORDS];
-        let Some(length) = self.plant.memory(&mut words) else { return vec![] };
-        let vehicle = Memory::new(tick, Topic::State, Origin { epoch: 1, done: tick + 1 }, &words[..length]);
+        let Some(words) = self.sampler.memory() else { return vec![] };
+        let vehicle = Memory::new(tick, Topic::State, Origin { epoch: 1, done: tick + 1 }, words);
         let of_node = |workers: &Workers| {
             let (origin, memory) = workers.memory()?;
             Some(Memory::new(tick, workers.topic, origin, &memory))
@@ -183,31 +186,28 @@ impl Stepped {
         std::iter::once(vehicle).chain(self.nodes.iter().filter_map(of_node)).collect()
     }
 
-    /// Passes the messages of the tick to `watch`, and advances to the next sample; returns how the flight ended if
-    /// this sample was its last, or if `watch` returns `false`.
-    pub fn end(&mut self, mut watch: impl FnMut(&Record) -> bool) -> Option<Ended> {
+    /// Passes the messages of the tick to `watch`, and the command to the plant; the flight is over if this sample was
+    /// its last, or if `watch` returns `false`.
+    pub fn end(&mut self, mut watch: impl FnMut(&Record) -> bool) {
         let mut go_on = true;
         self.observers.drain(|record| {
             self.roles.observe(record);
             go_on &= watch(record);
         });
-        let command = self.commands.fresh();
+        let Sampler { plant, commands, .. } = &mut self.sampler;
+        let command = commands.fresh();
         if !go_on || self.sample.0.is_last() {
-            return Some(given_up(&self.roles.nodes).map_or(Ended::Flown, |name| Ended::Lost(name.into())));
+            let ended = given_up(&self.roles.nodes).map_or(Ended::Flown, |name| Ended::Lost(name.into()));
+            self.ended = Some(ended);
+        } else if let Some(command) = command {
+            plant.command(command, command.stamp.held_ns);
         }
-        if let Some(command) = command {
-            self.plant.command(command, command.stamp.held_ns);
-        }
-        if let Err(error) = self.plant.advance(1) {
-            self.failures.push(format!("plant 1, tick {}: {error}", self.sample.0.stamp.tick + 1));
-            return Some(Ended::Lost("plant".into()));
-        }
-        None
     }
 
-    /// Ends the flight.
-    pub fn over(self, ended: Ended) -> Flown {
+    /// Returns the result; a flight that is not over is interrupted.
+    pub fn over(self) -> Flown {
         let refused = refused_by_listener(&self.ring.page);
+        let ended = self.ended.unwrap_or(Ended::Interrupted);
         Flown { ended, events: self.roles.events, refused, failures: self.failures }
     }
 

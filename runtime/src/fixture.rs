@@ -4,11 +4,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use crate::error::SessionError;
+use crate::input::Input;
+use crate::output::Output;
 use crate::ports::{Ports, Transport};
 use crate::queue::Queues;
 use crate::realtime::{ControlPage, phase};
 use crate::session::NodeSession;
 use crate::shared_role::Assignment;
+use contract::message::Message;
 use contract::topic::Topic;
 use settings::{Mode, Policy, Scenario};
 
@@ -43,6 +47,18 @@ impl Ring {
     pub fn session(&self, topic: Topic, epoch: u32) -> NodeSession {
         let ports = Ports::new(self.page.clone(), Transport::Queues(self.queues.clone()));
         NodeSession::new(ports, topic, epoch, self.run.clone(), &self.run)
+    }
+}
+
+impl NodeSession {
+    /// Opens the input on which this node receives `M`.
+    pub fn input<M: Message>(&mut self) -> Result<Input<M>, SessionError> {
+        self.open(|ports, member, _| Input::open(ports, member))
+    }
+
+    /// Opens the output on which this node sends `M`.
+    pub fn output<M: Message>(&mut self) -> Result<Output<M>, SessionError> {
+        self.open(Output::open)
     }
 }
 

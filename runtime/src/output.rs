@@ -128,7 +128,8 @@ mod tests {
         let drop = Fault::new(FaultTarget::State, FaultKind::Drop, 0.0, None);
         ring.run.fault = vec![Fault { probability: Some(1.0), ..drop }];
         let mut session = ring.session(Topic::State, 1);
-        let (mut states, truths) = (session.output::<State>().unwrap(), session.truth_output().unwrap());
+        let mut states = session.output::<State>().unwrap();
+        let truths = session.open(|ports, member, _| TruthOutput::open(ports, member)).unwrap();
         let receivers = (ring.queues.receiver::<State>(4).unwrap(), ring.queues.receiver::<Truth>(4).unwrap());
         for tick in 0..3 {
             states.send(State::default(), Stamp::at(tick, 0));

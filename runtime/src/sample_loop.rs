@@ -19,7 +19,6 @@
 
 use contract::message::{Message, Stamp};
 use contract::topic::Topic;
-use settings::Fault;
 
 use crate::cycle_timing::warm_up_ns;
 use crate::error::SessionError;
@@ -76,11 +75,6 @@ impl SampleLoop {
         }
         self.tick = Some(tick);
         Ok(self.tick)
-    }
-
-    /// Passes the faults that are new since the last tick to `apply`, with their numbers.
-    pub fn new_faults(&self, apply: impl FnMut(usize, &Fault)) {
-        self.member.faults.new_faults(apply);
     }
 
     /// Provenance of the STATE of `tick`, which begins a new chain.

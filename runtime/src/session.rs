@@ -1,15 +1,14 @@
 //! A node's session with a run: join, open the ports, get ready, loop.
 //!
 //! ```text
-//! NodeSession::join --> input, output, memory --> ready             --> CycleLoop     a node that answers
-//!                                                 ready_to_sample   --> SampleLoop    the plant
+//! NodeSession::join --> open, memory --> ready             --> CycleLoop     a node that answers
+//!                                        ready_to_sample   --> SampleLoop    the plant
 //! ```
 //!
 //! [`ready`](NodeSession::ready) consumes the session, so that no port is opened and no place is taken in the loop.
 
 use std::path::Path;
 
-use contract::message::Message;
 use contract::snapshot::Snapshot;
 use contract::topic::Topic;
 use settings::file::MAX_TEXT_BYTES;
@@ -18,9 +17,7 @@ use settings::{Mode, Scenario, file};
 use crate::cycle_loop::CycleLoop;
 use crate::error::PortFailure;
 pub use crate::error::SessionError;
-use crate::input::Input;
 use crate::member::Member;
-use crate::output::{Output, TruthOutput};
 use crate::ports::Ports;
 use crate::realtime::{self, ThisProcess, tell_of_copies};
 use crate::release::Release;
@@ -63,22 +60,7 @@ impl NodeSession {
         Self { scenario, ports, member }
     }
 
-    /// Opens the input on which this node receives `M`.
-    pub fn input<M: Message>(&mut self) -> Result<Input<M>, SessionError> {
-        Input::open(&mut self.ports, &self.member)
-    }
-
-    /// Opens the output on which this node sends `M`. This also claims the place in the role that was offered to it.
-    pub fn output<M: Message>(&mut self) -> Result<Output<M>, SessionError> {
-        Output::open(&mut self.ports, &self.member, &self.scenario)
-    }
-
-    /// Opens the output on which the plant sends TRUTH, after [`Self::output`].
-    pub fn truth_output(&mut self) -> Result<TruthOutput, SessionError> {
-        TruthOutput::open(&mut self.ports, &self.member)
-    }
-
-    /// Opens a node with all its ports by `open`.
+    /// Opens a node with all its ports by `open`. Its output claims the place in the role that was offered to it.
     pub fn open<N>(
         &mut self,
         open: impl FnOnce(&mut Ports, &Member, &Scenario) -> Result<N, SessionError>,

@@ -6,7 +6,8 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
-use flight::{inprocess, scenario};
+use flight::log::Record;
+use flight::{guarded, scenario};
 use outcome::judge::{Circumstances, Verdict};
 use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
@@ -150,10 +151,11 @@ fn check(overrides: &[String]) {
     let (told, result) = channel();
     let fly = move || {
         let mut summary = Summary::new(&scenario);
-        let flown = inprocess::fly(&scenario, |record| {
+        let watch = |record: &Record| {
             summary.observe(record);
             true
-        });
+        };
+        let flown = guarded::fly(&scenario, true, watch, |_| {}).expect("it is flown");
         let how = Circumstances::from(flown);
         let verdict = Verdict::of(&summary, &scenario, &how);
         let (summary, scenario, how, verdict) = (&summary, &scenario, &how, &verdict);

@@ -13,7 +13,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use anyhow::Context;
 use contract::message::Sample;
 use flight::event::TimedEvent;
-use flight::inprocess::changes_messages;
 use flight::log::Record;
 use flight::programs::hex;
 use flight::{guarded, scenario};
@@ -149,7 +148,7 @@ fn try_to_fly(
         was_stopped = !go_on();
         !was_stopped
     };
-    let how = guarded::fly(scenario, changes_messages(scenario), watch, |_| {})?.into();
+    let how = guarded::fly(scenario, guarded::changes_messages(scenario), watch, |_| {})?.into();
     if was_stopped {
         return Ok(None);
     }
@@ -209,7 +208,6 @@ mod tests {
 
     use super::*;
     use crate::{Campaign, columns};
-    use flight::inprocess;
     use flight::log::Samples;
 
     fn flown(settings: &str) -> FlightRow {
@@ -272,10 +270,11 @@ mod tests {
             if is_unlogged {
                 fly(flight, || true, &mut watch).unwrap();
             } else {
-                inprocess::fly(scenario, |record| {
+                let watch = |record: &Record| {
                     watch(record);
                     true
-                });
+                };
+                guarded::fly(scenario, true, watch, |_| {}).unwrap();
             }
             hash.finalize()
         };

@@ -1,10 +1,10 @@
 //! Facts of a flight that stand in no message.
 
 use ring::ended::{Ended, Refused};
+use ring::stepped;
 use runtime::error::PortFailure;
 
 use crate::event::Event;
-use crate::inprocess;
 use crate::log::LogOutcome;
 
 /// Port failures of each node and of the launcher, by cause.
@@ -25,9 +25,9 @@ pub struct Circumstances {
     pub observers: Vec<String>,
 }
 
-impl From<inprocess::Flown> for Circumstances {
+impl From<stepped::Flown> for Circumstances {
     /// Circumstances of a flight without a log.
-    fn from(inprocess::Flown { ended, events, refused, .. }: inprocess::Flown) -> Self {
+    fn from(stepped::Flown { ended, events, refused, .. }: stepped::Flown) -> Self {
         Self { ended, log: None, events, refused, port_failures: vec![], observers: vec![] }
     }
 }

@@ -6,9 +6,8 @@
 //! | `libraries` | which nodes of a flight are libraries |
 //! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
 //! | [`stack`] | the ring as processes: start, watch, stop |
-//! | [`inprocess`] | the ring in one thread |
 //! | [`hover`] | the hover of a scenario, and its control loops in small motions about it |
-//! | [`guarded`] | the same with libraries, in a child: a crash or an endless loop costs one flight |
+//! | [`guarded`] | the ring in one thread, with libraries in a child: a crash or an endless loop costs one flight |
 //! | [`roles`] | which process runs a node: one state machine, three drivers |
 //! | [`strays`] | processes that code of users has left behind |
 //! | [`event`] | events of processes, and the pipe that carries them to the recorder |
@@ -35,7 +34,6 @@ pub mod duration;
 pub mod event;
 pub mod guarded;
 pub mod hover;
-pub mod inprocess;
 pub mod interrupts;
 mod libraries;
 pub mod limits;

@@ -1,8 +1,10 @@
-//! Nodes with the core that the settings name: a process, the ring in process and a replay open them here.
+//! Nodes with the core that the settings name, the launcher's own or a library: a process, the ring in one thread and a
+//! replay open them here.
 
 use contract::topic::Topic;
 use plant::tricopter::Tricopter;
 use plant::vehicle::Vehicle;
+pub use ring::stepped::Stepped;
 use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
@@ -23,4 +25,13 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
         return foreign::open(ports, member, scenario);
     }
     ring::nodes::open(ports, member, scenario)
+}
+
+/// Builds the ring of a flight of `scenario` in one thread.
+///
+/// # Errors
+/// Something derived from `scenario`, such as the gain of the controller, does not exist. Only the values of `scenario`
+/// itself need to have been checked.
+pub fn ring(scenario: &Scenario, with_checksums: bool) -> Result<Stepped, SessionError> {
+    Stepped::new(scenario, vehicle(scenario)?, with_checksums, [open; 3])
 }

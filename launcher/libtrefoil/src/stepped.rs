@@ -8,11 +8,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use contract::topic::Topic;
-use flight::inprocess::stepped::Stepped;
 use flight::log::Record;
+use flight::nodes::{self, Stepped};
 use flight::provenance::provenance;
-use flight::stack::Ended;
-use flight::{nodes, scenario};
+use flight::scenario;
 use foreign::abi::TrefoilSetup;
 use foreign::setup::Setup;
 use outcome::judge::{Circumstances, Verdict};
@@ -79,18 +78,16 @@ impl TrefoilFlight {
         }
         while let Some(ring) = &mut self.ring {
             if !ring.begin()? {
-                self.end(Ended::Lost(Topic::State.publisher().into()))?;
+                self.end()?;
                 break;
             }
-            for topic in &Topic::OF_CONTROLLERS[..place(self.topic)] {
-                ring.answer(*topic);
-            }
+            ring.answer(&Topic::OF_CONTROLLERS[..place(self.topic)]);
             if let Some((node, sample)) = ring.asked(self.topic) {
                 input.copy_from_slice(node.ask(sample));
                 self.due = true;
                 return Ok(true);
             }
-            self.finish_tick()?; // no process of the node works
+            self.finish_tick(); // no process of the node works
         }
         Ok(false)
     }
@@ -103,28 +100,25 @@ impl TrefoilFlight {
             return Err(Failure::of_usage(format!("there is no sample to answer: {call}")));
         };
         node.give(answer);
-        self.finish_tick()
+        self.finish_tick();
+        Ok(())
     }
 
     /// Lets the nodes from the caller's on answer, and ends the tick.
-    fn finish_tick(&mut self) -> Result<(), Failure> {
-        let Some(ring) = &mut self.ring else { return Ok(()) };
-        for topic in &Topic::OF_CONTROLLERS[place(self.topic)..] {
-            ring.answer(*topic);
-        }
-        let summary = &mut self.summary;
-        let ended = ring.end(|record: &Record| {
-            summary.observe(record);
+    fn finish_tick(&mut self) {
+        let Some(ring) = &mut self.ring else { return };
+        ring.answer(&Topic::OF_CONTROLLERS[place(self.topic)..]);
+        ring.end(|record: &Record| {
+            self.summary.observe(record);
             true
         });
-        ended.map_or(Ok(()), |ended| self.end(ended))
     }
 
     /// Ends the flight, and makes its record.
-    fn end(&mut self, ended: Ended) -> Result<(), Failure> {
+    fn end(&mut self) -> Result<(), Failure> {
         let Some(ring) = self.ring.take() else { return Ok(()) };
         self.due = false;
-        let flown = ring.over(ended);
+        let flown = ring.over();
         flown.failures.iter().for_each(|why| eprint_line(why));
         let (summary, scenario, how) = (&self.summary, &self.scenario, &Circumstances::from(flown));
         let verdict = &Verdict::of(summary, scenario, how);
@@ -265,7 +259,7 @@ pub unsafe extern "C" fn trefoil_flight_answer(flight: *mut TrefoilFlight, answe
 pub unsafe extern "C" fn trefoil_flight_record(flight: *mut TrefoilFlight) -> *const c_char {
     // SAFETY: the flight lives until `trefoil_flight_close`, and is used from one thread.
     let flight = unsafe { &mut *flight };
-    let ended = guarded(|| flight.end(Ended::Interrupted));
+    let ended = guarded(|| flight.end());
     match flight.code(ended.map(|()| 0)) {
         0 => flight.record.as_ptr(),
         _ => std::ptr::null(),

@@ -219,6 +219,7 @@ fn round(value: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use flight::guarded;
     use settings::SensorPreset;
 
     use super::*;
@@ -230,10 +231,11 @@ mod tests {
         scenario.run.duration_s = 2.0;
         settings(&mut scenario);
         let mut frames = Frames::new(&scenario);
-        flight::inprocess::fly(&scenario, |record| {
+        let watch = |record: &Record| {
             frames.observe(record);
             true
-        });
+        };
+        guarded::fly(&scenario, true, watch, |_| {}).unwrap();
         frames
     }
 

@@ -237,17 +237,19 @@ pub fn phases(scenario: &Scenario, summary: &Summary) -> Option<Vec<Phase>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use flight::inprocess;
+    use flight::guarded;
+    use flight::log::Record;
 
     /// Flies a tenth of a second in process.
     fn flown() -> RunRecord {
         let set = ["run.mode=inprocess", "run.duration_s=0.1"].map(str::to_owned);
         let scenario = &settings::load(None, &set).unwrap();
         let mut summary = Summary::new(scenario);
-        let flown = inprocess::fly(scenario, |record| {
+        let watch = |record: &Record| {
             summary.observe(record);
             true
-        });
+        };
+        let flown = guarded::fly(scenario, true, watch, |_| {}).unwrap();
         let how = Circumstances::from(flown);
         let verdict = Verdict::of(&summary, scenario, &how);
         let provenance = Some(flight::provenance::provenance(scenario, &[]));

@@ -24,7 +24,7 @@ use crate::metrics::Metrics;
 use crate::solves::{SolverRecord, Solves};
 use crate::ticks::position_error_m;
 use crate::timing::Timing;
-use flight::inprocess;
+use flight::guarded;
 use flight::log::{Count, Record};
 
 /// Largest number of answers that wait for the state of their tick, so that holes in the log cost bounded memory.
@@ -93,7 +93,7 @@ impl Summary {
     /// Makes the summary of a flight of which no message is kept: without the hash over all states, which takes a sixth
     /// of the time of a flight in process.
     pub fn unlogged(scenario: &Scenario) -> Self {
-        let checked = inprocess::changes_messages(scenario);
+        let checked = guarded::changes_messages(scenario);
         let count = if checked { Count::default() } else { Count::without_checksums() };
         Self { hash: None, count, ..Self::new(scenario) }
     }

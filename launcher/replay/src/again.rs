@@ -5,14 +5,13 @@ use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use contract::Topic;
-use contract::message::Truth;
 use contract::snapshot::Snapshot;
 use contract::stamp::delivery::DELIVERED;
 use flight::log::{self, Memory, Record};
 use runtime::shared_role::Origin;
 
-use crate::course::{Course, LATEST, Runs};
-use crate::fields::{Differs, difference};
+use crate::course::{Course, LATEST, Runs, Waits};
+use crate::fields::difference;
 use crate::plan::{Difference, Messages, Plan, Replayed};
 use crate::program::Program;
 use crate::recording::Recording;
@@ -59,13 +58,11 @@ pub(super) struct Flight<'a, F> {
     script: Script,
     /// Course of each process of the script.
     courses: Vec<Course>,
-    /// Memories that successors of a process begin with, by topic and origin; `None` until computed.
+    /// Memories of processes flown here that others begin with, by topic and origin; `None` until computed.
     memories: HashMap<(Topic, Origin), Option<Snapshot>>,
     replayed: Replayed,
     /// Messages taken in since the processes last went on.
     taken: usize,
-    /// Earliest process that is held up for good: its tick, topic and epoch, and why.
-    held_up: Option<((u64, usize, u64), Option<String>)>,
 }
 
 /// Messages taken in before the processes go on.
@@ -76,8 +73,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let messages = recording.logged.map(|logged| Messages { logged, ..Messages::default() });
         let replayed = Replayed { messages, begun_at: script.begun_at(), ..Replayed::default() };
         let nodes = script.begins_with.iter().filter(|memory| memory.topic != Topic::State);
-        let memories = nodes.map(|memory| ((memory.topic, memory.origin), memory.padded())).collect();
-        Self { recording, plan, each, script, courses: vec![], memories, replayed, taken: 0, held_up: None }
+        let memories =
+            nodes.filter_map(|memory| Some(((memory.topic, memory.origin), Some(memory.padded()?)))).collect();
+        Self { recording, plan, each, script, courses: vec![], memories, replayed, taken: 0 }
     }
 
     /// Returns the logged memory of a process at the start of the replay, if the process was already running then.
@@ -126,10 +124,12 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let until = self.plan.until.unwrap_or(u64::MAX);
         let hole = self.script.holes.iter().find(|(known, _)| *known < until);
         let hole = hole.map(|(_, hole)| format!("the log lacks {hole}"));
-        self.replayed.stopped = match self.held_up {
-            Some(((tick, topic, epoch), why)) => {
-                let cause = hole.or(why).unwrap_or_else(|| "the log is not whole".into());
-                Some(format!("at tick {tick} {} {epoch} cannot go on: {cause}", Topic::ALL[topic].publisher()))
+        let courses = self.courses.iter().zip(&self.script.processes);
+        let held_up = courses.filter_map(|(course, process)| Some((course.held_up.as_ref()?, process)));
+        self.replayed.stopped = match held_up.min_by_key(|((tick, _), process)| (*tick, process.place())) {
+            Some(((tick, waits), Process { topic, epoch, .. })) => {
+                let cause = hole.unwrap_or_else(|| waits.words());
+                Some(format!("at tick {tick} {} {epoch} cannot go on: {cause}", topic.publisher()))
             }
             None => hole,
         };
@@ -142,14 +142,17 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn go_on(&mut self, until: u64) -> anyhow::Result<()> {
         self.courses.resize_with(self.script.processes.len(), Course::default);
         for Process { topic, continues, .. } in &self.script.processes {
-            if let Some(origin) = continues {
-                self.memories.entry((*topic, *origin)).or_insert(None);
+            let flies = |epoch| {
+                self.plan.computes(self.recording, *topic, epoch) && self.script.process(*topic, epoch).is_some()
+            };
+            if let Some(origin) = continues.filter(|origin| flies(origin.epoch)) {
+                self.memories.entry((*topic, origin)).or_insert(None);
             }
         }
         loop {
             let mut moved = 0;
             for i in 0..self.courses.len() {
-                while moved < BATCH && self.is_due(i, true) {
+                while moved < BATCH && self.waits(i) == Some(Waits::Nothing) {
                     self.cycle(i)?;
                     moved += 1;
                 }
@@ -158,23 +161,26 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                 self.forget_sent();
                 continue;
             }
-            let place = |i: usize| (self.script.processes[i].topic as usize, self.script.processes[i].epoch);
-            let waits = |i: &usize| self.next(*i).is_some_and(|next| next.tick < until);
-            let waiting = || (0..self.courses.len()).filter(waits);
-            if let Some(i) = waiting().filter(|i| self.is_due(*i, false)).min_by_key(|i| place(*i)) {
-                self.cycle(i)?;
-                continue;
+            let Some((i, tick, waits)) = self.furthest_behind(until) else { return Ok(()) };
+            match waits {
+                Waits::Delivery => self.cycle(i)?,
+                waits => self.courses[i].held_up = Some((tick, waits)),
             }
-            // The process that is furthest behind holds the others up.
-            let tick = |i: usize| self.next(i).map_or(0, |next| next.tick);
-            let of_log = |i: &usize| self.lacks(*i).is_none_or(|key| key.tick < until || key.tick == u64::MAX);
-            let Some(i) = waiting().filter(of_log).min_by_key(|i| (tick(*i), place(*i))) else { return Ok(()) };
-            let since = (tick(i), place(i).0, place(i).1);
-            if self.held_up.as_ref().is_none_or(|(earlier, _)| since < *earlier) {
-                self.held_up = Some((since, self.missing(i)));
-            }
-            self.courses[i].is_held_up = true;
         }
+    }
+
+    /// Returns the process that holds the others up, with its next tick and what that waits for: the first that can do
+    /// without a delivery, or else the one that is furthest behind; `None` if later messages may help.
+    fn furthest_behind(&self, until: u64) -> Option<(usize, u64, Waits)> {
+        let waiting = (0..self.courses.len()).filter_map(|i| Some((i, self.next(i)?.tick, self.waits(i)?)));
+        let for_good = waiting.filter(|(_, tick, waits)| match waits {
+            Waits::Message(key) => *tick < until && (key.tick < until || key.tick == u64::MAX),
+            _ => *tick < until,
+        });
+        for_good.min_by_key(|(i, tick, waits)| {
+            let behind = (*waits != Waits::Delivery).then_some(*tick);
+            (behind, self.script.processes[*i].place())
+        })
     }
 
     /// Drops sent messages that no process will ask for; returns the tick before which they were sent.
@@ -197,7 +203,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             of_node.map(|process| process.epoch).max().unwrap_or(0)
         });
         for (course, process) in self.courses.iter_mut().zip(&mut self.script.processes) {
-            if course.is_held_up {
+            if course.held_up.is_some() {
                 (course.cycle, course.recorded) = (process.cycles.len(), process.recorded.len());
             }
             Arc::make_mut(&mut process.recorded).drain(..course.recorded);
@@ -217,62 +223,38 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn next(&self, i: usize) -> Option<&Cycle> {
         let next = self.script.processes[i].cycles.get(self.courses[i].cycle)?;
         let is_whole = next.tick < self.script.reach;
-        (is_whole && !self.courses[i].is_held_up && next.tick <= self.plan.until.unwrap_or(u64::MAX)).then_some(next)
+        (is_whole && self.courses[i].held_up.is_none() && next.tick <= self.plan.until.unwrap_or(u64::MAX))
+            .then_some(next)
     }
 
     fn course_of(&self, key: &Key) -> Option<&Course> {
         self.courses.get(self.script.process(key.topic, key.epoch)?)
     }
 
-    /// Returns whether inputs and memory of a process's next cycle are there; with `delivered`, inputs must have
-    /// arrived.
-    fn is_due(&self, i: usize, delivered: bool) -> bool {
-        let Some(next) = self.next(i) else { return false };
-        let process = &self.script.processes[i];
-        let there = |read: &Read| {
-            let Read { key, unharmed } = read;
-            if self.courses[i].read[key.topic as usize] == Some(*read) {
-                return true;
+    /// Returns whether a process is computed here; if not, its messages are those of the log.
+    fn computes(&self, i: usize) -> bool {
+        let Process { topic, epoch, .. } = self.script.processes[i];
+        self.plan.computes(self.recording, topic, epoch)
+    }
+
+    /// Returns what the next cycle of a process waits for; `None` if there is no such cycle.
+    fn waits(&self, i: usize) -> Option<Waits> {
+        let (next, course, process) = (self.next(i)?, &self.courses[i], &self.script.processes[i]);
+        let is_known = self.is_known(i, next.tick);
+        // The inputs of a known cycle may have been sent before the messages that are known.
+        let inputs = next.inputs.iter().flatten().filter(|read| !is_known || read.key.tick < u64::MAX);
+        let arrivals = next.arrivals.iter().map(|(read, _)| read).filter(|_| !is_known);
+        let mut waits = Waits::Nothing;
+        for read in inputs.chain(arrivals).filter(|read| course.read[read.key.topic as usize] != Some(**read)) {
+            match self.course_of(&read.key).and_then(|sender| sender.sent(read.key.tick)) {
+                Some((.., None)) if !read.unharmed => waits = Waits::Delivery,
+                Some(_) => {}
+                None => return Some(Waits::Message(read.key)),
             }
-            let sent = self.course_of(key).and_then(|course| course.sent(key.tick));
-            sent.is_some_and(|(.., arrived)| arrived.is_some() || *unharmed || !delivered)
-        };
-        if self.is_known(i, next.tick) {
-            // The inputs may have been sent before the messages that are known.
-            return next.inputs.iter().flatten().all(|read| read.key.tick == u64::MAX || there(read));
         }
-        let memory = || match process.continues {
-            Some(origin)
-                if self.courses[i].worker.is_none()
-                    && self.plan.computes(self.recording, process.topic, process.epoch) =>
-            {
-                self.memories.get(&(process.topic, origin)).is_some_and(Option::is_some)
-                    || !self.is_flown(process.topic, origin)
-            }
-            _ => true,
-        };
-        next.inputs.iter().flatten().all(there) && next.arrivals.iter().all(|(read, _)| there(read)) && memory()
-    }
-
-    /// Returns whether the process that `origin` names is computed here.
-    fn is_flown(&self, topic: Topic, origin: Origin) -> bool {
-        self.plan.computes(self.recording, topic, origin.epoch) && self.script.process(topic, origin.epoch).is_some()
-    }
-
-    /// Returns the first message that the next cycle of a process reads and that was not sent, if any.
-    fn lacks(&self, i: usize) -> Option<&Key> {
-        let next = self.next(i)?;
-        let reads = next.inputs.iter().flatten().chain(next.arrivals.iter().map(|(read, _)| read));
-        let keys = reads.map(|read| &read.key);
-        let lacking = |key: &&Key| self.course_of(key).and_then(|course| course.sent(key.tick)).is_none();
-        { keys }.find(lacking)
-    }
-
-    /// Describes what the next cycle of a process waits for, for people.
-    fn missing(&self, i: usize) -> Option<String> {
-        let key = self.lacks(i)?;
-        let which = if key.tick == u64::MAX { "a message".into() } else { format!("the answer to tick {}", key.tick) };
-        Some(format!("it used {which} of {} {}, which is not there", key.topic.publisher(), key.epoch))
+        let begins = !is_known && course.worker.is_none() && self.computes(i);
+        let memory = process.continues.and_then(|origin| self.memories.get(&(process.topic, origin)));
+        Some(if begins && memory == Some(&None) { Waits::Memory } else { waits })
     }
 
     fn begin(&mut self, i: usize) -> anyhow::Result<()> {
@@ -306,33 +288,32 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     fn cycle(&mut self, i: usize) -> anyhow::Result<()> {
         let Some(next) = self.next(i).cloned() else { return Ok(()) };
-        let Process { topic, epoch, .. } = self.script.processes[i];
-        let (mut sent, mut truth) = (vec![], None);
-        let computes = self.plan.computes(self.recording, topic, epoch);
+        let topic = self.script.processes[i].topic;
+        let (computes, is_known) = (self.computes(i), self.is_known(i, next.tick));
+        let mut sent = vec![];
         if computes {
             if self.courses[i].worker.is_none() {
                 self.begin(i)?;
             }
-            truth = self.compute(i, &next, &mut sent)?;
+            self.compute(i, &next, is_known, &mut sent)?;
         }
-        if !computes || self.is_known(i, next.tick) {
+        if !computes || is_known {
             let of_log = &self.script.processes[i].recorded[self.courses[i].recorded..];
             let answers = |record: &Record| record.tick() == next.tick;
             let count = if computes {
                 // Messages that a link held back before are in the log only; those after the answer are sent here too.
-                sent.retain(Record::is_intact);
+                sent.retain(|record| record.stamped().is_some() && record.is_intact());
                 let after = sent.iter().position(answers).map_or(0, |answer| sent.len() - answer - 1);
                 of_log.iter().position(answers).map_or(0, |answer| answer + 1 + after).min(of_log.len())
             } else {
                 let ends = self.script.processes[i].cycles.get(self.courses[i].cycle + 1).map(|next| next.tick);
                 of_log.iter().take_while(|record| ends.is_none_or(|ends| record.tick() < ends)).count()
             };
-            sent = of_log[..count].to_vec();
-            truth = self.script.truth(next.tick).filter(|_| topic == Topic::State).copied();
+            let truth = self.script.truth(next.tick).filter(|_| topic == Topic::State);
+            sent = truth.into_iter().map(|truth| (*truth).into()).chain(of_log[..count].iter().copied()).collect();
             self.courses[i].recorded += count;
-        }
-        if let Some(truth) = truth {
-            (self.each)(&truth.into());
+        } else {
+            self.compare(i, next.tick, &sent);
         }
         for record in &sent {
             self.courses[i].take(next.tick, record);
@@ -342,18 +323,16 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         if topic == Topic::State {
             self.replayed.last_tick = next.tick;
         }
-        if !self.is_known(i, next.tick) {
+        if !is_known {
             self.remember(i, next.tick + 1);
         }
         Ok(())
     }
 
-    /// Computes the next cycle of a process, and compares what it sends with what it sent in the flight. Returns the
-    /// TRUTH of the plant.
-    fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<Option<Truth>> {
+    /// Computes the next cycle of a process; adds what it sends to `sent`, TRUTH first.
+    fn compute(&mut self, i: usize, next: &Cycle, is_known: bool, sent: &mut Vec<Record>) -> anyhow::Result<()> {
         let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
-        let is_known = self.is_known(i, next.tick);
         if let (false, true, Runs::Here(worker)) = (is_known, self.courses[i].follows, &mut worker) {
             let restored = self.begins_with(i).is_some_and(|memory| worker.restore(memory));
             ensure!(
@@ -394,53 +373,42 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             call();
         }
         let known = || process.recorded[self.courses[i].recorded..].iter().find(|sent| sent.tick() == next.tick);
-        let mut truth = None;
         match &mut worker {
             Runs::Here(worker) => {
                 let known = is_known.then(known).flatten();
-                worker.run(next, &self.recording.given, known, |record| match record {
-                    Record::Truth(of_plant) => truth = Some(*of_plant),
-                    _ => sent.push(*record),
-                })?;
+                worker.run(next, &self.recording.given, known, |record| sent.push(*record))?;
             }
             Runs::Elsewhere(program) => program.run(next, |record| sent.push(*record))?,
         }
         self.courses[i].worker = Some(worker);
-        if is_known {
-            return Ok(None); // what was sent is that of the log
-        }
-        let is_compared = next.tick >= self.plan.from;
-        let messages = &mut self.replayed.messages[process.topic as usize];
-        let mut different = vec![];
-        for record in sent.iter() {
+        Ok(())
+    }
+
+    /// Compares what a process sent in the cycle of `tick` with what it sent in the flight, TRUTH last.
+    fn compare(&mut self, i: usize, tick: u64, sent: &[Record]) {
+        let Process { topic, epoch, ref recorded, .. } = self.script.processes[i];
+        let messages = &mut self.replayed.messages[topic as usize];
+        let is_truth = |record: &&Record| record.stamped().is_none();
+        for record in sent.iter().filter(|record| !is_truth(record)).chain(sent.iter().filter(is_truth)) {
             messages.computed += 1;
-            if !record.is_intact() {
+            let flown = if is_truth(&record) {
+                self.script.truth(tick).map(|truth| (*truth).into())
+            } else if record.is_intact() {
+                let flown = recorded.get(self.courses[i].recorded).copied();
+                self.courses[i].recorded += usize::from(flown.is_some());
+                flown
+            } else {
                 messages.flipped += 1;
-                continue;
-            }
-            let Some(flown) = process.recorded.get(self.courses[i].recorded) else { continue };
-            self.courses[i].recorded += 1;
-            if is_compared {
-                messages.compared += 1;
-                different.extend(difference(flown, record));
-            }
-        }
-        if let Some(truth) = &truth {
-            messages.computed += 1;
-            if let Some(flown) = self.script.truth(next.tick).filter(|_| is_compared) {
-                messages.compared += 1;
-                let differs = difference(&(*flown).into(), &(*truth).into());
-                different.extend(differs.map(|of| Differs { field: format!("truth.{}", of.field), ..of }));
-            }
-        }
-        for differs in different {
+                None
+            };
+            let Some(flown) = flown.filter(|_| tick >= self.plan.from) else { continue };
+            messages.compared += 1;
+            let Some(differs) = difference(&flown, record) else { continue };
             self.replayed.different += 1;
-            let Process { topic, epoch, .. } = *process;
-            let place = (next.tick, topic as usize);
+            let place = (tick, topic as usize);
             if self.replayed.first.as_ref().is_none_or(|first| place < (first.tick, first.topic as usize)) {
-                self.replayed.first = Some(Difference { tick: next.tick, topic, epoch, differs });
+                self.replayed.first = Some(Difference { tick, topic, epoch, differs });
             }
         }
-        Ok(truth)
     }
 }

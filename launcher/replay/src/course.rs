@@ -6,7 +6,7 @@ use contract::Topic;
 use flight::log::Record;
 
 use crate::program::Program;
-use crate::script::Read;
+use crate::script::{Key, Read};
 use crate::worker::Worker;
 
 /// Largest number of cycles between sending a message and its delivery.
@@ -18,6 +18,28 @@ pub(super) enum Runs {
     Elsewhere(Box<Program>),
 }
 
+/// Cause for which the next cycle of a process waits.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Waits {
+    /// All that it reads is there.
+    Nothing,
+    /// A message that was sent, and not delivered here: it is the only thing that a cycle can do without.
+    Delivery,
+    /// The memory of the process that it continues from.
+    Memory,
+    /// A message that was not sent.
+    Message(Key),
+}
+
+impl Waits {
+    /// Describes a wait in vain for people.
+    pub fn words(&self) -> String {
+        let Self::Message(Key { topic, epoch, tick }) = self else { return "the log is not whole".into() };
+        let which = if *tick == u64::MAX { "a message".into() } else { format!("the answer to tick {tick}") };
+        format!("it used {which} of {} {epoch}, which is not there", topic.publisher())
+    }
+}
+
 /// Progress of one process.
 #[derive(Default)]
 pub(super) struct Course {
@@ -25,8 +47,8 @@ pub(super) struct Course {
     /// Index of its next cycle, and of its next recorded message.
     pub cycle: usize,
     pub recorded: usize,
-    /// `true` if it waits for a message that never comes.
-    pub is_held_up: bool,
+    /// Tick of its next cycle and what that waits for, if it never comes.
+    pub held_up: Option<(u64, Waits)>,
     /// `true` if its last cycle was over before the replay begins, so that the next one begins with the logged memory.
     pub follows: bool,
     /// Tick, message as the process meant it, and as it was delivered; `None` if it was not.

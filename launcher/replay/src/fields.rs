@@ -18,10 +18,12 @@ pub fn difference(one: &Record, other: &Record) -> Option<Differs> {
     fn words<M: Payload>(message: &M) -> (Shape, &[u64]) {
         (Shape::Part(M::FIELDS), bytemuck::cast_slice(bytemuck::bytes_of(message)))
     }
+    let truth = one.stamped().is_none();
     let (shape, one) = with_message!(one, message => words(message));
     let (_, other) = with_message!(other, message => words(message));
     let (field, values) = first_difference(&shape, [one, other])?;
-    Some(Differs { field: field.trim_start_matches('.').into(), values })
+    let field = if truth { format!("truth{field}") } else { field.trim_start_matches('.').into() };
+    Some(Differs { field, values })
 }
 
 /// Returns the path and the values of the first difference between the words of two values of one shape.

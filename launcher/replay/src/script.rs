@@ -325,6 +325,11 @@ impl Process {
         });
     }
 
+    /// Returns its place in the order of processes.
+    pub(super) fn place(&self) -> (usize, u64) {
+        (self.topic as usize, self.epoch)
+    }
+
     /// Returns its cycle of `tick`, if there is one.
     pub fn cycle(&self, tick: u64) -> Option<&Cycle> {
         self.cycles.get(self.cycles.partition_point(|cycle| cycle.tick < tick)).filter(|cycle| cycle.tick == tick)

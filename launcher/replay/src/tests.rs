@@ -4,7 +4,7 @@ use std::path::Path;
 use contract::message::Controls;
 use contract::topic::Topic;
 use flight::event::What;
-use flight::inprocess;
+use flight::guarded;
 use flight::log::{Log, Record};
 use proptest::collection::vec;
 use proptest::prelude::Strategy;
@@ -22,10 +22,11 @@ fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
     scenario.run.duration_s = seconds;
     scenario.supervision.hang_ms = 1e3; // a process that stops is not replaced
     let mut log = Log::default();
-    let flown = inprocess::fly(&scenario, |record| {
+    let watch = |record: &Record| {
         log.push(record);
         true
-    });
+    };
+    let flown = guarded::fly(&scenario, true, watch, |_| {}).unwrap();
     log.events = flown.events;
     (scenario, log)
 }

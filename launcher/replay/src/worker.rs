@@ -5,17 +5,15 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 use contract::Topic;
-use contract::message::{Actuators, Stamp, State};
+use contract::message::{Actuators, Stamp};
 use contract::snapshot::Snapshot;
 use flight::log::{Memory, Record};
 use flight::nodes;
 use flight::recorder::Observers;
-use plant::Plant;
-use plant::vehicle::Vehicle;
+use plant::sampler::Sampler;
 use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
-use runtime::output::{Output, TruthOutput};
 use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 use settings::{Fault, Scenario};
@@ -40,14 +38,6 @@ enum Core {
     Node(Box<dyn Node>),
 }
 
-/// Plant with its outputs, and the tick of its newest sample.
-struct Sampler {
-    plant: Plant<dyn Vehicle>,
-    output: Output<State>,
-    truths: TruthOutput,
-    tick: u64,
-}
-
 impl Worker {
     /// Creates the process `epoch` of the node that answers on `topic`, which begins with this memory.
     pub fn new(
@@ -64,10 +54,8 @@ impl Worker {
         scenario.attitude.mpc.time_limit_ms = 0.0; // the result must not depend on this machine
         let mut core = match topic {
             Topic::State => {
-                let output = Output::open(&mut ports, &member, &scenario)?;
-                let truths = TruthOutput::open(&mut ports, &member)?;
-                let plant = Plant::with(&scenario, nodes::vehicle(&scenario)?);
-                Core::Plant(Box::new(Sampler { plant, output, truths, tick: 0 }))
+                let vehicle = nodes::vehicle(&scenario)?;
+                Core::Plant(Box::new(Sampler::open(&mut ports, &member, &scenario, vehicle)?))
             }
             _ => Core::Node(nodes::open(&mut ports, &member, &scenario)?),
         };
@@ -130,26 +118,17 @@ impl Worker {
         // Sets the clock without the offset of a fault: `publish_ns` has it already, and the fault adds it again.
         let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);
         let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
+        faults.update();
+        timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
+        let known = known.map(Record::as_any);
         match &mut self.core {
             Core::Plant(sampler) => {
-                let Sampler { plant, output, truths, tick } = &mut **sampler;
-                let known = output.known(known.map(Record::as_any));
-                if known.is_none() {
-                    plant.advance(cycle.tick - *tick)?;
-                }
-                *tick = cycle.tick;
-                faults.update();
-                timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
-                faults.new_faults(|number, fault| plant.apply_fault(number, fault));
-                let state = known.unwrap_or_else(|| plant.sample());
-                output.send(state, provenance);
-                truths.send(plant.truth(), output);
+                let state = sampler.sample(cycle.tick, known)?;
+                sampler.send(state, provenance, || {});
             }
             Core::Node(node) => {
-                faults.update();
-                timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
                 faults.new_faults(|number, fault| node.apply_fault(number, fault));
-                node.answer(provenance, known.map(Record::as_any))?;
+                node.answer(provenance, known)?;
             }
         }
         let own = *topic;

@@ -3,7 +3,7 @@ use crate::fixture::{Ring, only_after};
 use crate::output::Output;
 use crate::shared_role::Assignment;
 use contract::message::{Actuators, State};
-use settings::{FaultKind, FaultTarget, Mode};
+use settings::{Fault, FaultKind, FaultTarget, Mode};
 
 /// Returns loop, input and output of the plant.
 fn plant(ring: &Ring) -> (SampleLoop, Input<Actuators>, Output<State>) {

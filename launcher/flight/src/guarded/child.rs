@@ -13,9 +13,9 @@ use rustix::process::{Signal, getpid, set_child_subreaper, set_parent_process_de
 
 use super::frames::{Answer, End, Request, Work};
 use super::surroundings::Surroundings;
-use crate::inprocess;
 use crate::libraries;
 use crate::log::{Memory, Record};
+use crate::nodes;
 
 /// Words after which the parent is woken.
 const WAKE_AFTER_WORDS: usize = 1 << 13;
@@ -80,7 +80,7 @@ fn carry_out(Request { work, scenario, .. }: &Request, sender: &RefCell<Sender>)
                 sender.borrow_mut().record(record);
                 true
             };
-            let ring = inprocess::ring(scenario, *with_checksums)?;
+            let ring = nodes::ring(scenario, *with_checksums)?;
             ring.fly(watch, |memory| sender.borrow_mut().memory(memory)).map(End::Flown)
         }
         Work::Try { node: Some(name) } => {

@@ -4,11 +4,11 @@
 use bytemuck::{cast_slice, pod_read_unaligned};
 use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
 use contract::topic::Topic;
+use ring::stepped::Flown;
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
 use settings::{Scenario, to_toml};
 
-use crate::inprocess::Flown;
 use crate::log::{Memory, Record};
 
 /// Kinds of frames after those of messages, which are their [`Record::kind`].

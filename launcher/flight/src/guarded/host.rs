@@ -8,13 +8,13 @@ use std::time::{Duration, Instant};
 
 use contract::guard::Refusal;
 use contract::topic::Topic;
+use ring::stepped::Flown;
 use runtime::error::SessionError;
 use runtime::realtime::{SharedPipes, die_with_parent, now_ns};
 use settings::Scenario;
 
 use super::frames::{Answer, End, Request, Work};
 use crate::event::{Event, What};
-use crate::inprocess::Flown;
 use crate::log::{Memory, Record};
 use crate::stack::Ended;
 use crate::stack::children::kill;

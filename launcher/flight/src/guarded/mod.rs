@@ -3,7 +3,7 @@
 //! lost the node.
 //!
 //! ```text
-//! fly(scenario) -- without a library --> inprocess, here
+//! fly(scenario) -- without a library --> here
 //!               -- with one -----------> child of this thread, started once for many flights with the same libraries
 //!                                        request: the settings    ->
 //!                                        <- every message, and the end of the flight
@@ -33,15 +33,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use contract::Topic;
+use ring::stepped::Flown;
 use runtime::error::SessionError;
 use settings::Scenario;
 
 pub use child::serve;
 pub use command::{command, exit_code};
 
-use crate::inprocess::{self, Flown};
 use crate::libraries;
 use crate::log::{Memory, Record};
+use crate::nodes;
 use host::Host;
 
 /// Most children of a thread that wait; beyond them the one that has waited longest ends.
@@ -60,7 +61,7 @@ const TRIAL_LIMIT: Duration = Duration::from_secs(10);
 /// of every node, every ten seconds.
 ///
 /// # Errors
-/// Something derived from `scenario` does not exist ([`inprocess::ring`]), or no child can be started.
+/// Something derived from `scenario` does not exist ([`nodes::ring`]), or no child can be started.
 pub fn fly(
     scenario: &Scenario,
     with_checksums: bool,
@@ -68,7 +69,7 @@ pub fn fly(
     remember: impl FnMut(&Memory),
 ) -> Result<Flown, SessionError> {
     if libraries::all(scenario).is_empty() {
-        return inprocess::ring(scenario, with_checksums)?.fly(watch, remember);
+        return nodes::ring(scenario, with_checksums)?.fly(watch, remember);
     }
     let idle = IDLE.with_borrow_mut(|idle| {
         let suits = idle.iter().position(|host| host.suits(scenario));
@@ -84,6 +85,12 @@ pub fn fly(
         });
     }
     Ok(flown)
+}
+
+/// Returns whether a fault or a swap may change a message. If so, receivers accept or refuse it by its checksum, and
+/// without, a flight of which no message is kept needs no checksums.
+pub fn changes_messages(scenario: &Scenario) -> bool {
+    !scenario.swap.is_empty() || scenario.fault.iter().any(|fault| fault.target.topic().is_some())
 }
 
 /// Tries the library of `node` in a child with the variables `env`, or without a node all libraries of `scenario` side

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use anyhow::bail;
 use contract::message::{Reference, State};
-use flight::inprocess;
+use flight::guarded;
 use flight::log::{LogWriter, Record};
 use outcome::recorded::{Part, Recorded};
 use runtime::console::eprint_line;
@@ -66,10 +66,11 @@ pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
         let path = folder.join(name).with_extension("mcap");
         let mut log = LogWriter::create(&path, &settings::to_toml(&scenario), scenario.sample_ns())?;
         let mut written = Ok(());
-        inprocess::fly(&scenario, |record| {
+        let watch = |record: &Record| {
             written = log.write(record);
             written.is_ok()
-        });
+        };
+        guarded::fly(&scenario, true, watch, |_| {})?;
         written?;
         log.finish()?;
         recorded(&path)

@@ -1,0 +1,83 @@
+//! The plant behind its ports: a process, the ring in one thread and a replay sample it in the same order.
+//!
+//! ```text
+//! command  each one that arrives after the newest sample: `plant.command`
+//! sample   integrates to the next sample, applies the faults that were given since, and measures STATE
+//! send     STATE, which the nodes wait for, then TRUTH
+//! memory   of the plant after this sample, from which a replay can begin
+//! ```
+
+use std::any::Any;
+
+use contract::message::{Actuators, Stamp, State};
+use contract::snapshot::PLANT_WORDS;
+use runtime::error::SessionError;
+use runtime::input::Input;
+use runtime::member::Member;
+use runtime::output::{Output, TruthOutput};
+use runtime::ports::Ports;
+use settings::Scenario;
+
+use crate::Plant;
+use crate::vehicle::Vehicle;
+
+/// Plant with its ports.
+pub struct Sampler {
+    /// The plant, which gets commands and goes on from memories directly.
+    pub plant: Plant<dyn Vehicle>,
+    /// Input of the commands; silent in a replay, which has their instants.
+    pub commands: Input<Actuators>,
+    member: Member,
+    states: Output<State>,
+    truths: TruthOutput,
+    words: Vec<u64>,
+}
+
+impl Sampler {
+    /// Opens the ports of `member`, with the plant of `scenario` and this `vehicle` at its start.
+    ///
+    /// # Errors
+    /// A port cannot be opened.
+    pub fn open(
+        ports: &mut Ports,
+        member: &Member,
+        scenario: &Scenario,
+        vehicle: Box<dyn Vehicle>,
+    ) -> Result<Self, SessionError> {
+        Ok(Self {
+            plant: Plant::with(scenario, vehicle),
+            member: member.clone(),
+            states: Output::open(ports, member, scenario)?,
+            truths: TruthOutput::open(ports, member)?,
+            commands: Input::open(ports, member)?,
+            words: vec![0; PLANT_WORDS],
+        })
+    }
+
+    /// Flies to sample `tick`, and measures STATE there. A `known` STATE of a replay is returned instead, and the plant
+    /// stays where it is.
+    ///
+    /// # Errors
+    /// The code of the vehicle has failed.
+    pub fn sample(&mut self, tick: u64, known: Option<&dyn Any>) -> Result<State, SessionError> {
+        let known = self.states.known(known);
+        if known.is_none() {
+            self.plant.advance(tick - self.plant.tick)?;
+        }
+        self.member.faults.new_faults(|number, fault| self.plant.apply_fault(number, fault));
+        Ok(known.unwrap_or_else(|| self.plant.sample()))
+    }
+
+    /// Sends the `state` that was measured, calls `sent`, and then sends TRUTH, for which no node shall wait.
+    pub fn send(&mut self, state: State, provenance: Stamp, sent: impl FnOnce()) {
+        self.states.send(state, provenance);
+        sent();
+        self.truths.send(self.plant.truth(), &self.states);
+    }
+
+    /// Returns the memory after the newest sample; `None` if the plant has none to continue from.
+    pub fn memory(&mut self) -> Option<&[u64]> {
+        let length = self.plant.memory(&mut self.words)?;
+        Some(&self.words[..length])
+    }
+}
