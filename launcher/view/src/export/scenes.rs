@@ -2,16 +2,15 @@
 
 use std::path::Path;
 
-use contract::message::{Stamp, Truth};
+use contract::Scenario;
+use contract::message::Truth;
 use contract::scenario::to_toml;
-use contract::{Scenario, Topic};
 use flight::dir::{Dir, NewFile};
 use flight::event::Event;
 use flight::foxglove::{Channel, Derived, Scene};
 use flight::log::{self, LogWriter, Record, view_channels};
 
 use super::sink::Sink;
-use crate::cycle::Cycle;
 
 pub struct Scenes<'a> {
     file: NewFile<'a>,
@@ -56,11 +55,6 @@ impl Sink for Scenes<'_> {
         self.log.write(record)?;
         let derived = self.scene.on_record(record);
         self.derived(derived)
-    }
-
-    /// Writes nothing: the stamps of the messages have the times.
-    fn cycle(&mut self, _: Topic, _: &Stamp, _: &Cycle) -> anyhow::Result<()> {
-        Ok(())
     }
 
     fn event(&mut self, event: &Event) -> anyhow::Result<()> {
