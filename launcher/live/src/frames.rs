@@ -1,7 +1,7 @@
 //! Frames of the page, and what they are made of: the columns of the report, its timing, its happenings.
 
 use contract::Scenario;
-use contract::scenario::{FaultTarget, Mode, SwapNode};
+use contract::scenario::{FaultTarget, Mode};
 use contract::topic::{NODES, Topic};
 use flight::event::{Event, TimedEvent, name};
 use flight::log::Record;
@@ -23,8 +23,6 @@ const OPEN_PER_S: u32 = 20;
 const COURSE_POINTS: u32 = 400;
 /// Columns besides those of the report: the age at the actuator, and the mean wind.
 const MORE: [&str; 4] = ["age_ms", "mean_wind_north", "mean_wind_east", "mean_wind_down"];
-/// Nodes whose process can be replaced.
-const SWAPS: [SwapNode; 3] = [SwapNode::Guidance, SwapNode::AttitudeMpc, SwapNode::Mixer];
 /// Worst ticks that are shown.
 const WORST: usize = 5;
 /// Digits of a number on the page.
@@ -147,7 +145,7 @@ impl Frames {
             "topics": Topic::ALL.map(Topic::name),
             "deadlines_ms": Topic::ALL.map(|topic| scenario.deadline_of(topic as usize).deadline_ns as f64 / 1e6),
             "faults": faults(),
-            "swaps": SWAPS.map(SwapNode::name),
+            "swaps": NODES[1..], // the plant cannot be replaced
         })
     }
 

@@ -87,17 +87,9 @@ impl Hub {
         let _ = self.frames.send(text); // fails if there is no client
     }
 
-    /// Sends rows of samples, each a JSON array.
-    pub fn send_rows(&self, rows: Vec<String>) {
-        self.add_rows(rows, false);
-    }
-
-    /// Sends rows in place of all those sent before: of another time of the flight.
-    pub fn replace_rows(&self, rows: Vec<String>) {
-        self.add_rows(rows, true);
-    }
-
-    fn add_rows(&self, rows: Vec<String>, anew: bool) {
+    /// Sends rows of samples, each a JSON array; in place of all those sent before if they are `anew`, of another time
+    /// of the flight.
+    pub fn send_rows(&self, rows: Vec<String>, anew: bool) {
         let text = rows_frame(rows.iter(), anew);
         let mut kept = self.kept();
         if anew {
