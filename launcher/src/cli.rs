@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand};
 use contract::exit;
 use contract::scenario;
 use runtime::console;
@@ -97,7 +97,8 @@ enum Command {
     #[command(hide = true)]
     Node {
         /// plant, guidance, attitude-mpc, mixer or recorder
-        name: NodeName,
+        #[arg(value_parser = ["plant", "guidance", "attitude-mpc", "mixer", "recorder"])]
+        name: String,
         /// Namespace of the stack to join
         #[arg(long, default_value = "default")]
         namespace: String,
@@ -117,15 +118,6 @@ enum Command {
     /// Serve the page of one flight, for the launcher that starts this
     #[command(hide = true)]
     ServePage,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum NodeName {
-    Plant,
-    Guidance,
-    AttitudeMpc,
-    Mixer,
-    Recorder,
 }
 
 /// Parses the arguments and runs the command. A panic prints its reason; the exit code is then that of a lost process.
@@ -171,19 +163,13 @@ fn run() -> ExitCode {
         Command::Measure(what) => what.run(),
         Command::Scenarios(args) => scenarios::scenarios(&args).map(|()| exit::FLOWN),
         Command::Runs(args) => runs::runs(&args).map(|()| exit::FLOWN),
-        Command::Schema(args) => {
-            manual::schema(&args);
-            Ok(exit::FLOWN)
-        }
-        Command::Completions(args) => {
-            manual::completions(&args, help::command::<Cli>());
-            Ok(exit::FLOWN)
-        }
+        Command::Schema(args) => Ok(manual::schema(&args)),
+        Command::Completions(args) => Ok(manual::completions(&args, help::command::<Cli>())),
         Command::Man(args) => manual::man(&args, help::command::<Cli>()).map(|()| exit::FLOWN),
         Command::FlyGuarded => guarded::serve().map_err(Into::into),
         Command::ServePage => web::serve_page(),
         Command::Node { name, namespace, epoch, settings, log } => {
-            return node(name, &namespace, epoch, settings.as_deref(), log);
+            return node(&name, &namespace, epoch, settings.as_deref(), log);
         }
     };
     strays::kill_all_of_this_launcher();
@@ -244,18 +230,15 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
+fn node(name: &str, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
     match (name, log) {
-        (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, |session| {
+        ("plant", _) => run_as("plant", namespace, epoch, own, |session| {
             let vehicle = nodes::vehicle(&session.scenario)?;
             plant::run_with(session, vehicle)
         }),
-        (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
-        (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
-        (answering, _) => {
-            let name = answering.to_possible_value().expect("every node has a name");
-            run_as(name.get_name(), namespace, epoch, own, |session| runtime::node::run(session, nodes::open))
-        }
+        ("recorder", Some(log)) => recorder::main(namespace, epoch, &log),
+        ("recorder", None) => unreachable!("clap requires --log for the recorder"),
+        (answering, _) => run_as(answering, namespace, epoch, own, |session| runtime::node::run(session, nodes::open)),
     }
 }
 

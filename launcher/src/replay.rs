@@ -182,12 +182,8 @@ fn in_child(loads: bool) -> anyhow::Result<Option<u8>> {
 
 fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<Plan> {
     let only = args.node.as_deref().map(node).transpose()?;
-    let settings = match only {
-        Some(topic) if !args.set.is_empty() || args.exec.is_some() => {
-            Some((topic, Box::new(settings(recording, topic, args)?)))
-        }
-        _ => None,
-    };
+    let changed = only.filter(|_| !args.set.is_empty() || args.exec.is_some());
+    let settings = changed.map(|topic| anyhow::Ok((topic, Box::new(settings(recording, topic, args)?)))).transpose()?;
     let (from, until) = ticks(part, recording);
     if args.closed && settings.is_none() {
         bail!("--closed goes with --set or --exec: without them `trefoil replay` is the flight as it was");
@@ -234,14 +230,10 @@ fn node(name: &str) -> anyhow::Result<Topic> {
 }
 
 fn settings(recording: &Recording, topic: Topic, args: &ReplayArgs) -> anyhow::Result<Scenario> {
-    let node = match topic {
-        Topic::Reference => SwapNode::Guidance,
-        Topic::Controls => SwapNode::AttitudeMpc,
-        Topic::Actuators => SwapNode::Mixer,
-        Topic::State => {
-            bail!("the plant is the vehicle of the run; `--set` and `--exec` are for guidance, attitude-mpc and mixer")
-        }
-    };
+    let nodes = [SwapNode::Guidance, SwapNode::AttitudeMpc, SwapNode::Mixer];
+    let node = nodes.into_iter().find(|node| node.topic() == topic).context(
+        "the plant is the vehicle of the run; `--set` and `--exec` are for guidance, attitude-mpc and mixer",
+    )?;
     let is_named = args.exec.is_some() || args.set.iter().any(|set| set.starts_with("node."));
     ensure!(
         is_named || !recording.is_foreign(topic, 1),
