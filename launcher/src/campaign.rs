@@ -1,5 +1,7 @@
 //! `campaign`: many flights, on all cores of this machine or on a cluster, and their statistics.
 
+mod results;
+
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -9,22 +11,20 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder};
 use campaign::layout::MAX_SHARDS;
-use campaign::observed::Observed;
-use campaign::page::{self, Page, differences, limits, promises, under_way};
-use campaign::row::{self, Standing};
-use campaign::table::{Cell, Table};
-use campaign::{Campaign, OwnController, Plan, Rate, local, seeds, slurm};
+use campaign::page::under_way;
+use campaign::row;
+use campaign::table::Cell;
+use campaign::{Campaign, OwnController, Plan, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
-use flight::interrupts::{catch_interrupts, end_at_once};
+use flight::interrupts::catch_interrupts;
 use folder::shipped::Kind;
-use outcome::target::Verdict;
 use runtime::console::{eprint_line, is_read, print};
-use view::table;
 
 use crate::progress::Progress;
 use crate::web::{self, OpenPage, TokenArgs};
 use crate::{fly, scenarios};
+use results::{Shown, conclude};
 
 /// Arguments of `campaign`.
 #[derive(Args)]
@@ -139,7 +139,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
         "--web shows a campaign that this command flies on this machine; --slurm, --only, --plan, --status and --collect \
          have no page, and `trefoil campaign FILE --collect` writes campaign.html of the flights that are there"
     );
-    let shown = Shown::new(what, &plan, args.observed.as_deref())?;
+    let shown = Shown::new(what.again(), &plan, args.observed.as_deref())?;
     let page = OpenPage::open(args.web, &args.token)?;
     if args.plan {
         print_plan(&plan);
@@ -157,24 +157,6 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
         on_slurm(&args.cluster, &out, &plan, shards, &shown)
     } else {
         fly_here(&out, &plan, shards, page, &shown)
-    }
-}
-
-/// Parts of the results that come from the command line.
-struct Shown {
-    /// Command that flies one flight again; a number follows.
-    again: String,
-    observed: Option<Observed>,
-}
-
-impl Shown {
-    fn new(what: &What, plan: &Plan, observed: Option<&Path>) -> anyhow::Result<Self> {
-        let read = |run: &Path| {
-            let limit =
-                plan.campaign.limit().context("--observed stands beside limits, and the campaign has no [limit]")?;
-            Observed::read(run, &limit.key)
-        };
-        Ok(Self { again: what.again(), observed: observed.map(read).transpose()? })
     }
 }
 
@@ -196,23 +178,6 @@ impl What {
     }
 }
 
-/// Flights that are there, in the order in which they came, and what the campaign does.
-struct SoFar {
-    flights: Table,
-    words: String,
-}
-
-impl SoFar {
-    /// Renders the page of the campaign under way.
-    fn page(so_far: &Mutex<Self>, plan: &Plan, again: &str) -> String {
-        let (flights, words) = {
-            let so_far = so_far.lock().unwrap_or_else(PoisonError::into_inner);
-            (so_far.flights.clone(), so_far.words.clone())
-        };
-        under_way::page(plan, &flights, &words, again)
-    }
-}
-
 /// Flies the missing shards on all cores of this machine; returns the exit code.
 fn fly_here(out: &Path, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>, shown: &Shown) -> anyhow::Result<u8> {
     let folder = CampaignFolder::open(out, plan, shards, Access::Alone)?;
@@ -230,34 +195,30 @@ fn fly_here(out: &Path, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>
     }
     // Signals are caught only from here on: until now nothing has begun, and a signal may end the program.
     let interrupts = catch_interrupts()?;
-    let fly = |landed: &mut dyn FnMut(&local::Progress, &[Cell])| match fly_missing(
-        plan,
-        &folder,
-        &missing,
-        &interrupts,
-        landed,
-    ) {
-        exit::FLOWN => conclude(plan, &folder, shown),
-        code => {
-            conclude(plan, &folder, shown)?;
-            Ok(code)
-        }
+    let fly = |landed: &mut dyn FnMut(&local::Progress, &[Cell])| {
+        let code = fly_missing(plan, &folder, &missing, &interrupts, landed);
+        let concluded = conclude(plan, &folder, shown)?;
+        Ok(if code == exit::FLOWN { concluded } else { code })
     };
     let Some(page) = page else {
         drop(there);
         return fly(&mut |_, _| {});
     };
-    let so_far = Mutex::new(SoFar { flights: there, words: "no flight has ended yet".into() });
+    // Flights that are there, in the order in which they came, and what the campaign does.
+    let so_far = Mutex::new((there, "no flight has ended yet".to_owned()));
     let lock = || so_far.lock().unwrap_or_else(PoisonError::into_inner);
     page.while_running(
-        || SoFar::page(&so_far, plan, &shown.again),
+        || {
+            let (flights, words) = lock().clone();
+            under_way::page(plan, &flights, &words, &shown.again)
+        },
         || {
             let code = fly(&mut |now, row| {
                 let mut so_far = lock();
-                so_far.flights.push(row.to_vec());
-                so_far.words = now.describe().replace("   ", ", ");
+                so_far.0.push(row.to_vec());
+                so_far.1 = now.describe().replace("   ", ", ");
             });
-            lock().words = "no more flights are flown; campaign.html in the campaign's folder has the rest".into();
+            lock().1 = "no more flights are flown; campaign.html in the campaign's folder has the rest".into();
             code
         },
     )?
@@ -352,81 +313,6 @@ fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
         print(&format!("{tasks}\n"));
     }
     Ok(if missing.is_empty() { exit::FLOWN } else { exit::PROCESS_LOST })
-}
-
-/// Writes the results of the shards that are there and prints a summary; returns the exit code.
-fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &Shown) -> anyhow::Result<u8> {
-    end_at_once(
-        "interrupted before the results were written; the shards are there, and the same command continues".into(),
-    );
-    let (flights, missing) = folder.collect(plan)?;
-    let count = |verdict: Standing| {
-        let verdicts = flights.column("verdict");
-        (0..flights.rows()).filter(|row| verdicts.is_some_and(|all| all.text(*row) == verdict.name())).count()
-    };
-    let [passed, failed, invalid] = Standing::ALL.map(count);
-    let verdicts = match plan.campaign.limit() {
-        Some(_) => format!("{failed} fail already at the safe end, {invalid} invalid"),
-        None => format!("{passed} passed, {failed} failed, {invalid} invalid"),
-    };
-    let mut text = format!("{}: {} {}: {verdicts}\n", plan.campaign.name(), flights.rows(), plan.campaign.units());
-    let page = Page { observed: shown.observed.clone(), ..Page::new(plan, &flights) };
-    text += &match plan.campaign.limit() {
-        Some(limit) => limits::text(&page, limit) + &page.grounds().join("\n") + "\n",
-        None => rates(&page) + &differences::text(&page),
-    };
-    let targets = promises::targets(&page);
-    for target in &targets {
-        text += &(target.line().trim_end().to_owned() + "\n");
-    }
-    print(&text);
-    let write = || -> anyhow::Result<()> {
-        folder.dir.write_whole("campaign.html", page::page(&page, &shown.again)?.as_bytes())?;
-        let whole = "flights.parquet";
-        match missing.is_empty() {
-            true => folder.dir.write_whole(whole, &flights.to_parquet(&[])?)?,
-            false if folder.dir.has(whole) => folder.dir.remove(whole)?, // its shards are no longer all there
-            false => {}
-        }
-        Ok(())
-    };
-    if let Err(error) = write() {
-        eprint_line(&format!("error: {error:#}"));
-        return Ok(exit::PROCESS_LOST);
-    }
-    print(&format!(
-        "written to {}: campaign.html{}\n",
-        folder.dir.path().display(),
-        if missing.is_empty() { ", flights.parquet" } else { "" }
-    ));
-    if !missing.is_empty() {
-        let numbers: Vec<String> = missing.iter().take(8).map(u64::to_string).collect();
-        let more = if missing.len() > numbers.len() { ", ..." } else { "" };
-        let (all, of) = (missing.len(), folder.layout.shards);
-        eprint_line(&format!(
-            "{all} of {of} shards are missing ({}{more}): `trefoil campaign` flies them",
-            numbers.join(", ")
-        ));
-        return Ok(exit::PROCESS_LOST);
-    }
-    if invalid > 0 {
-        eprint_line(&format!("{invalid} flights could not be flown: the column `outcome` says why"));
-    }
-    let is_broken = targets.iter().any(|target| target.verdict == Verdict::Short);
-    Ok(if invalid > 0 || is_broken { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
-}
-
-/// Returns the table of how many flights each controller passes, and sentences on the basis of these rates.
-fn rates(page: &Page) -> String {
-    let row = |(name, rate): (&str, Rate)| {
-        let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share) };
-        let Rate { survived, flights, draws, .. } = rate;
-        vec![name.to_owned(), survived.to_string(), flights.to_string(), draws.to_string(), share, rate.interval()]
-    };
-    let rows = page.rates().into_iter().map(row).collect();
-    let headings = ["", "passed", "of", "draws", "share", "interval"];
-    let table = table::Table::new("passed, and the 95 % interval over the draws", &headings, rows).text();
-    table + &page.grounds().join("\n") + "\n"
 }
 
 fn print_plan(plan: &Plan) {

@@ -168,14 +168,8 @@ fn run() -> ExitCode {
         Command::Measure(what) => what.run(),
         Command::Scenarios(args) => scenarios::scenarios(&args).map(|()| exit::FLOWN),
         Command::Runs(args) => runs::runs(&args).map(|()| exit::FLOWN),
-        Command::Schema(args) => {
-            manual::schema(&args);
-            Ok(exit::FLOWN)
-        }
-        Command::Completions(args) => {
-            manual::completions(&args, help::command::<Cli>());
-            Ok(exit::FLOWN)
-        }
+        Command::Schema(args) => Ok(manual::schema(&args)),
+        Command::Completions(args) => Ok(manual::completions(&args, help::command::<Cli>())),
         Command::Man(args) => manual::man(&args, help::command::<Cli>()).map(|()| exit::FLOWN),
         Command::FlyGuarded => guarded::serve().map_err(Into::into),
         Command::ServePage => web::serve_page(),

@@ -89,8 +89,8 @@ fn watch(machine: &Machine, scenario: &Scenario, args: &DoctorArgs) -> anyhow::R
     let fifo = canary.fifo;
     wait(time, &interrupts)?;
     let watch = canary.stop()?;
-    let stolen = stolen(before, CpuTimes::read(machine));
-    Ok((vec![stolen, wake_ups(&watch, scenario, fifo)], watch.summary()))
+    let stolen = stolen(before, CpuTimes::read(machine)).of("stolen time");
+    Ok((vec![stolen, wake_ups(&watch, scenario, fifo).of("canary")], watch.summary()))
 }
 
 fn wait(time: Duration, interrupts: &AtomicU32) -> anyhow::Result<()> {
@@ -106,9 +106,8 @@ fn wait(time: Duration, interrupts: &AtomicU32) -> anyhow::Result<()> {
 
 /// Judges the wake-ups against the first deadline of a cycle, the plant's.
 fn wake_ups(watch: &Watch, scenario: &Scenario, fifo: bool) -> Finding {
-    const CHECK: &str = "canary";
     let Some(delays) = watch.summary().covered else {
-        return Finding::new(CHECK, Level::Unknown, "no wake-up was noted", "the processors could not be watched");
+        return Finding::new(Level::Unknown, "no wake-up was noted", "the processors could not be watched");
     };
     let deadline_ns = scenario.deadline_of(0).deadline_ns;
     let late = watch.covered_ns().filter(|late_ns| *late_ns > deadline_ns).count();
@@ -121,14 +120,10 @@ fn wake_ups(watch: &Watch, scenario: &Scenario, fifo: bool) -> Finding {
     let lacks_fifo = !fifo && (0..4).any(|rank| scenario.scheduling_of(rank).policy == Policy::Fifo);
     let remedy = "end other work on this machine; on a virtual one, see stolen time";
     match late {
-        _ if lacks_fifo => Finding::new(CHECK, Level::Bad, found, means).remedy("see scheduling class"),
-        0 => {
-            Finding::new(CHECK, Level::Ok, found, format!("none was later than {deadline_ms} ms, the plant's deadline"))
-        }
-        _ if late as f64 >= LATE_SHARE * delays.n as f64 => {
-            Finding::new(CHECK, Level::Bad, found, means).remedy(remedy)
-        }
-        _ => Finding::new(CHECK, Level::Warn, found, means).remedy(remedy),
+        _ if lacks_fifo => Finding::new(Level::Bad, found, means).remedy("see scheduling class"),
+        0 => Finding::new(Level::Ok, found, format!("none was later than {deadline_ms} ms, the plant's deadline")),
+        _ if late as f64 >= LATE_SHARE * delays.n as f64 => Finding::new(Level::Bad, found, means).remedy(remedy),
+        _ => Finding::new(Level::Warn, found, means).remedy(remedy),
     }
 }
 

@@ -15,7 +15,7 @@ use settings::{Mode, Scenario};
 use crate::beside::Beside;
 use crate::new::name;
 use crate::progress::Progress;
-use crate::web::{self, TokenArgs};
+use crate::web::{self, OpenPage, TokenArgs};
 use crate::{mavlink, mission, vehicle};
 use flight::guarded;
 use flight::hover::Hover;
@@ -170,15 +170,11 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
 
 /// Starts the process of the page, if the arguments ask for one.
 fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Beside>> {
-    let Some(address) = args.web else {
-        ensure!(!args.token.is_given(), "--token protects the page of --web, and there is none");
-        return Ok(None);
-    };
     ensure!(
-        scenario.run.mode != Mode::Inprocess,
+        args.web.is_none() || scenario.run.mode != Mode::Inprocess,
         "--web shows a flight through processes; a flight in process is over before a browser is open"
     );
-    web::beside(address, &args.token, &args.namespace).map(Some)
+    OpenPage::open(args.web, &args.token)?.map(|page| page.beside(&args.namespace)).transpose()
 }
 
 /// Writes the report. That can take longer than the flight, which is flown again to find the cost of disturbed ticks.

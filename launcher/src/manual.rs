@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use clap_complete::Shell;
+use contract::exit;
 use runtime::console::print;
-use serde_json::Value;
 
 /// Arguments of `schema`.
 #[derive(Args)]
@@ -34,17 +34,14 @@ impl Described {
             Self::Campaign => campaign::schema::schema(),
             Self::Run => outcome::run_record::schema(),
         };
-        to_text(&schema)
+        format!("{schema:#}\n")
     }
 }
 
-fn to_text(schema: &Value) -> String {
-    format!("{schema:#}\n")
-}
-
-/// Prints the schema.
-pub fn schema(args: &SchemaArgs) {
+/// Prints the schema; returns the exit code.
+pub fn schema(args: &SchemaArgs) -> u8 {
     print(&args.of.schema());
+    exit::FLOWN
 }
 
 /// Arguments of `completions`.
@@ -54,11 +51,12 @@ pub struct CompletionsArgs {
     shell: Shell,
 }
 
-/// Prints the completions of the command line `command`.
-pub fn completions(args: &CompletionsArgs, mut command: clap::Command) {
+/// Prints the completions of the command line `command`; returns the exit code.
+pub fn completions(args: &CompletionsArgs, mut command: clap::Command) -> u8 {
     let mut text = vec![];
     clap_complete::generate(args.shell, &mut command, "trefoil", &mut text);
     print(&String::from_utf8_lossy(&text));
+    exit::FLOWN
 }
 
 /// Arguments of `man`.

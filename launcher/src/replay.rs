@@ -181,12 +181,8 @@ fn in_child(loads: bool) -> anyhow::Result<Option<u8>> {
 
 fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<Plan> {
     let only = args.node.as_deref().map(node).transpose()?;
-    let settings = match only {
-        Some(topic) if !args.set.is_empty() || args.exec.is_some() => {
-            Some((topic, Box::new(settings(recording, topic, args)?)))
-        }
-        _ => None,
-    };
+    let changed = only.filter(|_| !args.set.is_empty() || args.exec.is_some());
+    let settings = changed.map(|topic| anyhow::Ok((topic, Box::new(settings(recording, topic, args)?)))).transpose()?;
     let (from, until) = ticks(part, recording);
     if args.closed && settings.is_none() {
         bail!("--closed goes with --set or --exec: without them `trefoil replay` is the flight as it was");

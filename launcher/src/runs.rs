@@ -44,10 +44,7 @@ fn row(folder: &Path) -> Option<Vec<String>> {
         return None;
     }
     let file = folder.file_name()?.to_string_lossy().into_owned();
-    let incomplete = |outcome: &str| {
-        let unknown = || "-".to_owned();
-        Some(vec![file.clone(), unknown(), unknown(), unknown(), unknown(), outcome.into(), unknown(), unknown()])
-    };
+    let incomplete = |outcome: &str| Some([&file, "-", "-", "-", "-", outcome, "-", "-"].map(str::to_owned).into());
     let run = match RunRecord::read(&folder.join("run.json")) {
         Ok(Some(run)) => run,
         Ok(None) if folder.join("flight.mcap").is_file() => return incomplete("incomplete: there is no run.json"),

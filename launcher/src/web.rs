@@ -66,23 +66,12 @@ pub fn address(text: &str) -> Result<SocketAddr, String> {
 }
 
 impl TokenArgs {
-    pub fn is_given(&self) -> bool {
-        self.token.is_some()
-    }
-
     /// Opens the port.
-    fn open(&self, address: SocketAddr) -> anyhow::Result<(TcpListener, Access)> {
+    fn open(&self, address: SocketAddr) -> anyhow::Result<OpenPage> {
         let taken = || format!("cannot open {address} for the page; give another address, for example {}", PORT + 1);
         let listener = TcpListener::bind(address).with_context(taken)?;
         let access = Access::new(listener.local_addr()?, self.token.clone())?;
-        Ok((listener, access))
-    }
-
-    /// Opens the port, and tells the user where the live page is.
-    fn open_live(&self, address: SocketAddr) -> anyhow::Result<(TcpListener, Access)> {
-        let (listener, access) = self.open(address)?;
-        eprint_line(&format!("live page: {}", access.url()));
-        Ok((listener, access))
+        Ok(OpenPage { listener, access })
     }
 }
 
@@ -91,11 +80,12 @@ pub fn web(args: &WebArgs) -> anyhow::Result<u8> {
     if let Some(namespace) = &args.namespace {
         runtime::domain::check_name(namespace)?;
     }
-    let (listener, access) = args.token.open_live(args.address)?;
+    let page = args.token.open(args.address)?;
+    eprint_line(&format!("live page: {}", page.access.url()));
     let interrupts = catch_interrupts()?;
     be_nice();
     let source = Source::Flights { namespace: args.namespace.clone(), one_flight: false };
-    live::serve(listener, access, source, interrupts)?;
+    live::serve(page.listener, page.access, source, interrupts)?;
     Ok(exit::FLOWN)
 }
 
@@ -164,9 +154,8 @@ impl OpenPage {
     /// # Errors
     /// The port is taken, or a token is given without a page.
     pub fn open(web: Option<SocketAddr>, token: &TokenArgs) -> anyhow::Result<Option<Self>> {
-        ensure!(web.is_some() || !token.is_given(), "--token protects the page of --web, and there is none");
-        let open = |address| token.open(address).map(|(listener, access)| Self { listener, access });
-        web.map(open).transpose()
+        ensure!(web.is_some() || token.token.is_none(), "--token protects the page of --web, and there is none");
+        web.map(|address| token.open(address)).transpose()
     }
 
     /// Serves a recorded flight until Ctrl-C.
@@ -175,6 +164,20 @@ impl OpenPage {
         eprint_line(&format!("page of the flight, until Ctrl-C: {}", self.access.url()));
         live::serve(self.listener, self.access, Source::Recorded(Arc::new(player)), interrupts)
     }
+
+    /// Starts the process that serves the page of the flight in `namespace`, for which it waits.
+    pub fn beside(self, namespace: &str) -> anyhow::Result<Beside> {
+        let Self { listener, access } = self;
+        eprint_line(&format!("live page: {}", access.url()));
+        let mut command = own_program();
+        command.arg("serve-page").stdin(Stdio::piped()).stdout(OwnedFd::from(listener));
+        command.process_group(0); // Ctrl-C is for the launcher
+        let mut beside = Beside::start("--web", &mut command)?;
+        let task = Task { namespace: namespace.into(), token: access.token().into() };
+        let stdin = beside.child.stdin.as_mut().context("the process of the page has no stdin")?;
+        std::io::Write::write_all(stdin, (serde_json::to_string(&task)? + "\n").as_bytes())?;
+        Ok(beside)
+    }
 }
 
 /// Task of the process that serves the page of one flight.
@@ -182,19 +185,6 @@ impl OpenPage {
 struct Task {
     namespace: String,
     token: String,
-}
-
-/// Opens the port, and starts the process that serves the page of the flight in `namespace`, for which it waits.
-pub fn beside(address: SocketAddr, token: &TokenArgs, namespace: &str) -> anyhow::Result<Beside> {
-    let (listener, access) = token.open_live(address)?;
-    let mut command = own_program();
-    command.arg("serve-page").stdin(Stdio::piped()).stdout(OwnedFd::from(listener));
-    command.process_group(0); // Ctrl-C is for the launcher
-    let mut beside = Beside::start("--web", &mut command)?;
-    let task = Task { namespace: namespace.into(), token: access.token().into() };
-    let stdin = beside.child.stdin.as_mut().context("the process of the page has no stdin")?;
-    std::io::Write::write_all(stdin, (serde_json::to_string(&task)? + "\n").as_bytes())?;
-    Ok(beside)
 }
 
 /// Serves the page of one flight, as a process that `fly --web` has started.

@@ -78,7 +78,9 @@ impl Lane {
     pub fn visit(&mut self, visit: Visit) {
         self.filter.visit(visit);
         plain(&mut self.last, visit);
-        [&mut self.stale_s, &mut self.well_s, &mut self.worse_s].into_iter().for_each(|time_s| plain(time_s, visit));
+        for time_s in [&mut self.stale_s, &mut self.well_s, &mut self.worse_s] {
+            plain(time_s, visit);
+        }
     }
 }
 

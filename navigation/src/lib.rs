@@ -93,7 +93,9 @@ impl Aiding {
     /// Passes the memory to `visit`, as [`Navigation::visit`].
     fn visit(&mut self, visit: Visit) {
         let Self { position_m, velocity_mps, height_m, field, flow_mps } = self;
-        [position_m, velocity_mps, field].into_iter().for_each(|vector| optional(vector, visit));
+        for vector in [position_m, velocity_mps, field] {
+            optional(vector, visit);
+        }
         optional(height_m, visit);
         optional(flow_mps, visit);
     }
@@ -199,7 +201,9 @@ impl Navigation {
     /// Passes the memory to `visit`, which writes it elsewhere, or replaces it by that of another estimator.
     pub fn visit(&mut self, visit: Visit) {
         let Self { lanes, flown, last, frames, delay, .. } = self;
-        lanes.iter_mut().for_each(|lane| lane.visit(visit));
+        for lane in lanes.iter_mut() {
+            lane.visit(visit);
+        }
         last.visit(visit);
         let mut counts = [*flown, frames.len()].map(|count| count as u64);
         plain(&mut counts, visit);

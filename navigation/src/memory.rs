@@ -18,5 +18,7 @@ pub(crate) fn optional<T: Pod + Default>(value: &mut Option<T>, visit: Visit) {
     let mut is_there = u64::from(value.is_some());
     plain(&mut is_there, visit);
     *value = (is_there == 1).then(|| value.unwrap_or_default());
-    value.iter_mut().for_each(|value| plain(value, visit));
+    if let Some(value) = value {
+        plain(value, visit);
+    }
 }

@@ -31,8 +31,8 @@ impl Station {
         if !is_ours(request.target_system_id(), SYSTEM) || !is_ours(request.target_component_id(), COMPONENT) {
             return vec![];
         }
-        let refused = MavMissionResult::MAV_MISSION_DENIED;
-        let no_such_item = MavMissionResult::MAV_MISSION_INVALID_SEQUENCE;
+        let refused = |mission| vec![mission_ack(from, mission, MavMissionResult::MAV_MISSION_DENIED)];
+        let no_such_item = |mission| vec![mission_ack(from, mission, MavMissionResult::MAV_MISSION_INVALID_SEQUENCE)];
         match request {
             MavMessage::PARAM_REQUEST_LIST(_) => self.parameters.all(),
             MavMessage::PARAM_REQUEST_READ(of) => {
@@ -44,14 +44,14 @@ impl Station {
             MavMessage::COMMAND_LONG(of) => self.command(from, of.command, [of.param1, of.param2]),
             MavMessage::COMMAND_INT(of) => self.command(from, of.command, [of.param1, of.param2]),
             MavMessage::MISSION_REQUEST_LIST(of) => vec![mission_count(from, of.mission_type)],
-            MavMessage::MISSION_REQUEST_INT(of) => vec![mission_ack(from, of.mission_type, no_such_item)],
-            MavMessage::MISSION_REQUEST(of) => vec![mission_ack(from, of.mission_type, no_such_item)],
-            MavMessage::MISSION_REQUEST_PARTIAL_LIST(of) => vec![mission_ack(from, of.mission_type, no_such_item)],
-            MavMessage::MISSION_COUNT(of) => vec![mission_ack(from, of.mission_type, refused)],
-            MavMessage::MISSION_CLEAR_ALL(of) => vec![mission_ack(from, of.mission_type, refused)],
-            MavMessage::MISSION_WRITE_PARTIAL_LIST(of) => vec![mission_ack(from, of.mission_type, refused)],
-            MavMessage::MISSION_ITEM_INT(of) => vec![mission_ack(from, of.mission_type, refused)],
-            MavMessage::MISSION_ITEM(of) => vec![mission_ack(from, of.mission_type, refused)],
+            MavMessage::MISSION_REQUEST_INT(of) => no_such_item(of.mission_type),
+            MavMessage::MISSION_REQUEST(of) => no_such_item(of.mission_type),
+            MavMessage::MISSION_REQUEST_PARTIAL_LIST(of) => no_such_item(of.mission_type),
+            MavMessage::MISSION_COUNT(of) => refused(of.mission_type),
+            MavMessage::MISSION_CLEAR_ALL(of) => refused(of.mission_type),
+            MavMessage::MISSION_WRITE_PARTIAL_LIST(of) => refused(of.mission_type),
+            MavMessage::MISSION_ITEM_INT(of) => refused(of.mission_type),
+            MavMessage::MISSION_ITEM(of) => refused(of.mission_type),
             // The protocol has a text here, and no MISSION_ACK.
             MavMessage::MISSION_SET_CURRENT(_) => {
                 texts(MavSeverity::MAV_SEVERITY_WARNING, "a flight keeps the mission of its scenario", 1)

@@ -65,28 +65,26 @@ impl Parameters {
 
     fn at(&self, index: usize) -> Option<MavMessage> {
         let (name, param_value) = self.0.get(index)?;
-        let mut id = [0; 16];
-        id.iter_mut().zip(name.bytes()).for_each(|(to, byte)| *to = byte);
         Some(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
             param_value: *param_value,
             param_count: self.0.len() as u16,
             param_index: index as u16,
-            param_id: id.into(),
+            param_id: (*name).into(),
             param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
         }))
     }
 }
 
 /// Returns the number or switch at `key`; `None` if it is absent, or of another type.
-fn number(table: &Value, key: &str) -> Option<f32> {
-    let step = |value: &Value, word: &str| match word.parse::<usize>() {
-        Ok(place) => value.get(place).cloned(),
-        Err(_) => value.get(word).cloned(),
+fn number<'a>(table: &'a Value, key: &str) -> Option<f32> {
+    let step = |value: &'a Value, word: &str| match word.parse::<usize>() {
+        Ok(place) => value.get(place),
+        Err(_) => value.get(word),
     };
-    match key.split('.').try_fold(table.clone(), |value, word| step(&value, word))? {
-        Value::Integer(number) => Some(number as f32),
-        Value::Float(number) => Some(number as f32),
-        Value::Boolean(is_on) => Some(f32::from(u8::from(is_on))),
+    match key.split('.').try_fold(table, step)? {
+        Value::Integer(number) => Some(*number as f32),
+        Value::Float(number) => Some(*number as f32),
+        Value::Boolean(is_on) => Some(f32::from(u8::from(*is_on))),
         _ => None,
     }
 }

@@ -22,7 +22,6 @@ const OPEN_PER_S: u32 = 20;
 const COURSE_POINTS: u32 = 400;
 /// Columns besides those of the report: the age at the actuator, and the mean wind.
 const MORE: [&str; 4] = ["age_ms", "mean_wind_north", "mean_wind_east", "mean_wind_down"];
-/// Nodes whose process can be replaced.
 /// Worst ticks that are shown.
 const WORST: usize = 5;
 /// Digits of a number on the page.

@@ -87,17 +87,9 @@ impl Hub {
         let _ = self.frames.send(text); // fails if there is no client
     }
 
-    /// Sends rows of samples, each a JSON array.
-    pub fn send_rows(&self, rows: Vec<String>) {
-        self.add_rows(rows, false);
-    }
-
-    /// Sends rows in place of all those sent before: of another time of the flight.
-    pub fn replace_rows(&self, rows: Vec<String>) {
-        self.add_rows(rows, true);
-    }
-
-    fn add_rows(&self, rows: Vec<String>, anew: bool) {
+    /// Sends rows of samples, each a JSON array; in place of all those sent before if they are `anew`, of another time
+    /// of the flight.
+    pub fn send_rows(&self, rows: Vec<String>, anew: bool) {
         let text = rows_frame(rows.iter(), anew);
         let mut kept = self.kept();
         if anew {
@@ -184,7 +176,7 @@ mod tests {
         hub.send(Kind::Flight, json!({ "namespace": "here" }));
         hub.send(Kind::Timing, json!({ "n": 1 }));
         hub.send(Kind::Timing, json!({ "n": 2 }));
-        (0..KEPT_ROWS + 5).for_each(|i| hub.send_rows(vec![format!("[{i}]")]));
+        (0..KEPT_ROWS + 5).for_each(|i| hub.send_rows(vec![format!("[{i}]")], false));
         let (first, mut later) = hub.join();
         let frames: Vec<Value> = first.iter().map(|text| serde_json::from_str(text).unwrap()).collect();
         let kinds: Vec<&str> = frames.iter().map(|frame| frame["kind"].as_str().unwrap()).collect();
@@ -193,7 +185,7 @@ mod tests {
         assert_eq!((frames[2]["n"].as_u64(), hub.namespace().as_deref()), (Some(2), Some("here")));
         hub.send(Kind::Phase, json!({}));
         assert!(later.try_recv().unwrap().contains("phase"));
-        hub.replace_rows(vec!["[1]".into()]);
+        hub.send_rows(vec!["[1]".into()], true);
         let rows = hub.join().0[1].clone();
         assert!(rows.contains("\"anew\":true") && rows.contains("\"rows\":[[1]]"), "{rows}");
     }

@@ -190,9 +190,9 @@ impl Recording {
         let rows = self.rows.partition_point(|row| row.time_s <= position_s);
         let json = |from: usize| self.rows[from..rows].iter().map(|row| row.json.clone()).collect();
         if has_jumped {
-            hub.replace_rows(json(rows.saturating_sub(KEPT_ROWS)));
+            hub.send_rows(json(rows.saturating_sub(KEPT_ROWS)), true);
         } else if rows > shown.rows {
-            hub.send_rows(json(shown.rows));
+            hub.send_rows(json(shown.rows), false);
         }
         shown.rows = rows;
         for (kind, all, shown) in

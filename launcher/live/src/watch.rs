@@ -112,7 +112,7 @@ impl Watch {
             if is_due(&mut rows_due, ROWS_PERIOD) || end.is_some() {
                 let rows = frames.rows();
                 if !rows.is_empty() {
-                    hub.send_rows(rows.into_iter().map(|row| row.json).collect());
+                    hub.send_rows(rows.into_iter().map(|row| row.json).collect(), false);
                 }
             }
             if is_due(&mut status_due, STATUS_PERIOD) && end.is_none() {

@@ -15,28 +15,24 @@ struct Group {
 }
 
 /// Checks whether a quota can stop the processes of a flight that are not in `SCHED_FIFO`.
-pub(crate) fn quota(machine: &Machine) -> Finding {
-    const CHECK: &str = "cgroup quota";
-    let Some(groups) = groups(machine) else {
-        return Finding::new(CHECK, Level::Unknown, "the cgroup of this process cannot be read", "");
-    };
+pub(crate) fn quota(machine: &Machine) -> Option<Finding> {
+    let groups = groups(machine)?;
     let all = groups.iter().flat_map(|group| group.folders.iter().map(|folder| (folder, group.is_v2)));
     let quotas = all.filter_map(|(folder, is_v2)| Some((quota_of(machine, folder, is_v2)?, folder, is_v2)));
-    match quotas.min_by(|(a, ..), (b, ..)| a.total_cmp(b)) {
+    Some(match quotas.min_by(|(a, ..), (b, ..)| a.total_cmp(b)) {
         Some((cpus, folder, is_v2)) => {
             let folder = folder.display();
             let lift =
                 if is_v2 { "echo max | sudo tee /{}/cpu.max" } else { "echo -1 | sudo tee /{}/cpu.cfs_quota_us" };
             Finding::new(
-                CHECK,
                 Level::Warn,
                 format!("{cpus:.2} processors, by /{folder}"),
                 "processes that are not in SCHED_FIFO stop for the rest of a period once they have used it up",
             )
             .remedy(lift.replace("{}", &folder.to_string()) + " (Docker: without --cpus)")
         }
-        None => Finding::new(CHECK, Level::Ok, "none", ""),
-    }
+        None => Finding::new(Level::Ok, "none", ""),
+    })
 }
 
 /// Returns what to do if the group of this process gives no time to `SCHED_FIFO`; `None` if it does.

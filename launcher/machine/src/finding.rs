@@ -19,7 +19,7 @@ pub enum Level {
 /// Result of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Name of the check.
+    /// Name of the check; empty until [`Self::of`] gives it.
     pub check: &'static str,
     /// Weight.
     pub level: Level,
@@ -32,9 +32,15 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Returns a finding without a remedy.
-    pub fn new(check: &'static str, level: Level, found: impl Into<String>, means: impl Into<String>) -> Self {
-        Self { check, level, found: found.into(), means: means.into(), remedy: None }
+    /// Returns a finding without a name and a remedy.
+    pub fn new(level: Level, found: impl Into<String>, means: impl Into<String>) -> Self {
+        Self { check: "", level, found: found.into(), means: means.into(), remedy: None }
+    }
+
+    /// Returns the finding with the name of its check.
+    #[must_use]
+    pub fn of(self, check: &'static str) -> Self {
+        Self { check, ..self }
     }
 
     /// Returns the finding with the command that changes it.

@@ -27,40 +27,35 @@ impl CpuTimes {
 
 /// Checks how much time the host took away between two readings.
 pub fn stolen(before: Option<CpuTimes>, after: Option<CpuTimes>) -> Finding {
-    const CHECK: &str = "stolen time";
     let (Some(before), Some(after)) = (before, after) else {
-        return Finding::new(CHECK, Level::Unknown, "/proc/stat cannot be read", "");
+        return Finding::new(Level::Unknown, "/proc/stat cannot be read", "");
     };
     let all = after.all.saturating_sub(before.all).max(1);
     let percent = 100.0 * after.stolen.saturating_sub(before.stolen) as f64 / all as f64;
     let found = format!("{percent:.2} % during this check");
     if percent < STOLEN_PERCENT {
-        return Finding::new(CHECK, Level::Ok, found, "");
+        return Finding::new(Level::Ok, found, "");
     }
-    Finding::new(CHECK, Level::Warn, found, "the host gave the processors to others while processes here wanted them")
+    Finding::new(Level::Warn, found, "the host gave the processors to others while processes here wanted them")
         .remedy("on the host: give each virtual processor one of its own, or fly on a machine that is not shared")
 }
 
 /// Checks if the machine is a virtual one.
-pub(crate) fn virtualisation(machine: &Machine) -> Finding {
-    const CHECK: &str = "virtualisation";
-    let Some(cpuinfo) = machine.text("proc/cpuinfo") else {
-        return Finding::new(CHECK, Level::Unknown, "/proc/cpuinfo cannot be read", "");
-    };
+pub(crate) fn virtualisation(machine: &Machine) -> Option<Finding> {
+    let cpuinfo = machine.text("proc/cpuinfo")?;
     let flags = cpuinfo.lines().find(|line| line.starts_with("flags"));
     let is_guest = flags.map(|flags| flags.split_whitespace().any(|flag| flag == "hypervisor"));
     let maker = ["sys/hypervisor/type", "sys/class/dmi/id/sys_vendor", "sys/class/dmi/id/product_name"];
     let maker =
         maker.into_iter().find_map(|file| machine.text(file)).map_or(String::new(), |maker| format!(" ({maker})"));
-    match is_guest {
-        Some(false) => Finding::new(CHECK, Level::Ok, "none", ""),
+    Some(match is_guest {
+        Some(false) => Finding::new(Level::Ok, "none", ""),
         Some(true) => Finding::new(
-            CHECK,
             Level::Warn,
             format!("a virtual machine{maker}"),
             "its host may stop a processor at any moment, and no setting here prevents that",
         )
         .remedy("see the canary: it tells if that happens"),
-        None => Finding::new(CHECK, Level::Unknown, format!("this processor does not tell{maker}"), ""),
-    }
+        None => Finding::new(Level::Unknown, format!("this processor does not tell{maker}"), ""),
+    })
 }

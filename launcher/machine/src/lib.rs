@@ -33,35 +33,45 @@ pub use sources::Machine;
 /// processes got; `None`: they have not been started, so the limits and capabilities of this process tell.
 pub fn scheduling(machine: &Machine, scenario: &Scenario, granted: Option<Granted>, program: &str) -> Vec<Finding> {
     let mut found = privileges::check(machine, scenario, granted, program);
-    found.push(processors::affinity(machine, scenario));
+    found.push(processors::affinity(machine, scenario).of("affinity"));
     found
 }
 
 /// Checks the resources without which a flight of `scenario` is refused.
 pub fn required(machine: &Machine, scenario: &Scenario) -> Vec<Finding> {
-    let mut found = vec![resources::memory(machine)];
+    let mut found = vec![resources::memory(machine).of("limits on memory")];
     if scenario.run.mode != Mode::Inprocess {
-        found.push(resources::shared_memory(machine, scenario.run.rate_hz));
-        found.push(resources::open_files(machine));
-        found.push(resources::file_size(machine, scenario.run.rate_hz));
+        found.push(resources::shared_memory(machine, scenario.run.rate_hz).of("shared memory"));
+        found.push(resources::open_files(machine).of("open files"));
+        found.push(resources::file_size(machine, scenario.run.rate_hz).of("file size"));
     }
     found
 }
 
+/// A check of the machine; `None` if its source cannot be read.
+type Check = fn(&Machine) -> Option<Finding>;
+
+/// Checks of [`disturbances`]: name, source, and the check.
+const DISTURBANCES: [(&str, &str, Check); 10] = [
+    ("preemption", "/proc/sys/kernel", kernel::preemption),
+    ("FIFO throttling", "/proc/sys/kernel/sched_rt_runtime_us", kernel::throttling),
+    ("cgroup quota", "the cgroup of this process", cgroups::quota),
+    ("processors", "/proc/self/status or /sys", processors::number),
+    ("isolation", "/sys/devices/system/cpu/isolated", processors::isolated),
+    ("hardware threads", "/sys/devices/system/cpu/smt/active", processors::hardware_threads),
+    ("frequency", "/sys", |machine| Some(processors::governor(machine))),
+    ("idle states", "/sys", |machine| Some(processors::idle_states(machine))),
+    ("clock source", "/sys/devices/system/clocksource/clocksource0", kernel::clock_source),
+    ("virtualisation", "/proc/cpuinfo", host::virtualisation),
+];
+
 /// Checks what may disturb a flight in real time that gets everything it asks for.
 pub fn disturbances(machine: &Machine) -> Vec<Finding> {
-    vec![
-        kernel::preemption(machine),
-        kernel::throttling(machine),
-        cgroups::quota(machine),
-        processors::number(machine),
-        processors::isolated(machine),
-        processors::hardware_threads(machine),
-        processors::governor(machine),
-        processors::idle_states(machine),
-        kernel::clock_source(machine),
-        host::virtualisation(machine),
-    ]
+    let finding = |(name, source, check): (&'static str, &str, Check)| {
+        let unknown = || Finding::new(Level::Unknown, format!("{source} cannot be read"), "");
+        check(machine).unwrap_or_else(unknown).of(name)
+    };
+    DISTURBANCES.map(finding).into()
 }
 
 #[cfg(test)]

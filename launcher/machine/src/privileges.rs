@@ -47,9 +47,9 @@ pub fn judge(scenario: &Scenario, Granted { fifo, locked }: Granted, program: &s
     let setcap = format!("sudo setcap {capabilities}+ep {program}");
     let finding = |check, lacks, found: &str, means: &str| {
         if lacks {
-            Finding::new(check, Level::Bad, found, means).remedy(&setcap)
+            Finding::new(Level::Bad, found, means).remedy(&setcap).of(check)
         } else {
-            Finding::new(check, Level::Ok, found, "")
+            Finding::new(Level::Ok, found, "").of(check)
         }
     };
     [
@@ -61,7 +61,7 @@ pub fn judge(scenario: &Scenario, Granted { fifo, locked }: Granted, program: &s
 /// Checks class and memory lock. Without `granted` the limits of this process decide, which its nodes inherit.
 pub(crate) fn check(machine: &Machine, scenario: &Scenario, granted: Option<Granted>, program: &str) -> Vec<Finding> {
     if scenario.run.mode != Mode::Realtime {
-        return [CLASS, MEMORY].map(|check| Finding::new(check, Level::Ok, "not asked for in this mode", "")).into();
+        return [CLASS, MEMORY].map(|check| Finding::new(Level::Ok, "not asked for in this mode", "").of(check)).into();
     }
     let [fifo, locked] = match granted {
         Some(Granted { fifo, locked }) => [Some(fifo), Some(locked)],
@@ -87,7 +87,7 @@ pub(crate) fn check(machine: &Machine, scenario: &Scenario, granted: Option<Gran
     if memory.level == Level::Bad {
         memory.found = format!("{} ({})", memory.found, limits_of_lock(machine, scenario));
     }
-    let unknown = |check| Finding::new(check, Level::Unknown, "/proc/self/limits or status cannot be read", "");
+    let unknown = |check| Finding::new(Level::Unknown, "/proc/self/limits or status cannot be read", "").of(check);
     vec![if fifo.is_none() { unknown(CLASS) } else { class }, if locked.is_none() { unknown(MEMORY) } else { memory }]
 }
 

@@ -12,81 +12,70 @@ const EXIT_LIMIT_US: i64 = 50;
 
 /// Checks if the processors that the scenario names are there for this process.
 pub(crate) fn affinity(machine: &Machine, scenario: &Scenario) -> Finding {
-    const CHECK: &str = "affinity";
     let mut asked: Vec<usize> = (0..NODES.len()).flat_map(|rank| scenario.scheduling_of(rank).affinity).collect();
     asked.sort_unstable();
     asked.dedup();
     if asked.is_empty() || scenario.run.mode == Mode::Inprocess {
-        return Finding::new(CHECK, Level::Ok, "the scenario names no processors", "");
+        return Finding::new(Level::Ok, "the scenario names no processors", "");
     }
     let Some(allowed) = machine.allowed_cpus() else {
-        return Finding::new(CHECK, Level::Unknown, "/proc/self/status cannot be read", "");
+        return Finding::new(Level::Unknown, "/proc/self/status cannot be read", "");
     };
     let missing: Vec<usize> = asked.iter().copied().filter(|cpu| !allowed.contains(cpu)).collect();
     if missing.is_empty() {
-        return Finding::new(CHECK, Level::Ok, format!("processors {}", list(&asked)), "");
+        return Finding::new(Level::Ok, format!("processors {}", list(&asked)), "");
     }
     let found = format!("processors {} of the scenario are not there for this process", list(&missing));
-    Finding::new(CHECK, Level::Bad, found, "the kernel places the nodes where it likes").remedy(format!(
+    Finding::new(Level::Bad, found, "the kernel places the nodes where it likes").remedy(format!(
         "name some of {} in realtime.affinity, or let this process have others (taskset, cpuset, Docker: --cpuset-cpus)",
         list(&allowed)
     ))
 }
 
 /// Checks the number of processors.
-pub(crate) fn number(machine: &Machine) -> Finding {
-    const CHECK: &str = "processors";
-    let (Some(allowed), Some(online)) =
-        (machine.allowed_cpus(), machine.text(format!("{CPUS}/online")).and_then(|text| cpu_list(&text)))
-    else {
-        return Finding::new(CHECK, Level::Unknown, "/proc/self/status or /sys cannot be read", "");
-    };
+pub(crate) fn number(machine: &Machine) -> Option<Finding> {
+    let (allowed, online) = (machine.allowed_cpus()?, cpu_list(&machine.text(format!("{CPUS}/online"))?)?);
     let found = format!("{} of {} for this process", allowed.len(), online.len());
     if allowed.len() > 1 {
-        return Finding::new(CHECK, Level::Ok, found, "");
+        return Some(Finding::new(Level::Ok, found, ""));
     }
     let means = "launcher and recorder work only while no node does, and every interrupt delays a node";
-    let finding = Finding::new(CHECK, Level::Warn, found, means);
-    if online.len() > 1 {
+    let finding = Finding::new(Level::Warn, found, means);
+    Some(if online.len() > 1 {
         finding.remedy("let this process have more (taskset, cpuset, Docker: --cpuset-cpus)")
     } else {
         finding
-    }
+    })
 }
 
 /// Checks if some processors are kept free of other processes.
-pub(crate) fn isolated(machine: &Machine) -> Finding {
-    const CHECK: &str = "isolation";
-    let Some(isolated) = machine.text(format!("{CPUS}/isolated")).and_then(|text| cpu_list(&text)) else {
-        return Finding::new(CHECK, Level::Unknown, format!("/{CPUS}/isolated cannot be read"), "");
-    };
+pub(crate) fn isolated(machine: &Machine) -> Option<Finding> {
+    let isolated = cpu_list(&machine.text(format!("{CPUS}/isolated"))?)?;
     if isolated.is_empty() {
-        return Finding::new(CHECK, Level::Ok, "none isolated", "the nodes share the processors with all other work");
+        let means = "the nodes share the processors with all other work";
+        return Some(Finding::new(Level::Ok, "none isolated", means));
     }
     let found = format!("processors {} are isolated", list(&isolated));
     let means = format!("nodes fly there only with realtime.affinity = {isolated:?}");
-    Finding::new(CHECK, Level::Ok, found, means)
+    Some(Finding::new(Level::Ok, found, means))
 }
 
 /// Checks if cores run two threads at once.
-pub(crate) fn hardware_threads(machine: &Machine) -> Finding {
-    const CHECK: &str = "hardware threads";
-    match machine.text(format!("{CPUS}/smt/active")).as_deref() {
-        Some("0") => Finding::new(CHECK, Level::Ok, "one per core", ""),
-        Some("1") => Finding::new(
-            CHECK,
+pub(crate) fn hardware_threads(machine: &Machine) -> Option<Finding> {
+    Some(match machine.text(format!("{CPUS}/smt/active"))?.as_str() {
+        "0" => Finding::new(Level::Ok, "one per core", ""),
+        "1" => Finding::new(
             Level::Warn,
             "two or more per core",
             "work on the other thread of a core slows a node down, by up to half",
         )
         .remedy("echo off | sudo tee /sys/devices/system/cpu/smt/control"),
-        _ => Finding::new(CHECK, Level::Unknown, format!("/{CPUS}/smt/active cannot be read"), ""),
-    }
+        _ => return None,
+    })
 }
 
 /// Checks if the frequency of the processors falls while the nodes sleep.
 pub(crate) fn governor(machine: &Machine) -> Finding {
-    const CHECK: &str = "frequency";
     let cpus = machine.numbered(CPUS, "cpu");
     let mut governors: Vec<String> =
         cpus.iter().filter_map(|(_, cpu)| machine.text(cpu.join("cpufreq/scaling_governor"))).collect();
@@ -94,14 +83,12 @@ pub(crate) fn governor(machine: &Machine) -> Finding {
     governors.dedup();
     match governors.as_slice() {
         [] => Finding::new(
-            CHECK,
             Level::Unknown,
             "no frequency governor is visible",
             "on a virtual machine the host decides; on others the firmware may",
         ),
-        [one] if one == "performance" => Finding::new(CHECK, Level::Ok, "performance", ""),
+        [one] if one == "performance" => Finding::new(Level::Ok, "performance", ""),
         several => Finding::new(
-            CHECK,
             Level::Warn,
             several.join(", "),
             "a processor that slowed down while the nodes slept runs their next cycle slower",
@@ -112,7 +99,6 @@ pub(crate) fn governor(machine: &Machine) -> Finding {
 
 /// Checks how long a processor takes to leave the deepest idle state that it may enter.
 pub(crate) fn idle_states(machine: &Machine) -> Finding {
-    const CHECK: &str = "idle states";
     let mut states = vec![];
     for (_, cpu) in machine.numbered(CPUS, "cpu") {
         for (number, state) in machine.numbered(&cpu.join("cpuidle").to_string_lossy(), "state") {
@@ -130,7 +116,6 @@ pub(crate) fn idle_states(machine: &Machine) -> Finding {
     states.sort();
     let Some((exit_us, _, name)) = states.last() else {
         return Finding::new(
-            CHECK,
             Level::Unknown,
             "no idle state is visible",
             "on a virtual machine the host decides how deep an idle processor sleeps",
@@ -138,7 +123,7 @@ pub(crate) fn idle_states(machine: &Machine) -> Finding {
     };
     let found = format!("the deepest is {name}, left within {exit_us} us");
     if *exit_us <= EXIT_LIMIT_US {
-        return Finding::new(CHECK, Level::Ok, found, "");
+        return Finding::new(Level::Ok, found, "");
     }
     let mut deep: Vec<usize> =
         states.iter().filter(|(exit_us, ..)| *exit_us > EXIT_LIMIT_US).map(|(_, number, _)| *number).collect();
@@ -146,8 +131,9 @@ pub(crate) fn idle_states(machine: &Machine) -> Finding {
     deep.dedup();
     let which = deep.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
     let which = if deep.len() > 1 { format!("{{{which}}}") } else { which };
-    Finding::new(CHECK, Level::Warn, found, "a wake-up from it comes later by that time, and with cold caches")
-        .remedy(format!("echo 1 | sudo tee /sys/devices/system/cpu/cpu*/cpuidle/state{which}/disable"))
+    let means = "a wake-up from it comes later by that time, and with cold caches";
+    let remedy = format!("echo 1 | sudo tee /sys/devices/system/cpu/cpu*/cpuidle/state{which}/disable");
+    Finding::new(Level::Warn, found, means).remedy(remedy)
 }
 
 fn list(cpus: &[usize]) -> String {

@@ -18,64 +18,60 @@ const MEGABYTE: u64 = 1 << 20;
 
 /// Checks the limits on stack and memory, which every process of the launcher needs. The first that is too low is told.
 pub fn memory(machine: &Machine) -> Finding {
-    const CHECK: &str = "limits on memory";
     let mut found = vec![];
     for (name, needed, what, raise) in [
         ("Max stack size", STACK_NEEDED, "stack", "ulimit -s"),
         ("Max data size", MEMORY_NEEDED, "data", "ulimit -d"),
         ("Max address space", MEMORY_NEEDED, "address space", "ulimit -v"),
     ] {
-        let Some(limit) = machine.limit(name) else { return unreadable(CHECK) };
+        let Some(limit) = machine.limit(name) else { return unreadable() };
         if let Some(most) = limit.soft.filter(|most| *most < needed) {
             let [most_kb, needed_kb] = [most, needed].map(|bytes| bytes / 1024);
             let found = format!("a process may have {most_kb} kB of {what} here");
-            return Finding::new(CHECK, Level::Bad, found, format!("it needs {needed_kb}"))
+            return Finding::new(Level::Bad, found, format!("it needs {needed_kb}"))
                 .remedy(format!("raise the limit (`{raise}`)"));
         }
         let most = limit.soft.map_or("unlimited".to_owned(), |most| format!("{} MB", most / MEGABYTE));
         found.push(format!("{what} {most}"));
     }
-    Finding::new(CHECK, Level::Ok, found.join(", "), "")
+    Finding::new(Level::Ok, found.join(", "), "")
 }
 
 /// Checks the limit on open files. The launcher raises the limit in force up to the hard one.
 pub fn open_files(machine: &Machine) -> Finding {
-    const CHECK: &str = "open files";
     let Some(Limit { soft, hard }) = machine.limit("Max open files") else {
-        return unreadable(CHECK);
+        return unreadable();
     };
     if let Some(most) = hard.filter(|most| *most < FILES_NEEDED) {
         let found = format!("a process may have {most} files open here");
-        return Finding::new(CHECK, Level::Bad, found, format!("a flight needs {FILES_NEEDED}"))
+        return Finding::new(Level::Bad, found, format!("a flight needs {FILES_NEEDED}"))
             .remedy("raise the limit (`ulimit -Hn`), or fly with --mode inprocess");
     }
     let most = soft.map_or("unlimited".to_owned(), |most| most.max(FILES_NEEDED).to_string());
-    Finding::new(CHECK, Level::Ok, format!("{most} per process, {FILES_NEEDED} needed"), "")
+    Finding::new(Level::Ok, format!("{most} per process, {FILES_NEEDED} needed"), "")
 }
 
 /// Checks the limit on the size of a file, which those in shared memory have too, for a flight at `rate_hz`.
 pub fn file_size(machine: &Machine, rate_hz: u32) -> Finding {
-    const CHECK: &str = "file size";
     let segment_bytes = bytes_needed(rate_hz) / 4; // the largest takes a sixth
     let Some(limit) = machine.limit("Max file size") else {
-        return unreadable(CHECK);
+        return unreadable();
     };
     match limit.soft.filter(|most| *most < segment_bytes) {
         Some(most) => {
             let means = format!("a flight shares files of up to {segment_bytes}");
-            Finding::new(CHECK, Level::Bad, format!("a file may have {most} bytes here"), means)
+            Finding::new(Level::Bad, format!("a file may have {most} bytes here"), means)
                 .remedy("raise the limit (`ulimit -f`), or fly with --mode inprocess")
         }
-        None => Finding::new(CHECK, Level::Ok, "large enough", ""),
+        None => Finding::new(Level::Ok, "large enough", ""),
     }
 }
 
 /// Checks that shared memory has room for a flight at `rate_hz`.
 pub fn shared_memory(machine: &Machine, rate_hz: u32) -> Finding {
-    const CHECK: &str = "shared memory";
     let folder = machine.path("dev/shm");
     let Ok(stat) = statvfs(&folder) else {
-        return Finding::new(CHECK, Level::Bad, "/dev/shm cannot be read", "a flight through processes needs it")
+        return Finding::new(Level::Bad, "/dev/shm cannot be read", "a flight through processes needs it")
             .remedy("sudo mount -t tmpfs -o size=256M,mode=1777 none /dev/shm");
     };
     let [size_mb, free_mb] = [stat.f_blocks, stat.f_bavail].map(|blocks| blocks * stat.f_frsize / MEGABYTE);
@@ -83,12 +79,12 @@ pub fn shared_memory(machine: &Machine, rate_hz: u32) -> Finding {
     match check_room(&folder, needed) {
         Ok(()) => {
             let needed_mb = needed.div_ceil(MEGABYTE);
-            Finding::new(CHECK, Level::Ok, format!("{free_mb} of {size_mb} MB free, {needed_mb} MB needed"), "")
+            Finding::new(Level::Ok, format!("{free_mb} of {size_mb} MB free, {needed_mb} MB needed"), "")
         }
-        Err(error) => Finding::new(CHECK, Level::Bad, format!("{free_mb} of {size_mb} MB free"), error.to_string()),
+        Err(error) => Finding::new(Level::Bad, format!("{free_mb} of {size_mb} MB free"), error.to_string()),
     }
 }
 
-fn unreadable(check: &'static str) -> Finding {
-    Finding::new(check, Level::Unknown, "/proc/self/limits cannot be read", "").remedy("sudo mount -t proc proc /proc")
+fn unreadable() -> Finding {
+    Finding::new(Level::Unknown, "/proc/self/limits cannot be read", "").remedy("sudo mount -t proc proc /proc")
 }

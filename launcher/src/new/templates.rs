@@ -70,7 +70,11 @@ macro_rules! text {
     };
 }
 
-const LIBRARY: &str = template!("common/library.md");
+/// Makes a template without files, of a controller that is built to a library.
+const fn library(language: Language, node: Node, about: &'static str) -> Template {
+    Template { language, node, modes: template!("common/library.md"), about, files: &[] }
+}
+
 const SCENARIO: Text = text!("common/scenario.toml");
 const TREFOIL_H: Text = Text::Fixed(include_str!("../../../foreign/include/trefoil.h"));
 const LQR_H: Text = text!("common/lqr.h");
@@ -84,10 +88,6 @@ const COMMON: [(&str, Text); 3] = [
 
 const TEMPLATES: [Template; 9] = [
     Template {
-        language: Language::C,
-        node: Node::AttitudeMpc,
-        modes: LIBRARY,
-        about: template!("c/attitude-mpc.md"),
         files: &[
             ("controller.c", text!("c/attitude-mpc.c")),
             ("lqr.h", LQR_H),
@@ -97,12 +97,9 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("c/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
+        ..library(Language::C, Node::AttitudeMpc, template!("c/attitude-mpc.md"))
     },
     Template {
-        language: Language::C,
-        node: Node::Guidance,
-        modes: LIBRARY,
-        about: template!("c/guidance.md"),
         files: &[
             ("controller.c", text!("c/guidance.c")),
             ("trefoil.h", TREFOIL_H),
@@ -110,12 +107,9 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("c/Makefile")),
             ("scenario.toml", text!("c/guidance.toml")),
         ],
+        ..library(Language::C, Node::Guidance, template!("c/guidance.md"))
     },
     Template {
-        language: Language::C,
-        node: Node::Mixer,
-        modes: LIBRARY,
-        about: template!("c/mixer.md"),
         files: &[
             ("controller.c", text!("c/mixer.c")),
             ("model.h", Text::Made(Model::c)),
@@ -124,12 +118,9 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("c/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
+        ..library(Language::C, Node::Mixer, template!("c/mixer.md"))
     },
     Template {
-        language: Language::Cpp,
-        node: Node::AttitudeMpc,
-        modes: LIBRARY,
-        about: template!("cpp/about.md"),
         files: &[
             ("controller.cpp", text!("cpp/controller.cpp")),
             ("lqr.h", LQR_H),
@@ -139,12 +130,9 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("cpp/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
+        ..library(Language::Cpp, Node::AttitudeMpc, template!("cpp/about.md"))
     },
     Template {
-        language: Language::Casadi,
-        node: Node::AttitudeMpc,
-        modes: LIBRARY,
-        about: template!("casadi/about.md"),
         files: &[
             ("generate.py", text!("casadi/generate.py")),
             ("model.json", Text::Made(Model::json)),
@@ -152,12 +140,9 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("casadi/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
+        ..library(Language::Casadi, Node::AttitudeMpc, template!("casadi/about.md"))
     },
     Template {
-        language: Language::Acados,
-        node: Node::AttitudeMpc,
-        modes: LIBRARY,
-        about: template!("acados/about.md"),
         files: &[
             ("generate.py", text!("acados/generate.py")),
             ("shim.c", text!("acados/shim.c")),
@@ -168,12 +153,9 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("acados/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
+        ..library(Language::Acados, Node::AttitudeMpc, template!("acados/about.md"))
     },
     Template {
-        language: Language::Simulink,
-        node: Node::AttitudeMpc,
-        modes: LIBRARY,
-        about: template!("simulink/about.md"),
         files: &[
             ("controller.c", text!("simulink/controller.c")),
             ("controller.h", text!("simulink/controller.h")),
@@ -186,6 +168,7 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("simulink/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
+        ..library(Language::Simulink, Node::AttitudeMpc, template!("simulink/about.md"))
     },
     Template {
         language: Language::Python,
@@ -201,10 +184,6 @@ const TEMPLATES: [Template; 9] = [
         ],
     },
     Template {
-        language: Language::Rust,
-        node: Node::AttitudeMpc,
-        modes: LIBRARY,
-        about: template!("rust/about.md"),
         files: &[
             ("src/lib.rs", text!("rust/lib.rs")),
             ("src/lqr.rs", text!("rust/lqr.rs")),
@@ -214,6 +193,7 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("rust/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
+        ..library(Language::Rust, Node::AttitudeMpc, template!("rust/about.md"))
     },
 ];
 

@@ -60,15 +60,12 @@ impl Shown<'_> {
             [("What single ticks cost", &self.explained.ticks), ("What bursts cost", &self.explained.bursts)]
         {
             if !costs.is_empty() {
-                let left_out = costs.len().saturating_sub(ROWS);
-                let more = if left_out > 0 {
-                    format!(" (the {ROWS} costliest; {left_out} more in explain.html)")
-                } else {
-                    String::new()
-                };
                 let shown = &costs[..costs.len().min(ROWS)];
-                text.push('\n');
-                text.push_str(&table(&format!("{title}{more}"), shown).text());
+                let more = match costs.len() - shown.len() {
+                    0 => String::new(),
+                    left_out => format!(" (the {ROWS} costliest; {left_out} more in explain.html)"),
+                };
+                text.extend(["\n", &table(&format!("{title}{more}"), shown).text()]);
             }
         }
         text + &format!("\n{}{}\n", self.side_by_side().text(), ANOTHER[1])

@@ -1,7 +1,5 @@
 //! Small pieces of HTML: escaped text, numbers with a dash for what is missing, tables.
 
-use std::fmt::Write;
-
 use serde_json::Value;
 
 use super::time_plots::{SCRIPTS, UPLOT_STYLE};
@@ -10,18 +8,8 @@ pub const DASH: &str = "–";
 
 /// Text made safe for element content and quoted attributes.
 pub fn escape(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            '\'' => safe.push_str("&#39;"),
-            _ => safe.push(c),
-        }
-    }
-    safe
+    let names = [('&', "&amp;"), ('<', "&lt;"), ('>', "&gt;"), ('"', "&quot;"), ('\'', "&#39;")]; // & first
+    names.iter().fold(text.to_owned(), |text, (c, name)| text.replace(*c, name))
 }
 
 /// Text made safe, whose long words may be broken after a slash or an underscore, and whose ranges of numbers may not.
@@ -81,31 +69,21 @@ pub fn leaves<'a>(prefix: &str, value: &'a Value, out: &mut Vec<(String, &'a Val
 /// Makes a table; on a narrow page its rows become blocks of headings and values. Headings are text; cells are HTML
 /// already.
 pub fn table(headings: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let mut html = String::from("<div class=\"table\"><table><thead><tr>");
-    for heading in headings {
-        let _ = write!(html, "<th scope=\"col\">{}</th>", escape(heading));
-    }
-    html.push_str("</tr></thead><tbody>");
-    for row in rows {
-        html.push_str("<tr>");
-        for (i, cell) in row.iter().enumerate() {
-            let heading = escape(headings.get(i).unwrap_or(&""));
-            let _ = write!(html, "<td data-label=\"{heading}\">{cell}</td>");
-        }
-        html.push_str("</tr>");
-    }
-    html.push_str("</tbody></table></div>");
-    html
+    let headings: Vec<String> = headings.iter().map(|heading| escape(heading)).collect();
+    let head = |heading: &String| format!("<th scope=\"col\">{heading}</th>");
+    let head: String = headings.iter().map(head).collect();
+    let cell = |(i, cell): (usize, String)| {
+        format!("<td data-label=\"{}\">{cell}</td>", headings.get(i).map_or("", String::as_str))
+    };
+    let row = |row: Vec<String>| format!("<tr>{}</tr>", row.into_iter().enumerate().map(cell).collect::<String>());
+    let body: String = rows.into_iter().map(row).collect();
+    format!("<div class=\"table\"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>")
 }
 
 /// Makes a list of names beside values; both are HTML already.
 pub fn list(items: impl IntoIterator<Item = (String, String)>) -> String {
-    let mut html = String::from("<dl>");
-    for (name, value) in items {
-        let _ = write!(html, "<div><dt>{name}</dt><dd>{value}</dd></div>");
-    }
-    html.push_str("</dl>");
-    html
+    let item = |(name, value): (String, String)| format!("<div><dt>{name}</dt><dd>{value}</dd></div>");
+    format!("<dl>{}</dl>", items.into_iter().map(item).collect::<String>())
 }
 
 /// Makes a verdict with a style of its own; the style adds a sign, so that no verdict is told by colour alone.

@@ -2,15 +2,13 @@
 
 use std::path::Path;
 
-use contract::Topic;
-use contract::message::{Stamp, Truth};
+use contract::message::Truth;
 use flight::event::Event;
 use flight::log::{self, LogWriter, Record};
 use folder::dir::{Dir, NewFile};
 use settings::{Scenario, to_toml};
 
 use super::sink::Sink;
-use crate::cycle::Cycle;
 use crate::scene::{Channel, Derived, Scene};
 
 pub struct Scenes<'a> {
@@ -56,11 +54,6 @@ impl Sink for Scenes<'_> {
         self.log.write(record)?;
         let derived = self.scene.on_record(record);
         self.derived(derived)
-    }
-
-    /// Writes nothing: the stamps of the messages have the times.
-    fn cycle(&mut self, _: Topic, _: &Stamp, _: &Cycle) -> anyhow::Result<()> {
-        Ok(())
     }
 
     fn event(&mut self, event: &Event) -> anyhow::Result<()> {

@@ -11,8 +11,11 @@ use crate::cycle::Cycle;
 pub trait Sink {
     /// Adds a message; `truth` is the TRUTH of its tick, if the log has it.
     fn message(&mut self, record: &Record, truth: Option<&Truth>) -> anyhow::Result<()>;
-    /// Adds the times of the cycle that made the message with `stamp` on `topic`.
-    fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &Cycle) -> anyhow::Result<()>;
+    /// Adds the times of the cycle that made the message with this stamp on this topic; a format without cycles has
+    /// them in the stamps.
+    fn cycle(&mut self, _: Topic, _: &Stamp, _: &Cycle) -> anyhow::Result<()> {
+        Ok(())
+    }
     /// Adds an event.
     fn event(&mut self, event: &Event) -> anyhow::Result<()>;
     /// Puts the files in their places; returns a note for users if something was left out.

@@ -46,8 +46,8 @@ impl<'a, W: Rows<'a>> Tables<W> {
         let [state, reference, controls, actuators] = Topic::ALL.map(topic);
         Ok(Self {
             topics: [state?, reference?, controls?, actuators?],
-            events: W::begin(folder, "events", &named(&EVENT))?,
-            cycles: W::begin(folder, "cycles", &named(&CYCLE))?,
+            events: W::begin(folder, "events", &timed(&EVENT))?,
+            cycles: W::begin(folder, "cycles", &timed(&CYCLE))?,
             words: Topic::ALL.map(|topic| columns(topic).iter().map(|column| kind(column.is_count)).collect()),
             sample_s: scenario.sample_s(),
         })
@@ -58,43 +58,59 @@ impl<'a, W: Rows<'a>> Tables<W> {
     }
 }
 
-const EVENT: [(&str, Kind); 12] = [
-    ("time_s", Kind::Real),
-    ("tick", Kind::Count),
-    ("node", Kind::Text),
-    ("epoch", Kind::Count),
-    ("what", Kind::Text),
-    ("why", Kind::Text),
-    ("swap", Kind::Count),
-    ("origin", Kind::Count),
-    ("by.pid", Kind::Count),
-    ("by.user", Kind::Count),
-    ("fault_number", Kind::Count),
-    ("fault", Kind::Text),
+/// Column of the events or cycles: name, type, and its cell. The time comes before them.
+type Of<T> = (&'static str, Kind, fn(&T) -> Cell);
+
+const EVENT: [Of<Event>; 11] = [
+    ("tick", Kind::Count, |event| count(event.tick)),
+    ("node", Kind::Text, |event| text(&event.node)),
+    ("epoch", Kind::Count, |event| count(event.epoch.into())),
+    ("what", Kind::Text, |event| text(&name(event.what))),
+    ("why", Kind::Text, |event| event.why.as_deref().map_or(Cell::None, text)),
+    ("swap", Kind::Count, |event| index(event.swap)),
+    ("origin", Kind::Count, |event| index(event.origin)),
+    ("by.pid", Kind::Count, |event| event.by.map_or(Cell::None, |by| count(by.pid as u64))),
+    ("by.user", Kind::Count, |event| event.by.map_or(Cell::None, |by| count(by.user.into()))),
+    ("fault_number", Kind::Count, |event| index(event.fault.as_ref().map(|fault| fault.0))),
+    ("fault", Kind::Text, |event| event.fault.as_ref().map_or(Cell::None, |fault| text(&json!(fault.1).to_string()))),
 ];
 
-const CYCLE: [(&str, Kind); 13] = [
-    ("time_s", Kind::Real),
-    ("node", Kind::Text),
-    ("tick", Kind::Count),
-    ("sequence", Kind::Count),
-    ("epoch", Kind::Count),
-    ("delivery", Kind::Count),
-    ("release_us", Kind::Real),
-    ("wake_us", Kind::Real),
-    ("execution_us", Kind::Real),
-    ("response_us", Kind::Real),
-    ("cpu_us", Kind::Real),
-    ("slips", Kind::Count),
-    ("late", Kind::Count),
+const CYCLE: [Of<(Topic, Stamp, Cycle)>; 12] = [
+    ("node", Kind::Text, |(topic, ..)| text(topic.publisher())),
+    ("tick", Kind::Count, |(_, stamp, _)| count(stamp.tick)),
+    ("sequence", Kind::Count, |(_, stamp, _)| count(stamp.sequence)),
+    ("epoch", Kind::Count, |(_, stamp, _)| count(stamp.epoch)),
+    ("delivery", Kind::Count, |(_, stamp, _)| count(stamp.delivery)),
+    ("release_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.release_us)),
+    ("wake_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.wake_us)),
+    ("execution_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.execution_us)),
+    ("response_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.response_us)),
+    ("cpu_us", Kind::Real, |(.., cycle)| cycle.cpu_us.map_or(Cell::None, Cell::Real)),
+    ("slips", Kind::Count, |(.., cycle)| count(cycle.slips)),
+    ("late", Kind::Count, |(.., cycle)| count(cycle.late)),
 ];
 
-fn named(columns: &[(&str, Kind)]) -> Columns {
-    columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect()
+const TIME: (&str, Kind) = ("time_s", Kind::Real);
+
+fn named(columns: impl IntoIterator<Item = (&'static str, Kind)>) -> Columns {
+    columns.into_iter().map(|(name, kind)| (name.to_owned(), kind)).collect()
+}
+
+/// Returns the time and the columns of `all`.
+fn timed<T>(all: &[Of<T>]) -> Columns {
+    named([TIME].into_iter().chain(all.iter().map(|(name, kind, _)| (*name, *kind))))
 }
 
 fn count(number: u64) -> Cell {
     Cell::Int(number.cast_signed())
+}
+
+fn text(text: &str) -> Cell {
+    Cell::Text(text.to_owned())
+}
+
+fn index(index: Option<usize>) -> Cell {
+    index.map_or(Cell::None, |index| count(index as u64))
 }
 
 fn kind(is_count: bool) -> Kind {
@@ -103,10 +119,10 @@ fn kind(is_count: bool) -> Kind {
 
 /// Returns the columns of a topic's table.
 fn topic_columns(topic: Topic) -> Columns {
-    let mut all = named(&[("time_s", Kind::Real)]);
+    let mut all = named([TIME]);
     all.extend(columns(topic).into_iter().map(|column| (column.name, kind(column.is_count))));
     let status = matches!(topic, Topic::State | Topic::Controls).then_some(("status_name", Kind::Text));
-    all.extend(named(&status.into_iter().chain([("is_intact", Kind::Count)]).collect::<Vec<_>>()));
+    all.extend(named(status.into_iter().chain([("is_intact", Kind::Count)])));
     all
 }
 
@@ -119,51 +135,21 @@ impl<'a, W: Rows<'a>> Sink for Tables<W> {
             _ => count(*word),
         }));
         if matches!(topic, Topic::State | Topic::Controls) {
-            row.push(status_name(record).map_or(Cell::None, |name| Cell::Text(name.into())));
+            row.push(status_name(record).map_or(Cell::None, text));
         }
         row.push(count(record.is_intact().into()));
         self.topics[topic as usize].row(row)
     }
 
     fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &Cycle) -> anyhow::Result<()> {
-        let Cycle { release_us, wake_us, execution_us, response_us, cpu_us, slips, late } = *cycle;
+        let of = (topic, *stamp, *cycle);
         let time = self.time(stamp.tick);
-        self.cycles.row(vec![
-            time,
-            Cell::Text(topic.publisher().into()),
-            count(stamp.tick),
-            count(stamp.sequence),
-            count(stamp.epoch),
-            count(stamp.delivery),
-            Cell::Real(release_us),
-            Cell::Real(wake_us),
-            Cell::Real(execution_us),
-            Cell::Real(response_us),
-            cpu_us.map_or(Cell::None, Cell::Real),
-            count(slips),
-            count(late),
-        ])
+        self.cycles.row([time].into_iter().chain(CYCLE.iter().map(|(.., cell)| cell(&of))).collect())
     }
 
     fn event(&mut self, event: &Event) -> anyhow::Result<()> {
-        let optional = |number: Option<u64>| number.map_or(Cell::None, count);
-        let index = |index: Option<usize>| optional(index.map(|index| index as u64));
-        let text = |text: &str| Cell::Text(text.to_owned());
         let time = self.time(event.tick);
-        self.events.row(vec![
-            time,
-            count(event.tick),
-            text(&event.node),
-            count(event.epoch.into()),
-            text(&name(event.what)),
-            event.why.as_deref().map_or(Cell::None, text),
-            index(event.swap),
-            index(event.origin),
-            optional(event.by.map(|by| by.pid as u64)),
-            optional(event.by.map(|by| by.user.into())),
-            index(event.fault.as_ref().map(|fault| fault.0)),
-            event.fault.as_ref().map_or(Cell::None, |fault| text(&json!(fault.1).to_string())),
-        ])
+        self.events.row([time].into_iter().chain(EVENT.iter().map(|(.., cell)| cell(event))).collect())
     }
 
     fn finish(self: Box<Self>) -> anyhow::Result<Option<String>> {
