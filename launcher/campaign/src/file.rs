@@ -1,74 +1,31 @@
-//! `campaign.toml`: the scenario, the values that vary, the number of draws, and the controllers to compare.
-//!
-//! ```toml
-//! name = "mass-and-wind"             # default: the name of the file
-//! scenario = "survey.toml"           # path relative to this file; default: the launcher's scenario
-//! seed = 1                           # of all draws
-//! seeds = 50                         # each flight is flown with the seeds 1 to 50; or a list of seeds
-//! samples = 200                      # number of draws of the distributions
-//! sampling = "latin-hypercube"       # or "random", "sobol"
-//!
-//! [settings]                         # of all flights, on top of the scenario
-//! run.duration_s = 20.0
-//! bounds.max_position_error_m = 0.5  # limit for a passed flight
-//!
-//! [vary]
-//! run.command_delay_ms = [0.0, 10.0, 20.0]                     # each value, with each value of the other lists
-//! plant.airframe.mass_kg = { uniform = [1.0, 1.3] }            # drawn
-//! initial.attitude_deg.0 = { normal = { mean = 0.0, deviation = 10.0 } }   # one element of an array
-//!
-//! [case.step]                        # each flight is flown in each case: a scenario of its own, and settings
-//! scenario = "step.toml"
-//!
-//! [controller.lqr]                   # each flight is flown under each controller
-//! attitude.law = "lqr"
-//!
-//! [compare]                          # metrics in which the controllers are compared: see `compare`
-//! [[promise]]                        # what must hold of the results: see `promise`
-//! figure = "flights of lqr lost"
-//! controllers = ["lqr"]
-//! passed = "all"
-//!
-//! [limit]                            # searched: up to which value a flight passes: see `limit`
-//! [random_faults]
-//! count = [0, 2]
-//! at_s = [2.0, 15.0]
-//! for_s = [0.1, 2.0]
-//! ```
+//! A campaign: its file, read and checked, with the settings of each controller and case.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 use flight::programs;
 use flight::programs::hex;
-use folder::shipped::{self, Kind, Shipped, advice, kind_of};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use settings::file::{MAX_TEXT_BYTES, read_text};
-use settings::{Given, any_table, find_programs, suggest};
+use folder::shipped;
+use settings::{Given, find_programs};
 use sha2::{Digest, Sha256};
 use toml::{Table, Value};
 
 use crate::compare::Compare;
+use crate::form::{File, MAX_SAMPLES, ONLY, Seeds, not_a_campaign, text_of};
 use crate::limit::Limit;
-use crate::named::Named;
 use crate::own_controller::OwnController;
 use crate::promise::Promise;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
 use crate::tune::Tune;
-use crate::variation::{Factor, Values, Vary, Wanted};
+use crate::variation::{Factor, Values, Wanted};
 
 /// Largest number of flights of a campaign.
 const MAX_FLIGHTS: u64 = 10_000_000;
-/// Largest value of `samples`.
-const MAX_SAMPLES: u64 = 1_000_000;
 /// Key of the seed; every flight has a value of it.
 pub const SEED: &str = "run.seed";
 /// Key of the case; a flight has a value of it if the file has cases.
 pub const CASE: &str = "case";
-/// Name of the only controller if the file names none.
-const ONLY: &str = "scenario";
 
 /// Campaign as read from its file.
 #[derive(Debug, Clone)]
@@ -81,76 +38,6 @@ pub struct Campaign {
     cases: Vec<(String, Vec<Given>)>,
     /// Factors, sorted by key; those of Sobol points in the order of the file, which is that of their dimensions.
     pub factors: Vec<Factor>,
-}
-
-/// Contents of `campaign.toml`.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct File {
-    /// Name of the campaign, and of the folder of its results; absent = the name of the file.
-    name: Option<String>,
-    /// Path of the scenario, relative to this file; absent = the defaults.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    scenario: Option<PathBuf>,
-    /// Seed of all draws.
-    #[serde(default = "one")]
-    seed: u32,
-    /// Seeds of each flight, `run.seed`: a number for 1 to that number, or a list.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    seeds: Option<Seeds>,
-    /// Number of draws of the distributions, 1 to 1000000.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1, max = MAX_SAMPLES))]
-    samples: Option<u64>,
-    /// Placement of the draws; absent = random.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sampling: Option<Sampling>,
-    /// Settings of all flights, on top of the scenario.
-    #[serde(default, skip_serializing_if = "Table::is_empty")]
-    #[schemars(schema_with = "any_table")]
-    settings: Table,
-    /// Settings that vary, by their keys: a list of values, each of which is flown, or a distribution that is drawn.
-    #[serde(default, skip_serializing_if = "Vary::is_empty")]
-    #[schemars(schema_with = "any_table")]
-    vary: Vary,
-    /// Campaign file whose controllers are flown too.
-    #[serde(skip_serializing)]
-    controllers: Option<PathBuf>,
-    /// Settings of each controller, by its name; each flight is flown under each controller.
-    #[serde(default, skip_serializing_if = "Named::is_empty")]
-    #[schemars(schema_with = "any_table")]
-    controller: Named,
-    /// Scenario and settings of each case, by its name; each flight is flown in each case.
-    #[serde(default, skip_serializing_if = "Named::is_empty")]
-    #[schemars(schema_with = "any_table")]
-    case: Named,
-    /// Setting whose largest value at which a flight passes is searched, for each flight of the plan.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    limit: Option<Limit>,
-    /// Faults drawn from the catalogue for each draw.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    random_faults: Option<RandomFaults>,
-    /// Search of gains by `trefoil tune`. It is left out of the campaign's hash, because it changes no flight.
-    #[serde(skip_serializing)]
-    tune: Option<Tune>,
-    /// Metrics in which the controllers are compared. It changes no flight either.
-    #[serde(skip_serializing)]
-    compare: Option<Compare>,
-    /// Statements that must hold of the flights. They change no flight either.
-    #[serde(default, skip_serializing)]
-    promise: Vec<Promise>,
-}
-
-/// Seeds of each flight: 1 to a count, or a list.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "expected how many seeds, or a list of them")]
-enum Seeds {
-    Count(u32),
-    List(Vec<u32>),
-}
-
-fn one() -> u32 {
-    1
 }
 
 impl Campaign {
@@ -437,61 +324,6 @@ impl Campaign {
         );
         Ok(())
     }
-}
-
-impl File {
-    /// Adds controllers of the command line. A promise on all controllers stays one on those of the file.
-    fn add_own(&mut self, own: &[OwnController]) -> anyhow::Result<()> {
-        let count = self.controller.0.len().max(1);
-        OwnController::add_all(own, &mut self.controller, ONLY)?;
-        let of_the_file: Vec<String> = self.controller.0.iter().take(count).map(|(name, _)| name.clone()).collect();
-        for promise in self.promise.iter_mut().filter(|promise| promise.controllers.is_empty() && !own.is_empty()) {
-            promise.controllers.clone_from(&of_the_file);
-        }
-        Ok(())
-    }
-
-    /// Adds the controllers of the campaign file at `path` before its own.
-    fn add_controllers_of(&mut self, path: &Path) -> anyhow::Result<()> {
-        let (path, text) = text_of(path)?;
-        let origin = path.display().to_string();
-        let mut other: Self = toml::from_str(&text).map_err(|error| not_a_campaign(&origin, &text, &error))?;
-        ensure!(!other.controller.is_empty(), "{origin} has no [controller.NAME]");
-        other.controller.put_in_order(&text, "controller");
-        for (name, _) in &self.controller.0 {
-            let is_twice = other.controller.0.iter().any(|(theirs, _)| theirs == name);
-            ensure!(!is_twice, "[controller.{name}] stands in {origin} too: give one of them another name");
-        }
-        self.controller.0.splice(0..0, other.controller.0);
-        Ok(())
-    }
-}
-
-/// Returns path and text of the campaign at `path`, or of the shipped one of that name.
-fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
-    if let Some(shipped) = Shipped::find(Kind::Campaign, path) {
-        return Ok((shipped.origin().into(), shipped.text().into()));
-    }
-    let text = read_text(path, MAX_TEXT_BYTES).with_context(|| {
-        let meant = advice(Kind::Campaign, path).map_or(String::new(), |advice| format!("{advice}? Or "));
-        let path = path.display();
-        format!(
-            "cannot read the campaign {path}; {meant}give the path of a campaign file, or the name of a shipped one: \
-                 `trefoil scenarios` lists them"
-        )
-    })?;
-    Ok((path.to_owned(), text))
-}
-
-/// Returns the error for a text that is no campaign, with the place.
-fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::Error {
-    if kind_of(text) == Some(Kind::Scenario) {
-        return anyhow::anyhow!(
-            "{origin} is a scenario, which `trefoil fly {origin}` flies once. A campaign is a file of its own that names the \
-             scenario, `scenario = \"PATH\"`, and says what varies: campaigns/ has some, docs/campaigns.md has the form"
-        );
-    }
-    anyhow::anyhow!("{origin}: {}", suggest(error.to_string().trim_end()))
 }
 
 /// Returns `seeds` as a list of values of [`SEED`].

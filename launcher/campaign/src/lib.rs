@@ -2,7 +2,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`file`](mod@file) | `campaign.toml`: the scenario and the values that vary |
+//! | `form` | `campaign.toml` as it is written |
+//! | [`file`](mod@file) | the campaign of such a file: the scenario and the values that vary |
 //! | `named` | named tables of the file, in its order |
 //! | [`schema`] | the JSON Schema of the file |
 //! | [`own_controller`] | controllers that the command line adds |
@@ -42,6 +43,7 @@ pub mod difference;
 pub mod evidence;
 pub mod file;
 pub mod folder;
+mod form;
 pub mod layout;
 pub mod limit;
 pub mod local;

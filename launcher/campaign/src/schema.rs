@@ -4,7 +4,7 @@ use schemars::generate::Contract;
 use serde_json::{Value, json};
 use settings::{as_in_toml, schema_of};
 
-use crate::file::File;
+use crate::form::File;
 use crate::variation::{Variation, WORDS};
 
 /// Returns the JSON Schema of a campaign file. Its settings are those of a scenario, without defaults.
