@@ -9,7 +9,7 @@
 //! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and the rule by which one counts as failed |
 //! | [`findings`] | targets and results |
-//! | [`killer`] | processes of a stack seen from outside, and signals to them |
+//! | [`launched`] | processes of a stack seen from outside, and signals to them |
 
 #![allow(missing_docs)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
@@ -17,7 +17,7 @@
 pub mod faults;
 pub mod findings;
 pub mod flights;
-pub mod killer;
+pub mod launched;
 pub mod mpc;
 pub mod navigation;
 pub mod stress;

@@ -7,7 +7,7 @@ use flight::log::Log;
 use serde::Serialize;
 
 use super::plan::{Moment, Victim};
-use crate::killer::{first_message_ns, milliseconds};
+use crate::launched::{first_message_ns, milliseconds};
 
 /// Kill of one process.
 #[derive(Debug, Clone, Copy, Serialize)]

@@ -26,7 +26,7 @@ use super::logged::{Kill, holes, sent_ns};
 use super::orders::{Kind, Order, orders};
 use super::plan::{Moment, PlannedKill, Victim};
 use crate::flights::{lean_deg, namespace};
-use crate::killer::{Launcher, Process, left, milliseconds, said};
+use crate::launched::{Launcher, Process, left, milliseconds, said};
 use crate::timing::canary::{Canary, LONGEST, Watch};
 use crate::timing::machine::Stress;
 

@@ -9,7 +9,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde::Serialize;
 
-use crate::killer::Process;
+use crate::launched::Process;
 
 /// Processors that a ring may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
