@@ -5,21 +5,25 @@
 use std::{path::Path, process::Command};
 
 /// Sources that the launcher is built from, seen from the top of the repository.
-const SOURCES: [&str; 14] = [
+const SOURCES: [&str; 18] = [
     "Cargo.toml",
     "Cargo.lock",
     "airframe",
     "attitude-mpc",
     "campaigns",
     "contract",
+    "curves",
     "foreign",
     "guidance",
     "launcher",
     "mixer",
+    "navigation",
     "plant",
     "qp",
+    "ring",
     "runtime",
     "scenarios",
+    "settings",
 ];
 
 /// Tells the commit, its date, and whether the sources differ from it; nothing where this is no checkout of the

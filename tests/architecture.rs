@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 
+use contract::topic::NODES;
 use serde_json::Value;
 
 use crate::harness::top;
@@ -18,8 +19,6 @@ const ORDER: [&[&str]; 21] = [
     &["machine"], &["folder"], &["flight"], &["ground"], &["outcome"], &["trefoil"], &["replay"], &["view"],
     &["campaign"], &["measure", "live"], &["launcher"],
 ];
-
-const NODES: [&str; 4] = ["plant", "guidance", "attitude-mpc", "mixer"];
 
 /// The packages of the workspace, as `cargo metadata` describes them.
 fn packages() -> Vec<Value> {
@@ -96,6 +95,16 @@ fn a_controller_links_the_contract_the_settings_and_what_they_stand_on_and_no_ot
         linked,
         BTreeSet::from(["airframe", "contract", "curves", "qp", "runtime", "settings"].map(str::to_owned))
     );
+}
+
+#[test]
+fn the_commit_of_a_program_counts_as_changed_if_any_room_is() {
+    let script = std::fs::read_to_string(top().join("launcher/build.rs")).expect("a readable script");
+    for package in packages() {
+        let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
+        let room = manifest.strip_prefix(top()).expect("below the top").iter().next().expect("a folder");
+        assert!(script.contains(&format!("    {room:?},")), "{room:?} is missing in launcher/build.rs");
+    }
 }
 
 #[test]

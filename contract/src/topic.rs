@@ -62,8 +62,14 @@ pub const GRAPH: [Edge; Topic::COUNT] = [
 ];
 
 /// Names of the nodes, in the order of [`GRAPH`].
-pub const NODES: [&str; Topic::COUNT] =
-    [GRAPH[0].publisher, GRAPH[1].publisher, GRAPH[2].publisher, GRAPH[3].publisher];
+pub const NODES: [&str; Topic::COUNT] = {
+    let (mut names, mut rank) = ([""; Topic::COUNT], 0);
+    while rank < Topic::COUNT {
+        names[rank] = GRAPH[rank].publisher;
+        rank += 1;
+    }
+    names
+};
 
 impl Topic {
     /// Number of topics.
@@ -86,6 +92,18 @@ impl Topic {
     /// Name of the node that publishes this topic.
     pub const fn publisher(self) -> &'static str {
         GRAPH[self as usize].publisher
+    }
+
+    /// Topics that the publisher of this one listens to, in the order of the ring.
+    pub fn sources(self) -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(move |topic| topic.listeners().contains(&self))
+    }
+
+    /// Topic that wakes the publisher of this one: of its sources the last before it on the way round the ring.
+    #[must_use]
+    pub fn upstream(self) -> Self {
+        let mut before = (1..Self::COUNT).map(|back| Self::ALL[(self as usize + Self::COUNT - back) % Self::COUNT]);
+        before.find(|topic| topic.listeners().contains(&self)).unwrap_or(Self::State)
     }
 
     /// Topics that the receivers of this one publish.

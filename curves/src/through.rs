@@ -27,8 +27,8 @@ pub struct Through {
 }
 
 impl Through {
-    /// Makes the curve that is `between` two neighbours, each passed at its time \[s\] with the `derivatives` there, from
-    /// the velocity on. Those of the first and the last waypoint are zero, and not given.
+    /// Makes the curve that is `between` two neighbours, each passed at its time \[s\] with the `derivatives` there,
+    /// from the velocity on. Those of the first and the last waypoint are zero, and not given.
     pub fn new(
         waypoints: &[(f64, Vector3<f64>)],
         derivatives: impl Iterator<Item = [Vector3<f64>; 3]>,

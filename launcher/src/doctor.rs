@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use contract::exit;
+use contract::topic::NODES;
 use flight::duration::seconds;
 use flight::event::name;
 use flight::interrupts::catch_interrupts;
@@ -117,7 +118,7 @@ fn wake_ups(watch: &Watch, scenario: &Scenario, fifo: bool) -> Finding {
         format!("{} wake-ups in {class}: p50 {p50_ms:.3} ms, p99.9 {p999_ms:.3} ms, max {max_ms:.3} ms late", delays.n);
     let deadline_ms = deadline_ns as f64 / 1e6;
     let means = format!("{late} were later than {deadline_ms} ms, the plant's deadline: a flight misses such cycles");
-    let lacks_fifo = !fifo && (0..4).any(|rank| scenario.scheduling_of(rank).policy == Policy::Fifo);
+    let lacks_fifo = !fifo && (0..NODES.len()).any(|rank| scenario.scheduling_of(rank).policy == Policy::Fifo);
     let remedy = "end other work on this machine; on a virtual one, see stolen time";
     match late {
         _ if lacks_fifo => Finding::new(Level::Bad, found, means).remedy("see scheduling class"),

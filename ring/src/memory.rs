@@ -28,8 +28,8 @@ impl Memory {
     pub fn of_all(page: &ControlPage, tick: u64) -> Option<Vec<Self>> {
         let vehicle =
             Self::of(Topic::State, &page.plant_memory, tick).filter(|memory| memory.origin.done == tick + 1)?;
-        let others = [Topic::Reference, Topic::Controls, Topic::Actuators];
-        let others = others.iter().filter_map(|topic| Self::of(*topic, &page.role(*topic).memory, tick));
+        let others = Topic::OF_CONTROLLERS.into_iter();
+        let others = others.filter_map(|topic| Self::of(topic, &page.role(topic).memory, tick));
         Some(std::iter::once(vehicle).chain(others).collect())
     }
 

@@ -46,7 +46,7 @@ pub struct Stepped {
     roles: Simulated,
     sampler: Sampler,
     /// Nodes that answer, in the order of [`Topic::OF_CONTROLLERS`].
-    nodes: [Workers; 3],
+    nodes: Vec<Workers>,
     /// Newest sample, and the provenance of the chains that begin with it.
     sample: (State, Stamp),
     /// Tick of the next sample.
@@ -66,15 +66,15 @@ impl Stepped {
         scenario: &Scenario,
         vehicle: Box<dyn Vehicle>,
         with_checksums: bool,
-        open: [Open; 3],
+        open: [Open; Topic::OF_CONTROLLERS.len()],
     ) -> Result<Self, SessionError> {
         let ring = Ring::new(with_checksums)?;
         let observers = Observers::open(&mut ring.ports(), scenario)?;
         let (member, mut ports) = ring.member(Topic::State, 1, scenario, scenario);
         let sampler = Sampler::open(&mut ports, &member, scenario, vehicle)?;
-        let node = |i: usize| Workers::new(&ring, Topic::OF_CONTROLLERS[i], scenario, open[i]);
+        let node = |(topic, open)| Workers::new(&ring, topic, scenario, open);
         Ok(Self {
-            nodes: [node(0)?, node(1)?, node(2)?],
+            nodes: Topic::OF_CONTROLLERS.into_iter().zip(open).map(node).collect::<Result<_, _>>()?,
             scenario: scenario.clone(),
             observers,
             roles: Simulated::new(scenario),

@@ -6,6 +6,7 @@ use std::any::Any;
 use std::io;
 use std::path::PathBuf;
 
+use contract::topic::NODES;
 use settings::ScenarioError;
 
 use crate::limits::{FILES_NEEDED, HOME_NAMES, IMPLAUSIBLE_ANSWERS, PROBE_LIMIT_NS};
@@ -94,7 +95,7 @@ pub enum SessionError {
         "tick {tick}: the message was ready {response_ms:.3} ms after the sample, past its deadline of {deadline_ms} ms"
     )]
     Late { tick: u64, response_ms: f64, deadline_ms: f64 },
-    #[error("'{0}' is no node of the ring; the nodes are plant, guidance, attitude-mpc and mixer")]
+    #[error("'{0}' is no node of the ring; the nodes are {nodes}", nodes = NODES.join(", "))]
     UnknownNode(String),
     #[error(
         "no place for {node} of epoch {epoch}: the launcher starts the processes of its run itself, one for each place"

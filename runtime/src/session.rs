@@ -88,7 +88,7 @@ impl NodeSession {
     /// A node whose messages this one needs cannot be received.
     pub fn ready(mut self) -> Result<CycleLoop, SessionError> {
         let release = self.become_ready()?;
-        let upstream = (self.member.topic as usize).saturating_sub(1);
+        let upstream = self.member.topic.upstream() as usize;
         Ok(CycleLoop::new(self.member, release, self.scenario.deadline_of(upstream).deadline_ns))
     }
 

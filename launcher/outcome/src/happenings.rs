@@ -189,12 +189,11 @@ impl Mark {
 fn delays(target: FaultTarget, kind: FaultKind) -> [bool; Topic::COUNT] {
     use FaultTarget as T;
     Topic::ALL.map(|topic| match target {
-        T::State => topic != Topic::State,
         T::Mpc => topic == Topic::Controls,
         T::Clock | T::Host => true,
         target => match (target.process(), target.topic()) {
             (Some(process), _) => topic == process || kind == FaultKind::Hog,
-            (None, Some(sent)) => topic as usize == (sent as usize + 1) % Topic::COUNT,
+            (None, Some(sent)) => sent.listeners().contains(&topic),
             (None, None) => false,
         },
     })

@@ -24,13 +24,6 @@ pub struct Disturbed {
     pub what: String,
 }
 
-/// Nodes that answer to the plant, in the order of the ring, with what each reads.
-const ANSWERS: [(Topic, &[Topic]); 3] = [
-    (Topic::Reference, &[Topic::State]),
-    (Topic::Controls, &[Topic::State, Topic::Reference]),
-    (Topic::Actuators, &[Topic::State, Topic::Controls]),
-];
-
 /// Returns every disturbed tick since the script begins, except the last, whose command has no sample after it.
 pub fn disturbed(recording: &Recording, script: &Script) -> Vec<Disturbed> {
     let Some(plant) = process_of(script, Topic::State, 1) else { return vec![] };
@@ -63,12 +56,12 @@ fn look_at(recording: &Recording, script: &Script, plant: &Process, tick: u64) -
         return disturbed(Topic::State, what);
     }
     let mut read = vec![Key { topic: Topic::State, epoch: 1, tick }];
-    for (topic, sources) in ANSWERS {
+    for topic in Topic::OF_CONTROLLERS {
         let Some((process, cycle)) = active_cycle(script, topic, tick) else {
             return disturbed(topic, "did not answer".into());
         };
-        for source in sources {
-            let used = cycle.inputs[*source as usize].map(|read| read.key);
+        for source in topic.sources() {
+            let used = cycle.inputs[source as usize].map(|read| read.key);
             if !used.is_some_and(|used| read.contains(&used)) {
                 let used = used.map_or("none".into(), |used| format!("that of tick {}", used.tick));
                 return disturbed(topic, format!("answered without the {} of this tick: it had {used}", source.name()));
@@ -118,12 +111,12 @@ fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
     let mut read = [None; Topic::COUNT];
     read[Topic::State as usize] = Some(Read { key: Key { topic: Topic::State, epoch: 1, tick }, unharmed: true });
     let sample_ns = script.processes[plant].cycle(tick).map_or(0, |sample| sample.sample_ns);
-    for (topic, sources) in ANSWERS {
+    for topic in Topic::OF_CONTROLLERS {
         let Some(i) = worker_at(script, topic, tick) else { return };
         forget_late_answers(script, i, tick);
         let process = &mut script.processes[i];
         let at = process.cycles.partition_point(|cycle| cycle.tick < tick);
-        let inputs = Topic::ALL.map(|topic| read[topic as usize].filter(|_| sources.contains(&topic)));
+        let inputs = Topic::ALL.map(|input| read[input as usize].filter(|_| input.listeners().contains(&topic)));
         let publish_ns = sample_ns + usual.response_ns[topic as usize];
         let faults = process.cycles[..at].last().map_or(0, |before| before.faults);
         let ordered =

@@ -58,8 +58,7 @@ impl Program {
         let children = Children::new(own.domain(), None);
         let program = scenario.node.of(topic).clone();
         let request = SpawnRequest { topic: Some(topic), epoch: 1, program: Some(&program), ..SpawnRequest::default() };
-        let read = [Topic::State, Topic::Reference, Topic::Controls].into_iter().filter(|other| *other != topic);
-        let senders = read.map(|other| Ok((other, sender::open(&mut ports, other, 1)?)));
+        let senders = topic.sources().map(|other| Ok((other, sender::open(&mut ports, other, 1)?)));
         let mut started = Self {
             topic,
             senders: senders.collect::<Result<_, SessionError>>()?,

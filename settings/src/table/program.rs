@@ -133,7 +133,12 @@ impl Nodes {
 
     /// Settings of the node that publishes `topic`.
     pub fn of(&self, topic: Topic) -> &NodeSettings {
-        [&self.plant, &self.guidance, &self.attitude_mpc, &self.mixer][topic as usize]
+        match topic {
+            Topic::State => &self.plant,
+            Topic::Reference => &self.guidance,
+            Topic::Controls => &self.attitude_mpc,
+            Topic::Actuators => &self.mixer,
+        }
     }
 
     /// Settings of the node that publishes `topic`, to be changed.

@@ -60,7 +60,12 @@ impl Cycles {
 
     /// Returns the times from publication to start, for the three nodes that wait for a message \[ns\].
     pub fn hops_ns(&self) -> Vec<u64> {
-        let hops = |slot: Slot| [1, 2, 3].map(|node| slot.of[node].start_ns.saturating_sub(slot.of[node].release_ns));
+        let hops = |slot: Slot| {
+            Topic::OF_CONTROLLERS.map(|topic| {
+                let stamp = &slot.of[topic as usize];
+                stamp.start_ns.saturating_sub(stamp.release_ns)
+            })
+        };
         self.applied().flat_map(hops).collect()
     }
 

@@ -101,7 +101,7 @@ fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
     let bars = |(figure, (name, style)): (&str, (&str, Option<&'static str>))| {
         let (style, histogram) = (style?, node.figures.get(figure)?.clone());
         let caption = match figure {
-            "hop" => format!("hop from {}", Topic::ALL[node.topic as usize - 1].publisher()),
+            "hop" => format!("hop from {}", node.topic.upstream().publisher()),
             _ => name.to_owned(),
         };
         let deadline_ns = (figure == "response").then_some(node.deadline.deadline_ns);
