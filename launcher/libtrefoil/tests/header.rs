@@ -6,7 +6,7 @@ use std::process::Command;
 const SOURCES: [&str; 4] = ["src/sizes.rs", "src/process.rs", "src/plant.rs", "src/stepped.rs"];
 
 fn include() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("foreign/").join("include")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../foreign/include")
 }
 
 /// Drops what is for callers in Rust: sections `# Safety`, and the marks of links.
