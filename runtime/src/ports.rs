@@ -11,11 +11,13 @@ use crate::domain::Domain;
 use crate::error::{PortError, SessionError};
 use crate::limits::{PROBE_LIMIT_NS, PROBE_PERIOD_NS, RECONNECT_NS, RECONNECTS};
 #[cfg(target_os = "linux")]
-use crate::port::{Bus, ReceivePort, SendPort};
+use crate::port::Bus;
+use crate::port::{ReceivePort, SendPort};
 use crate::queue::Queues;
 use crate::realtime::{self, ControlPage, now_ns, phase};
 use crate::shared_role::VACANT;
 use contract::message::{Message, Payload, Stamp, State, Truth};
+#[cfg(target_os = "linux")]
 use settings::Scenario;
 
 /// Transport of the messages.
