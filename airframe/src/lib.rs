@@ -22,8 +22,8 @@
 //! the paper prints "RPM" beside constants that only make sense in another unit, so the unit is called
 //! *rotor speed unit* here and never converted (see [`parameters`]).
 //!
-//! This crate has no processes, messages or files, and depends on no other crate of the
-//! stack except `qp` and `contract`.
+//! This crate has no processes or files, and depends on no other crate of the stack except `qp` and `contract`, of
+//! which it uses [`Actuation`](contract::actuation::Actuation) alone.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 

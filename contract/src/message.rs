@@ -8,9 +8,9 @@
 
 use std::mem::offset_of;
 
-use crate::actuation::Actuation;
 use bytemuck::{Pod, Zeroable};
 
+use crate::actuation::Actuation;
 use crate::integrity::checksum;
 use crate::{Topic, messages};
 use field::{Field, HasShape, Mark, Shape};

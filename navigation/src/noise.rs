@@ -1,6 +1,6 @@
 //! Errors that the filter expects of its sensors, and of its estimate at the start.
 //!
-//! What a sensor measures too much is a first-order Gauss-Markov process ([`Wander`]), as in section 3.6 of Groves,
+//! The systematic error of a sensor is a first-order Gauss-Markov process ([`Wander`]), as in section 3.6 of Groves,
 //! *Principles of GNSS, inertial, and multisensor integrated navigation systems* (2013): drift of the receiver, bias of
 //! the barometer, and the vehicle's own field (hard iron). The declination is a constant.
 

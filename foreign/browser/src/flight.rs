@@ -4,6 +4,7 @@ use std::array::from_fn;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use contract::message::{PlantStatus, State};
+use contract::topic::Topic;
 use guidance::Trajectory;
 use plant::tricopter::Tricopter;
 use ring::count::Count;
@@ -39,7 +40,8 @@ pub fn fly(settings: &str) -> String {
         Err(error) => return refused(&error),
     };
     let mut course = Course::new(&scenario);
-    let ring = Stepped::new(&scenario, Box::new(Tricopter::new(&scenario)), true, [nodes::open; 3]);
+    let ring =
+        Stepped::new(&scenario, Box::new(Tricopter::new(&scenario)), true, [nodes::open; Topic::OF_CONTROLLERS.len()]);
     let flown = ring.and_then(|ring| {
         let watch = |record: &Record| {
             course.observe(record);

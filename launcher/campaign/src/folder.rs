@@ -15,7 +15,7 @@
 use std::collections::HashSet;
 use std::ffi::OsString;
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, ensure};
 use folder::dir::Dir;
@@ -93,11 +93,6 @@ impl CampaignFolder {
     /// Returns whether a campaign was begun in the folder `path`.
     pub fn is_there(path: &Path) -> bool {
         Dir::open(path).is_ok_and(|dir| dir.has(LAYOUT))
-    }
-
-    /// Path of a shard, for messages.
-    pub fn path_of(&self, index: u64) -> PathBuf {
-        self.shards.at(shard::name(index))
     }
 
     /// Lists the shards that are not there.

@@ -33,5 +33,5 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
 /// Something derived from `scenario`, such as the gain of the controller, does not exist. Only the values of `scenario`
 /// itself need to have been checked.
 pub fn ring(scenario: &Scenario, with_checksums: bool) -> Result<Stepped, SessionError> {
-    Stepped::new(scenario, vehicle(scenario)?, with_checksums, [open; 3])
+    Stepped::new(scenario, vehicle(scenario)?, with_checksums, [open; Topic::OF_CONTROLLERS.len()])
 }

@@ -9,20 +9,7 @@ use flight::log::Record;
 use flight::stack::{Ended, Flown, Stack, StartError};
 use outcome::judge::Verdict;
 use outcome::summary::Summary;
-use settings::{Bounds, Scenario, from_merged};
-
-/// Largest distance from the reference at the end of a flight that survived \[m\].
-pub const SURVIVED_M: f64 = 1.0;
-
-/// Bounds of a flight that counts as survived: back at its reference in the end, whatever happened on the way.
-pub fn survival() -> Bounds {
-    Bounds {
-        max_position_error_m: Some(f64::INFINITY),
-        max_fallback_s: Some(f64::INFINITY),
-        final_position_error_m: Some(SURVIVED_M),
-        ..Bounds::default()
-    }
-}
+use settings::{Scenario, from_merged};
 
 /// Flies `scenario` to its end by one thread; `watch` is given every message.
 pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Verdict) {

@@ -83,7 +83,7 @@ impl Program {
     /// Sends `message` to the program, as the newest of its topic.
     pub fn read(&mut self, message: &Record) {
         let Some((of, _)) = message.stamped() else { return };
-        let Some(sender) = self.senders.get(&of) else { return }; // no node reads it but the plant
+        let Some(sender) = self.senders.get(&of) else { return }; // the program does not listen to it
         let number = &mut self.sent[of as usize];
         *number += 1;
         sender(&message.with_stamp(|stamp| (stamp.epoch, stamp.sequence) = (1, *number)));

@@ -20,7 +20,7 @@ const READ_WRITE: ProtFlags = ProtFlags::READ.union(ProtFlags::WRITE);
 /// Type that processes may share.
 ///
 /// # Safety
-/// It is made of atomics only: every bit pattern is valid, and writes by another process are defined.
+/// The type is made of atomics only: every bit pattern is valid, and writes by another process are defined.
 pub unsafe trait Shared {}
 
 // SAFETY: it is made of atomics only.
