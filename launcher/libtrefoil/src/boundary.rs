@@ -121,6 +121,29 @@ pub unsafe fn write_error(why: &str, error: *mut c_char, error_bytes: usize) {
     unsafe { std::ptr::copy_nonoverlapping(text.as_ptr().cast(), error, text.len()) };
 }
 
+/// Gives a new handle to C; of a failure NULL, and its reason to `error`, of `error_bytes`.
+///
+/// # Safety
+/// As for [`write_error`].
+pub unsafe fn handed<T>(opened: Result<T, Failure>, error: *mut c_char, error_bytes: usize) -> *mut T {
+    match opened {
+        Ok(handle) => Box::into_raw(Box::new(handle)),
+        Err(failure) => {
+            // SAFETY: the caller says so.
+            unsafe { write_error(&failure.why, error, error_bytes) };
+            std::ptr::null_mut()
+        }
+    }
+}
+
+/// Returns the code for a result, and keeps the reason of a failure in `error`.
+pub fn code(result: Result<i32, Failure>, error: &mut CString) -> i32 {
+    result.unwrap_or_else(|Failure { why, exit_code }| {
+        *error = c_text(&why);
+        -i32::from(exit_code)
+    })
+}
+
 /// Frees what [`Box::into_raw`] gave to C; nothing if it is null.
 ///
 /// # Safety

@@ -22,7 +22,7 @@ use runtime::process::die_with_launcher;
 use runtime::realtime::ThisProcess;
 use runtime::session::NodeSession;
 
-use crate::boundary::{Failure, c_text, free, given, guarded, taken, text, texts, topic_of, write_error};
+use crate::boundary::{Failure, code, free, given, guarded, handed, taken, text, texts, topic_of};
 
 /// Process of a node that has joined a run.
 pub struct TrefoilSession {
@@ -100,14 +100,6 @@ impl TrefoilSession {
         cycles.done(sample.tick, &self.node.memory());
         Ok(())
     }
-
-    /// Returns the code for a result, and keeps the reason of a failure.
-    fn code(&mut self, result: Result<i32, Failure>) -> i32 {
-        result.unwrap_or_else(|Failure { why, exit_code }| {
-            self.error = c_text(&why);
-            -i32::from(exit_code)
-        })
-    }
 }
 
 /// Joins the run that the launcher has started this program for, as `node`, by the launcher's arguments among these.
@@ -146,14 +138,8 @@ pub unsafe extern "C" fn trefoil_join(
         let (node, arguments) = unsafe { (text(node, "the node's name")?, texts(argv, argc.max(0) as usize, "argv")?) };
         TrefoilSession::join(node, &arguments)
     });
-    match joined {
-        Ok(session) => Box::into_raw(Box::new(session)),
-        Err(failure) => {
-            // SAFETY: the caller gives room for the reason.
-            unsafe { write_error(&failure.why, error, error_bytes) };
-            std::ptr::null_mut()
-        }
-    }
+    // SAFETY: the caller gives room for the reason.
+    unsafe { handed(joined, error, error_bytes) }
 }
 
 /// Returns vehicle and settings; valid until `trefoil_leave`.
@@ -180,7 +166,7 @@ pub unsafe extern "C" fn trefoil_memory(session: *mut TrefoilSession, memory: *m
     let session = unsafe { &mut *session };
     // SAFETY: the caller gives `bytes` of memory.
     let taken = guarded(|| session.take_over(unsafe { taken(memory, bytes, "memory") }?));
-    session.code(taken.map(|bytes| bytes as i32))
+    code(taken.map(|bytes| bytes as i32), &mut session.error)
 }
 
 /// Waits for the next sample to answer, and writes it to `input`, of `bytes`: the size of the node's type in
@@ -201,7 +187,7 @@ pub unsafe extern "C" fn trefoil_next(session: *mut TrefoilSession, input: *mut 
         // SAFETY: the caller gives `bytes` of memory.
         session.next(unsafe { taken(input, bytes, "input") }?)
     });
-    session.code(next.map(i32::from))
+    code(next.map(i32::from), &mut session.error)
 }
 
 /// Gives `memory`, of at most `TREFOIL_MEMORY_BYTES`, to the process that continues after this one. Call it before
@@ -223,7 +209,7 @@ pub unsafe extern "C" fn trefoil_remember(session: *mut TrefoilSession, memory: 
         session.node.remember(unsafe { given(memory, bytes, "memory") }?);
         Ok(0)
     });
-    session.code(remembered)
+    code(remembered, &mut session.error)
 }
 
 /// Sends `answer`, of `bytes`: the size of the node's type in `trefoil.h`. Returns 0, or below 0 as `trefoil_next`.
@@ -240,7 +226,7 @@ pub unsafe extern "C" fn trefoil_send(session: *mut TrefoilSession, answer: *con
         // SAFETY: the caller gives `bytes` of memory.
         session.send(unsafe { given(answer, bytes, "answer") }?)
     });
-    session.code(sent.map(|()| 0))
+    code(sent.map(|()| 0), &mut session.error)
 }
 
 /// Returns the reason of the last error; valid until the next call.

@@ -24,7 +24,7 @@ use runtime::node::Node;
 use runtime::ports::Ports;
 use settings::{Mode, ProgramKind, Scenario};
 
-use crate::boundary::{Failure, c_text, free, given, guarded, taken, text, texts, topic_of, write_error};
+use crate::boundary::{Failure, c_text, code, free, given, guarded, handed, taken, text, texts, topic_of};
 use crate::process::fits;
 
 /// Flight whose caller is one of its nodes.
@@ -130,14 +130,6 @@ impl TrefoilFlight {
         self.record = c_text(&record.to_string());
         Ok(())
     }
-
-    /// Returns the code for a result, and keeps the reason of a failure.
-    fn code(&mut self, result: Result<i32, Failure>) -> i32 {
-        result.unwrap_or_else(|Failure { why, exit_code }| {
-            self.error = c_text(&why);
-            -i32::from(exit_code)
-        })
-    }
 }
 
 /// Place of `topic` in [`Topic::OF_CONTROLLERS`].
@@ -192,14 +184,8 @@ pub unsafe extern "C" fn trefoil_flight_open(
         let (given, node) = unsafe { (texts(settings, count, "settings")?, text(node, "the node's name")?) };
         TrefoilFlight::open(file, &given, node)
     });
-    match opened {
-        Ok(flight) => Box::into_raw(Box::new(flight)),
-        Err(failure) => {
-            // SAFETY: the caller gives room for the reason.
-            unsafe { write_error(&failure.why, error, error_bytes) };
-            std::ptr::null_mut()
-        }
-    }
+    // SAFETY: the caller gives room for the reason.
+    unsafe { handed(opened, error, error_bytes) }
 }
 
 /// Returns vehicle and settings; valid until `trefoil_flight_close`.
@@ -229,7 +215,7 @@ pub unsafe extern "C" fn trefoil_flight_next(flight: *mut TrefoilFlight, input: 
         // SAFETY: the caller gives `bytes` of memory.
         flight.next(unsafe { taken(input, bytes, "input") }?)
     });
-    flight.code(next.map(i32::from))
+    code(next.map(i32::from), &mut flight.error)
 }
 
 /// Sends `answer`, of `bytes`: the size of the node's type in `trefoil.h`. Returns 0, or below 0 on an error.
@@ -246,7 +232,7 @@ pub unsafe extern "C" fn trefoil_flight_answer(flight: *mut TrefoilFlight, answe
         // SAFETY: the caller gives `bytes` of memory.
         flight.answer(unsafe { given(answer, bytes, "answer") }?)
     });
-    flight.code(answered.map(|()| 0))
+    code(answered.map(|()| 0), &mut flight.error)
 }
 
 /// Returns the record of the flight: run.json as text, with `stepped`, the caller's node. A flight that is not over
@@ -260,7 +246,7 @@ pub unsafe extern "C" fn trefoil_flight_record(flight: *mut TrefoilFlight) -> *c
     // SAFETY: the flight lives until `trefoil_flight_close`, and is used from one thread.
     let flight = unsafe { &mut *flight };
     let ended = guarded(|| flight.end());
-    match flight.code(ended.map(|()| 0)) {
+    match code(ended.map(|()| 0), &mut flight.error) {
         0 => flight.record.as_ptr(),
         _ => std::ptr::null(),
     }
