@@ -3,14 +3,7 @@
 use runtime::console::eprint_line;
 use settings::plan::{Demand, Planned, range_m};
 use settings::{Scenario, TrajectoryKind, mission_warnings, plan, word};
-
-/// Names and units of the columns.
-const COLUMNS: [&str; 8] = ["begins s", "takes s", "m/s", "up, down m/s", "m/s2", "tilt deg", "thrust g", "turn deg/s"];
-
-/// Width of a column of ranges.
-const RANGE_CHARS: usize = 16;
-/// Names of the columns of the reach.
-const REACH: [&str; 6] = ["north m", "its points", "east m", "its points", "down m", "its points"];
+use view::table::Table;
 
 /// Describes the parts of the mission, the limits of the vehicle, and the reach of each part beside that of its points,
 /// as tables; `None` for any other trajectory.
@@ -19,41 +12,28 @@ pub fn describe(scenario: &Scenario) -> Option<String> {
         return None;
     }
     let (plan, limits) = (plan::build(scenario), plan::limits(scenario));
-    let mut text = format!("mission of {:.1} s:\n", plan.duration_s());
-    let mut line =
-        |name: &str, cells: [String; 8]| text += &row(name, &cells, &COLUMNS.map(|column| column.len().max(9)));
-    let sizes = |[begins, takes]: [String; 2], demand: Demand| {
+    let sizes = |name: String, times: [String; 2], demand: Demand| -> Vec<String> {
         let [least, most] = demand.thrust_mps2.map(|thrust| thrust / limits.g_mps2);
-        [
-            begins,
-            takes,
-            number(demand.speed_mps),
-            number(demand.vertical_mps),
-            number(demand.acceleration_mps2),
-            number(demand.tilt_rad.to_degrees()),
-            format!("{least:.2}-{most:.2}"),
-            number(demand.turn_radps.to_degrees()),
-        ]
+        let speeds = [demand.speed_mps, demand.vertical_mps, demand.acceleration_mps2].map(number);
+        let angles = [number(demand.tilt_rad.to_degrees()), format!("{least:.2}-{most:.2}")];
+        let turn = number(demand.turn_radps.to_degrees());
+        [name].into_iter().chain(times).chain(speeds).chain(angles).chain([turn]).collect()
     };
-    line("", COLUMNS.map(str::to_owned));
-    line("the vehicle has", sizes(Default::default(), limits.most));
-    line("curves may use", sizes(Default::default(), limits.share(scenario.mission.limits.share).most));
+    let of_vehicle = |name: &str, demand| sizes(name.into(), [(); 2].map(|()| "-".into()), demand);
+    let share = scenario.mission.limits.share;
+    let mut asked =
+        vec![of_vehicle("the vehicle has", limits.most), of_vehicle("curves may use", limits.share(share).most)];
+    let mut reached = vec![];
     for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
+        let name = format!("{i} {}", word(part.kind));
         let times = [planned.begins_s, planned.curve.duration_s()].map(number);
-        line(&format!("{i} {}", word(part.kind)), sizes(times, planned.demand(&limits)));
+        asked.push(sizes(name.clone(), times, planned.demand(&limits)));
+        reached.push([name].into_iter().chain(reach(planned, part.points_m.as_deref())).collect());
     }
-    let widths = REACH.map(|_| RANGE_CHARS);
-    text += &row("", &REACH.map(str::to_owned), &widths);
-    for (i, (part, planned)) in scenario.mission.part.iter().zip(plan.parts()).enumerate() {
-        text += &row(&format!("{i} {}", word(part.kind)), &reach(planned, part.points_m.as_deref()), &widths);
-    }
-    Some(text)
-}
-
-/// Formats a line of a table.
-fn row(name: &str, cells: &[String], widths: &[usize]) -> String {
-    let cells = cells.iter().zip(widths);
-    cells.fold(format!("  {name:<16}"), |line, (cell, width)| line + &format!("  {cell:>width$}")) + "\n"
+    let title = format!("mission of {:.1} s:", plan.duration_s());
+    let asks = ["", "begins s", "takes s", "m/s", "up, down m/s", "m/s2", "tilt deg", "thrust g", "turn deg/s"];
+    let axes = ["", "north m", "its points", "east m", "its points", "down m", "its points"];
+    Some(Table::new(&title, &asks, asked).text() + "\n" + &Table::new("reach:", &axes, reached).text())
 }
 
 /// Formats the range of a part on each axis, and of its points with the place where it begins.
