@@ -53,37 +53,6 @@ fn flights_of_any_length_rate_and_mode_are_laid_side_by_side_and_over_each_other
 }
 
 #[test]
-fn flights_are_aligned_on_an_event_or_on_times() {
-    let killed = |at_s: &str| {
-        let fault = format!("fault=[{{ at_s = {at_s}, target = \"mixer\", kind = \"kill\" }}]");
-        fly(&["--mode", "inprocess", "--set", "run.duration_s=2.0", "--set", &fault])
-    };
-    let (early, late) = (killed("0.5"), killed("1.25"));
-    let begins = |align: &str| -> Vec<f64> {
-        let output = compare(&[&early.out, &late.out], &["--align", align]);
-        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-        let html = std::fs::read_to_string(early.out.with_file_name("compare.html")).expect("the page");
-        let after = html.split("\"begin_s\":").skip(1);
-        after
-            .map(|rest| rest.split([',', '}']).next().and_then(|number| number.parse().ok()).expect("a number"))
-            .collect()
-    };
-    for event in ["died:mixer", "kill:mixer", "0.5s,1.25s"] {
-        assert_eq!(begins(event), [-0.5, -1.25], "{event}");
-    }
-    for (align, told) in [
-        ("died:guidance", "has no died:guidance to align; it has died:mixer, kill:mixer, started:mixer"),
-        ("1.0s", "1 times for 2 runs"),
-        ("soon", "for example died:mixer"),
-        ("1,2", "'1' has no unit: say 1s or 1ms"),
-    ] {
-        let output = compare(&[&early.out, &late.out], &["--align", align]);
-        let said = text(&output);
-        assert!(output.status.code() == Some(2) && said.contains(told), "{align}: {said}");
-    }
-}
-
-#[test]
 fn a_torn_log_is_compared_as_far_as_it_goes() {
     let [whole, torn] = [(); 2].map(|()| fly(&["--mode", "inprocess", "--set", "run.duration_s=4.0"]));
     let log = torn.out.join("flight.mcap");

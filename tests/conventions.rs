@@ -108,7 +108,6 @@ fn a_shipped_scenario_flies_by_its_name_in_any_folder_and_a_file_of_that_name_wi
         (&["inject", "controls", "drop", "--for", "500", "ms"], "a time is one word: 500ms"),
         (&["inject", "controls", "drop", "--for", "500"], "'500' has no unit: say 500s or 500ms"),
         (&["report", "runs/x", "--from", "5"], "'5' has no unit: say 5s or 5ms"),
-        (&["compare", "runs/x", "runs/y", "--align", "8,12"], "'8' has no unit"),
     ] {
         let output = run(launcher().current_dir(folder.path()).args(arguments));
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();

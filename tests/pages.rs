@@ -172,7 +172,7 @@ fn the_pages_of_explain_and_compare_can_be_read() {
     let paper = ["profile=paper", "run.command_delay_ms=1.0", "guidance.disturbance_observer_radps=0"];
     let (one, other) = (busy(&[]), busy(&paper.map(|set| ["--set", set]).concat()));
     run(&["explain", "--all"], &[&one.out]);
-    run(&["compare", "--align", "kill:mixer"], &[&one.out, &other.out]);
+    run(&["compare"], &[&one.out, &other.out]);
     look_at(&[&one.out.join("explain.html"), &one.out.with_file_name("compare.html")]);
 }
 

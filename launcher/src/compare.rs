@@ -6,7 +6,7 @@ use anyhow::Context;
 use contract::exit;
 use folder::files::{named_file, write_whole};
 use runtime::console::print;
-use view::comparison::{Align, Comparison};
+use view::comparison::Comparison;
 
 /// Arguments of `compare`.
 #[derive(clap::Args)]
@@ -18,16 +18,12 @@ pub struct CompareArgs {
     /// File for the page [default: compare.html beside the folder of the first run]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Draw the runs so that this lies at time zero in each: the first event or fault of a kind, WHAT:NODE as in
-    /// run.json (died:mixer, took-over:attitude-mpc, gust:wind), or a time of each run (8s,12.5s)
-    #[arg(long, value_name = "EVENT", allow_hyphen_values = true)]
-    align: Option<Align>,
 }
 
 /// Prints what differs between the runs, and writes the page.
 pub fn compare(args: &CompareArgs) -> anyhow::Result<u8> {
     let page = args.out.as_deref().map_or_else(|| beside_first(args), |out| named_file(out, "html"))?;
-    let comparison = Comparison::read(&args.runs, args.align.as_ref())?;
+    let comparison = Comparison::read(&args.runs)?;
     print(&comparison.text());
     write_whole(&page, comparison.page().as_bytes()).context("give another file with --out")?;
     print(&format!("\nwritten to {}\n", page.display()));

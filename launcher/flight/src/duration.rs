@@ -20,7 +20,7 @@ pub fn seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a duration as [`seconds`] does, with an optional minus sign.
-pub fn signed_seconds(text: &str) -> Result<f64, String> {
+fn signed_seconds(text: &str) -> Result<f64, String> {
     text.trim().strip_prefix('-').map_or_else(|| seconds(text), |before| seconds(before).map(|before_s| -before_s))
 }
 

@@ -99,21 +99,6 @@ impl Happenings {
         all
     }
 
-    /// Returns all of it at times that are `by_s` later \[s\].
-    #[must_use]
-    pub fn moved(&self, by_s: f64) -> Self {
-        let mut moved = self.clone();
-        let Self { faults, events, absences, phases } = &mut moved;
-        for span in faults.iter_mut().chain(absences).chain(phases) {
-            span.from_s += by_s;
-            span.to_s = span.to_s.map(|to_s| to_s + by_s);
-        }
-        for mark in events {
-            mark.at_s += by_s;
-        }
-        moved
-    }
-
     /// Returns the time until which a span can delay cycles: a moment as long as the node that it took down is down;
     /// `None` if that has no end.
     fn acts_until_s(&self, span: &Span) -> Option<f64> {

@@ -1,12 +1,6 @@
 //! `compare`: several flights side by side. What differs between their settings, what they came to, and when their
 //! nodes worked, as tables for terminal and page; on the page their paths and courses too, laid over each other, with
 //! what happened to each.
-//!
-//! | module | holds |
-//! |---|---|
-//! | `align` | the instants that lie on each other |
-
-mod align;
 
 use std::path::{Path, PathBuf};
 
@@ -28,8 +22,6 @@ use outcome::recorded::{Part, Recorded};
 use outcome::ticks::Joined;
 use outcome::timing::Timing;
 use serde_json::{Value, json};
-
-pub use align::Align;
 
 /// Table with a row for each metric and a column for each flight, named by `titles`.
 pub fn metrics(titles: &[&str], flights: &[Metrics]) -> Table {
@@ -70,8 +62,6 @@ const DEGREES: &str = "deg";
 /// Flights side by side.
 pub struct Comparison {
     flights: Vec<Flight>,
-    /// Event whose times lie on each other, for people; `None` if the flights are not aligned.
-    aligned: Option<String>,
 }
 
 /// One flight of a comparison.
@@ -82,8 +72,6 @@ struct Flight {
     columns: Columns,
     /// Settings, with what was ordered while it flew.
     scenario: Scenario,
-    /// Time that is drawn as zero \[s\].
-    zero_s: f64,
 }
 
 impl Flight {
@@ -96,7 +84,7 @@ impl Flight {
     fn encoded(&self, with_mission: bool) -> FlightColumns {
         let flown = PICTURES.iter().map(|(_, unit, _, name, _)| (*name, *unit == DEGREES));
         let wanted = PICTURES.iter().filter_map(|(.., wanted)| *wanted).filter(|_| with_mission);
-        self.columns.encoded(flown.chain(wanted.map(|name| (name, false))), -self.zero_s, self.scenario.sample_s())
+        self.columns.encoded(flown.chain(wanted.map(|name| (name, false))), 0.0, self.scenario.sample_s())
     }
 
     /// Name, mode and end of the flight.
@@ -118,11 +106,11 @@ impl Flight {
 }
 
 impl Comparison {
-    /// Reads the flights in these folders, for an axis of time on which the instants of `align` lie on each other.
+    /// Reads the flights in these folders.
     ///
     /// # Errors
-    /// A flight cannot be read, is named twice, or has no such instant.
-    pub fn read(runs: &[PathBuf], align: Option<&Align>) -> anyhow::Result<Self> {
+    /// A flight cannot be read, or is named twice.
+    pub fn read(runs: &[PathBuf]) -> anyhow::Result<Self> {
         let begin = |scenario: &Scenario| (Joined::new(scenario, 0), Columns::new(scenario, 0));
         let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Columns)> {
             let mut gathered = None;
@@ -146,15 +134,11 @@ impl Comparison {
                 bail!("{} is named twice; name different runs", runs[i].display());
             }
         }
-        let records: Vec<_> = read.iter().map(|(recorded, _)| &recorded.run).collect();
-        let titles = titles(&places);
-        let zeros_s = align.map_or(Ok(vec![0.0; read.len()]), |align| align.zeros_s(&titles, &records))?;
-        let flight = |(((recorded, columns), title), zero_s): (((Recorded, Columns), String), f64)| {
+        let flight = |((recorded, columns), title): ((Recorded, Columns), String)| {
             let scenario = recorded.flown();
-            Flight { title, recorded, columns, scenario, zero_s }
+            Flight { title, recorded, columns, scenario }
         };
-        let flights = read.into_iter().zip(titles).zip(zeros_s).map(flight).collect();
-        Ok(Self { flights, aligned: align.map(Align::describe) })
+        Ok(Self { flights: read.into_iter().zip(titles(&places)).map(flight).collect() })
     }
 
     /// Describes what the logs lack, one text for each log that is not whole.
@@ -269,12 +253,8 @@ impl Comparison {
             Some(json!({ "y": y, "label": format!("bound of {}", flight.title) }))
         };
         let happened: Vec<_> = self.flights.iter().map(|flight| flight.recorded.run.happenings()).collect();
-        let happened: Vec<_> = self
-            .flights
-            .iter()
-            .zip(&happened)
-            .map(|(flight, happened)| (flight.title.as_str(), happened, -flight.zero_s))
-            .collect();
+        let happened: Vec<_> =
+            self.flights.iter().zip(&happened).map(|(flight, happened)| (flight.title.as_str(), happened)).collect();
         let plots = TimePlots {
             flights: flights.clone().map(|(i, flight)| flight.encoded(draws_mission(i))).collect(),
             happened: draw::happened(&happened),
@@ -282,12 +262,9 @@ impl Comparison {
             plots: PICTURES.iter().map(plot).collect(),
             paths: true,
         };
-        let aligned = self.aligned.as_ref().map_or(String::new(), |what| {
-            format!(" Time counts from {}: the flights are moved so that it lies on itself.", escape(what))
-        });
         format!(
             "<section><h2>The flights over each other</h2><p class=\"hint\">True motion. World axes are north, east, down; \
-             body axes forward, right, down. Each flight has a colour and a kind of line.{aligned} Drag across a plot to \
+             body axes forward, right, down. Each flight has a colour and a kind of line. Drag across a plot to \
              zoom all of them, double-click to see all again. {}</p>{}</section>",
             draw::HAPPENED_HINT,
             plots.html()
@@ -299,7 +276,7 @@ impl Comparison {
     fn mission_drawn_from(&self, i: usize) -> usize {
         let same = |j: &usize| {
             let [one, other] = [i, *j].map(|i| &self.flights[i]);
-            one.scenario.mission == other.scenario.mission && one.zero_s == other.zero_s
+            one.scenario.mission == other.scenario.mission
         };
         let longest = (0..self.flights.len()).filter(same).rev();
         let flown_s = |flight: &usize| self.flights[*flight].recorded.summary.time_s();

@@ -176,7 +176,7 @@ impl Shown<'_> {
         };
         TimePlots {
             flights: vec![columns(&flight), columns(&cost.without_m)],
-            happened: draw::happened(&[("", self.happened, 0.0)]),
+            happened: draw::happened(&[("", self.happened)]),
             lines: serde_json::Value::Null,
             plots: vec![plot],
             paths: false,

@@ -105,7 +105,7 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
             dt_s: every as f64 * scenario.sample_s(),
             columns: values.iter().map(|(name, values)| ((*name).to_owned(), draw::column(values.clone()))).collect(),
         }],
-        happened: draw::happened(&[("", &happened, 0.0)]),
+        happened: draw::happened(&[("", &happened)]),
         lines: bound(scenario),
         plots: PLOTS.iter().map(plot).collect(),
         paths: false,

@@ -130,14 +130,13 @@ pub fn column(values: impl IntoIterator<Item = f32>) -> Value {
     BASE64_STANDARD.encode(bytes).into()
 }
 
-/// Merges what happened to flights, each with its name and the time \[s\] by which it is shifted, for one time
-/// axis. What happened to several alike stands once, with their names unless it happened to all; what happened to
-/// one has its colour too.
-pub fn happened(flights: &[(&str, &Happenings, f64)]) -> Value {
-    let moved: Vec<Value> = flights.iter().map(|(_, happened, by_s)| json!(happened.moved(*by_s))).collect();
-    let titles: Vec<&str> = flights.iter().map(|(title, ..)| *title).collect();
+/// Merges what happened to flights, each with its name, for one time axis. What happened to several alike stands once,
+/// with their names unless it happened to all; what happened to one has its colour too.
+pub fn happened(flights: &[(&str, &Happenings)]) -> Value {
+    let (titles, told): (Vec<&str>, Vec<Value>) =
+        flights.iter().map(|(title, happened)| (*title, json!(happened))).unzip();
     let kinds = [("faults", "what"), ("absences", "what"), ("phases", "what"), ("events", "node")];
-    kinds.into_iter().map(|(kind, named)| (kind, merged(&titles, &moved, kind, named))).collect()
+    kinds.into_iter().map(|(kind, named)| (kind, merged(&titles, &told, kind, named))).collect()
 }
 
 /// Merges the items of one kind; `named` is the field that gets the names of the flights.
@@ -183,16 +182,14 @@ mod tests {
     #[test]
     fn what_happened_to_all_flights_alike_stands_once_and_the_rest_has_the_name_of_its_flight() {
         let (one, other) = (flight(&[("gust", 1.0), ("kill", 2.0)]), flight(&[("gust", 1.0), ("kill", 3.0)]));
-        let told = happened(&[("a", &one, 0.0), ("b", &other, 0.0)]);
+        let told = happened(&[("a", &one), ("b", &other)]);
         let words: Vec<_> = told["faults"].as_array().unwrap().iter().map(|fault| &fault["what"]).collect();
         assert_eq!(words, ["gust", "a: kill", "b: kill"]);
         assert_eq!((&told["faults"][0]["flight"], &told["faults"][2]["flight"]), (&Value::Null, &json!(1)));
-        let aligned = happened(&[("a", &one, -2.0), ("b", &other, -3.0)]);
-        assert_eq!(aligned["faults"].as_array().unwrap().len(), 3, "the kills are alike now, the gusts are not");
         let calm = Happenings::default();
-        let some = happened(&[("a", &one, 0.0), ("b", &other, 0.0), ("c", &calm, 0.0)]);
+        let some = happened(&[("a", &one), ("b", &other), ("c", &calm)]);
         assert_eq!((&some["faults"][0]["what"], &some["faults"][0]["colour"]), (&json!("a, b: gust"), &Value::Null));
-        let alone = happened(&[("a", &one, 0.0)]);
+        let alone = happened(&[("a", &one)]);
         assert_eq!(alone["faults"][1]["what"], "kill");
     }
 
@@ -200,7 +197,7 @@ mod tests {
     fn text_cannot_end_the_script_element() {
         let plots = TimePlots {
             flights: vec![],
-            happened: happened(&[("a", &flight(&[("</script>", 0.0)]), 0.0)]),
+            happened: happened(&[("a", &flight(&[("</script>", 0.0)]))]),
             lines: Value::Null,
             plots: vec![],
             paths: false,

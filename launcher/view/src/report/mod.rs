@@ -143,7 +143,7 @@ fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option
     let [log_defect, reservations] = sections::warnings(run);
     let link = |section: &str, link: &str| if section.is_empty() { String::new() } else { link.to_owned() };
     let mut data = columns.document(scenario);
-    data["happened"] = draw::happened(&[("", &run.happenings(), 0.0)]);
+    data["happened"] = draw::happened(&[("", &run.happenings())]);
     let data = draw::in_script(&data);
     let slots = [
         ("name", escape(&run.name)),
