@@ -4,11 +4,15 @@
 use std::fmt::Write as _;
 use std::process::Command;
 
+use contract::Topic;
 use contract::message::{Kinematics, Navigation, State, Truth};
-use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use nalgebra::{DVector, UnitQuaternion, Vector2, Vector3};
+use navigation::state::{ATTITUDE, POSITION, VELOCITY};
 use navigation::{Aiding, Constants, Filter, Imu, Noise, Source, Start, Wander};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use settings::{SensorPreset, Sensors};
 
 use crate::harness::{fly, python_with, top};
 
@@ -58,6 +62,73 @@ fn val_errors_stay_inside_three_deviations_with_the_shipped_sensors() {
             let words = format!("{scenario}, {preset}, error {i}: {share:.3} inside, {ratio:.2} of the expected size");
             // Constant errors are drawn once a flight, so five flights tell little of their size.
             assert!(share > 0.95 && (0.05..1.6).contains(&ratio), "{words}");
+        }
+    }
+}
+
+/// Times at which the errors of the long hover are weighed \[s\]; the last one ends the flight.
+const CHECKS_S: [u64; 4] = [30, 60, 300, 600];
+/// Parts of the error, each with its first state and the number of its states.
+const PARTS: [(&str, usize, usize); 4] =
+    [("all", 0, ERRORS), ("position", POSITION, 3), ("velocity", VELOCITY, 3), ("attitude", ATTITUDE, 3)];
+
+/// NEES = e' P^-1 e of the error e of each part at each check, and NIS = y' S^-1 y of the last innovation y of each
+/// source, after ten minutes of hover in the gusts of `dryden`.
+fn ten_minutes(preset: SensorPreset, seed: u64) -> ([[f64; PARTS.len()]; CHECKS_S.len()], [f64; Source::ALL.len()]) {
+    let gusts = std::fs::read_to_string(top().join("scenarios/dryden.toml")).expect("the file is readable");
+    let hover = ["run.mode='inprocess'", "run.duration_s=600", "mission.trajectory='hover'"];
+    let mut scenario = settings::load_text(&gusts, "dryden", &hover.map(str::to_owned)).expect("a valid scenario");
+    (scenario.run.seed, scenario.plant.sensors) = (seed, Sensors::from(preset));
+    let mut ring = flight::nodes::ring(&scenario, false).expect("the nodes open");
+    let (mut nees, mut nis) = ([[0.0; PARTS.len()]; CHECKS_S.len()], [0.0; Source::ALL.len()]);
+    while ring.begin().expect("a sample") {
+        ring.answer(&Topic::OF_CONTROLLERS);
+        let now_ns = ring.sample().stamp.tick * scenario.sample_ns();
+        if let Some(check) = CHECKS_S.iter().position(|at_s| at_s * 1_000_000_000 == now_ns) {
+            let unit = ring.plant().navigation().expect("the presets have the EKF");
+            let covariance = unit.covariance(now_ns);
+            let off = error(ring.sample(), &ring.plant().truth()).map(|(off, _)| off);
+            nees[check] = PARTS.map(|(_, from, states)| {
+                let of_part = covariance.view((from, from), (states, states)).into_owned();
+                let off = DVector::from_column_slice(&off[from..from + states]);
+                of_part.cholesky().map_or(f64::INFINITY, |of_part| off.dot(&of_part.solve(&off)))
+            });
+            let records = Source::ALL.map(|source| unit.navigation().filter().record(source));
+            nis = records.map(|record| record.nis);
+            assert_eq!(records.map(|record| record.resets), [0.0; Source::ALL.len()], "resets, seed {seed}");
+        }
+        ring.end(|_| true);
+    }
+    (nees, nis)
+}
+
+/// The mean over 100 seeds is within 4 standard deviations of a chi-square mean: Bar-Shalom, Li and Kirubarajan,
+/// *Estimation with applications to tracking and navigation* (2001), section 5.4. One number of each seed counts,
+/// because those of a flight go together.
+#[test]
+#[allow(clippy::disallowed_macros, reason = "a developer reads the means")]
+#[ignore = "200 flights of ten minutes: cargo test --release --test stack ten_minutes -- --ignored --nocapture"]
+fn val_in_ten_minutes_the_filter_errs_as_it_says() {
+    const SEEDS: u64 = 100;
+    for preset in [SensorPreset::Typical, SensorPreset::Good] {
+        let flown: Vec<_> = (1..=SEEDS).into_par_iter().map(|seed| ten_minutes(preset, seed)).collect();
+        let check = |what: String, freedom: usize, of: &[f64]| {
+            let (mean, expected) = (of.iter().sum::<f64>() / of.len() as f64, freedom as f64);
+            let bound = 4.0 * (2.0 * expected / of.len() as f64).sqrt();
+            println!("{preset:?}: {what}: {mean:.2} for {expected:.0} +- {bound:.2}");
+            assert!((mean - expected).abs() <= bound, "{preset:?}: {what}: {mean:.2}");
+        };
+        for (i, at_s) in CHECKS_S.iter().enumerate() {
+            for (part, (name, _, states)) in PARTS.iter().enumerate() {
+                let of: Vec<f64> = flown.iter().map(|(nees, _)| nees[i][part]).collect();
+                check(format!("NEES, {name}, {at_s} s"), *states, &of);
+            }
+        }
+        for source in Source::ALL {
+            let of: Vec<f64> = flown.iter().map(|(_, nis)| nis[source as usize]).collect();
+            if of.iter().any(|nis| *nis > 0.0) {
+                check(format!("NIS, {source:?}"), source.components(), &of);
+            }
         }
     }
 }

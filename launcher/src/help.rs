@@ -124,7 +124,6 @@ pub const HELP: &[Help] = &[
     Help { command: "tune", examples: &["tune laws", "tune mine.toml --controller pid"], exits: &[(exit::INTERRUPTED, "")] },
     help("export", &["export runs/survey --to parquet", "export runs/survey --to csv --from 10s --for 2s", "export wind --to fmu --out wind.fmu"]),
     Help { command: "measure mpc", examples: &["measure mpc"], exits: MEASURES },
-    Help { command: "measure navigation", examples: &["measure navigation"], exits: MEASURES },
     Help { command: "measure faults", examples: &["measure faults"], exits: MEASURES },
     Help { command: "measure stress", examples: &["measure stress"], exits: MEASURES },
     Help { command: "measure timing", examples: &["measure timing"], exits: MEASURES },

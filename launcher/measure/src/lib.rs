@@ -2,8 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by law, path and solver |
-//! | [`navigation`] | `measure navigation`: how long the navigation unit takes, and a tick of the plant |
+//! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by law, path and solver, and the navigation unit |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
 //! | [`stress`] | `measure stress`: kills of any process at any moment, swaps, faults and load, and the replay of each flight |
 //! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
@@ -19,7 +18,6 @@ pub mod findings;
 pub mod flights;
 pub mod launched;
 pub mod mpc;
-pub mod navigation;
 pub mod stress;
 pub mod timing;
 
@@ -27,10 +25,8 @@ use clap::Subcommand;
 
 #[derive(Subcommand)]
 pub enum Measure {
-    /// Time a step of the controller on recorded problems, by law, path and solver
+    /// Time a step of the controller on recorded problems, by law, path and solver, and the navigation unit
     Mpc(mpc::MpcArgs),
-    /// Time the navigation unit, and a tick of the plant with and without it
-    Navigation(navigation::NavigationArgs),
     /// Fly with every fault of the catalogue, and compare faults of processes with real time
     Faults(faults::FaultsArgs),
     /// Kill, swap and disturb processes of flights in real time, and fly each flight again from its log
@@ -47,7 +43,6 @@ impl Measure {
     pub fn run(&self) -> anyhow::Result<u8> {
         match self {
             Self::Mpc(args) => mpc::measure(args),
-            Self::Navigation(args) => navigation::measure(args),
             Self::Faults(args) => faults::measure(args),
             Self::Stress(args) => stress::measure(args),
             Self::Timing(args) => timing::measure(args),

@@ -1,14 +1,14 @@
-//! `measure mpc`: times the controller's steps, on problems recorded in flights.
+//! `measure mpc`: times the controller's steps on problems recorded in flights, and the calls of the navigation unit.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`problems`] | recorded sequences of problems |
 //! | [`steps`] | timing of the controller's steps, by sequence, solver and path |
-//! | [`compare`](mod@compare) | the recorded problems for other solvers |
+//! | [`navigation`] | timing of the navigation unit, and of a tick of the plant with and without it |
 //!
 //! Tests in `qp` and in `attitude-mpc/src/law/mpc/solver/tests.rs` check that the solvers find the optimum.
 
-pub mod compare;
+pub mod navigation;
 pub mod problems;
 pub mod steps;
 
@@ -19,19 +19,17 @@ use folder::files::write_whole;
 use runtime::console::eprint_line;
 use serde::Serialize;
 
-use self::compare::{Comparison, Polygons};
+use self::navigation::CallTimes;
 use self::problems::Sequence;
 use self::steps::{ALL, Path, StepTimes};
 use crate::findings::{Findings, default_folder, make_folder};
 use outcome::target::Target;
-use view::table::{Table, cell};
+use view::table::Table;
 
 /// Steps per second of the controller.
 const RATE_HZ: f64 = 100.0;
 /// Largest time of a step of the default solver \[us\].
 const LONGEST_US: f64 = 2000.0;
-/// Relative difference up to which two objectives count as equal.
-const AGREES: f64 = 1e-6;
 
 #[derive(clap::Args)]
 pub struct MpcArgs {
@@ -44,12 +42,6 @@ pub struct MpcArgs {
     /// Folder for the samples and the results [default: runs/measure-mpc-TIME]
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Write the problems for other solvers, one JSON file per flight
-    #[arg(long, value_name = "DIR")]
-    pub export: Option<PathBuf>,
-    /// Solve the same problems with DAQP, PIQP and OSQP in this Python (needs daqp piqp osqp numpy scipy)
-    #[arg(long, value_name = "PYTHON")]
-    pub compare: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -65,8 +57,8 @@ pub struct MpcResults {
     /// Longest interruption of an idle loop by the machine \[us\].
     pub longest_stall_us: f64,
     pub rows: Vec<StepTimes>,
-    /// Results on the problems with the disc as a polygon: our solver, and others if the arguments ask for them.
-    pub rivals: Vec<Comparison>,
+    /// Times of the navigation unit and the plant.
+    pub navigation: Vec<CallTimes>,
 }
 
 /// Returns the exit code.
@@ -87,36 +79,11 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
         clock_us: steps::clock_ns() as f64 / 1e3,
         longest_stall_us: longest_stall_ns as f64 / 1e3,
         rows: steps::step_times(&series),
-        rivals: compare(args, &out, &sequences)?,
+        navigation: navigation::times(args.rounds),
     };
     let text = format!("{}\nwritten to {}\n", text(&results), out.display());
     let found = Findings::new(&results, targets(&results), false)?;
     found.conclude(Some(&out), "measure.json", args.json, &text)
-}
-
-/// Solves the polygon problems; exports them and runs other solvers on them if the arguments ask for it.
-fn compare(args: &MpcArgs, out: &std::path::Path, sequences: &[Sequence]) -> anyhow::Result<Vec<Comparison>> {
-    let polygons: Vec<Option<Polygons>> = sequences.iter().map(Polygons::of).collect::<Result<_, _>>()?;
-    let polygons: Vec<Polygons> = polygons.into_iter().flatten().collect();
-    let max_iterations = sequences[0].scenario.attitude.mpc.max_iterations;
-    let solved: Vec<_> = polygons.iter().map(|polygon| polygon.solve(args.rounds, max_iterations)).collect();
-    let all = solved.concat();
-    let mut rivals = compare::ours(&all);
-    let folder = match (&args.export, &args.compare) {
-        (Some(folder), _) => folder.clone(),
-        (None, Some(_)) => out.join("problems"),
-        (None, None) => return Ok(rivals),
-    };
-    make_folder(&folder, "--export")?;
-    for (i, (polygon, solved)) in polygons.iter().zip(&solved).enumerate() {
-        let path = folder.join(format!("{i:02}-{}.json", polygon.name));
-        write_whole(&path, polygon.to_json(solved).to_string().as_bytes())?;
-    }
-    if let Some(python) = &args.compare {
-        eprint_line(&format!("solving the same problems with {}", python.display()));
-        rivals.extend(compare::others(python, &folder, args.rounds, &all)?);
-    }
-    Ok(rivals)
 }
 
 fn text(results: &MpcResults) -> String {
@@ -128,16 +95,11 @@ fn text(results: &MpcResults) -> String {
         &["flight", "controller", "path", "n", "p50", "p90", "p99", "p99.9", "max", "longest", "iter", "max"],
         results.rows.iter().map(step_row).collect(),
     );
-    let rivals = Table::new(
-        "The same problems with the disc as a polygon, limits of the moves only [us]",
-        &["solver", "n", "mean", "p50", "p90", "p99", "max", "p50 active", "p99", "differs", "unsolved", "timed"],
-        results.rivals.iter().map(rival_row).collect(),
-    );
     format!(
         "{}floor, the bare matrix-vector product: {floor_us:.3} us\nclock, part of every time: {clock_us:.3} us\n\
          longest stall of an idle loop: {longest_stall_us:.1} us\n\n{}",
         steps.text(),
-        rivals.text()
+        navigation::table(&results.navigation, *rounds).text()
     )
 }
 
@@ -147,19 +109,6 @@ fn step_row(row: &StepTimes) -> Vec<String> {
     cells.extend([d.p50_us, d.p90_us, d.p99_us, d.p999_us, d.max_us].map(|us| format!("{us:.2}")));
     cells.extend([row.longest_us, row.iterations_mean].map(|value| format!("{value:.1}")));
     cells.push(row.iterations_max.to_string());
-    cells
-}
-
-fn rival_row(rival: &Comparison) -> Vec<String> {
-    let (all, active) = (rival.all_us, rival.constrained_us);
-    let mut cells = vec![rival.solver.clone(), all.map_or(0, |d| d.n).to_string(), format!("{:.2}", rival.mean_us)];
-    cells.extend(
-        [all.map(|d| d.p50_us), all.map(|d| d.p90_us), all.map(|d| d.p99_us), all.map(|d| d.max_us)]
-            .map(|us| cell(us, 2)),
-    );
-    cells.extend([active.map(|d| d.p50_us), active.map(|d| d.p99_us)].map(|us| cell(us, 1)));
-    cells.push(rival.worst_difference.map_or("-".to_owned(), |difference| format!("{difference:.0e}")));
-    cells.extend([rival.unsolved.to_string(), rival.timed.clone()]);
     cells
 }
 
@@ -192,7 +141,7 @@ fn targets(results: &MpcResults) -> Vec<Target> {
         targets.push(Target::at_most(format!("{solver}, share of one core at 100 Hz"), share, 1.0, "%"));
         targets.push(Target::at_most(format!("{solver}, steps without an optimum"), unsolved, 0.0, ""));
     }
-    targets.extend(against_daqp(&results.rivals));
+    targets.extend(navigation::targets(&results.navigation));
     targets
 }
 
@@ -205,23 +154,4 @@ fn longest(row: Option<&StepTimes>, longest_stall_us: f64) -> Target {
         "median {median_us:.0} us; the machine took up to {longest_stall_us:.0} us from a loop that does nothing"
     );
     if median_us <= LONGEST_US && median_us + longest_stall_us > LONGEST_US { target.in_doubt(why) } else { target }
-}
-
-/// Our solver against DAQP, both warm, over all problems.
-fn against_daqp(rivals: &[Comparison]) -> [Target; 3] {
-    let find = |name: &str| rivals.iter().find(|rival| rival.solver.starts_with(name));
-    let (ours, theirs) = (find("active-set, warm"), find("daqp"));
-    let agrees = theirs.is_some_and(|rival| rival.unsolved == 0 && rival.worst_difference.is_some_and(|d| d <= AGREES));
-    let mean: fn(&Comparison) -> Option<f64> = |rival| Some(rival.mean_us);
-    let figures = [("mean", mean), ("p50", |r| Some(r.all_us?.p50_us)), ("p99", |r| Some(r.all_us?.p99_us))];
-    figures.map(|(name, of)| {
-        let ratio = ours.and_then(of).zip(theirs.and_then(of)).map(|(ours, theirs)| ours / theirs);
-        let figure = format!("active-set over DAQP, same problems, {name}");
-        let target = Target::at_most(figure, ratio.filter(|_| agrees), 1.0, "");
-        match theirs {
-            None => target.noting("needs --compare PYTHON, a Python with daqp, piqp, osqp, numpy and scipy"),
-            Some(_) if !agrees => target.noting("it found other optima"),
-            Some(_) => target,
-        }
-    })
 }

@@ -49,11 +49,6 @@ impl Sequence {
         scenario.fault.clear();
         scenario
     }
-
-    /// Returns the settings for the MPC with the flight's own solver.
-    pub fn scenario_for_mpc(&self) -> Scenario {
-        self.scenario_for(Law::Mpc, self.scenario.attitude.mpc.solver)
-    }
 }
 
 /// Flies the flights that are measured when none is given, with the exact limits in the plan; their logs stay in
@@ -110,4 +105,38 @@ pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(Sequence { name, scenario, samples })
+}
+
+#[cfg(test)]
+mod tests {
+    use attitude_mpc::AttitudeMpc;
+    use attitude_mpc::law::mpc::condensed::Condensed;
+    use attitude_mpc::law::mpc::constraints::PlanSet;
+    use attitude_mpc::model::PredictionModel;
+    use contract::message::SolveStatus;
+
+    use super::*;
+
+    #[test]
+    fn a_step_is_explicit_if_the_plan_is_inside_the_set() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut all_solved = 0;
+        for sequence in shipped(folder.path()).unwrap() {
+            let model = PredictionModel::new(&sequence.scenario);
+            let Condensed { course, .. } = Condensed::new(&model, &sequence.scenario).unwrap();
+            let set = PlanSet::new(&sequence.scenario, &course, model.trim.roll_rad).unwrap();
+            let mut mpc = AttitudeMpc::new(&sequence.scenario_for(Law::Mpc, sequence.scenario.attitude.mpc.solver));
+            let (mut explicit, mut solved) = (0, 0);
+            for (state, reference) in &sequence.samples {
+                let controls = mpc.step(state.stamp.tick, state, reference);
+                let [unconstrained, _] = mpc.plans().expect("it plans ahead");
+                let is_explicit = controls.status == SolveStatus::Explicit as u64;
+                assert_eq!(set.violation(unconstrained) <= 0.0, is_explicit, "{}", sequence.name);
+                *if is_explicit { &mut explicit } else { &mut solved } += 1;
+            }
+            assert!(explicit > 50 && (solved > 0 || sequence.name == "survey"), "{explicit} {solved}");
+            all_solved += solved;
+        }
+        assert!(all_solved > 100, "{all_solved}");
+    }
 }

@@ -7,7 +7,6 @@
 //! | [`timed_flights`], [`cycles`] | the stack itself, cycle by cycle |
 //! | [`canary`] | a check whether the host delayed a process |
 //! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for that loop |
-//! | [`costs`] | costs of the parts of a hop |
 //! | [`series`], [`results`] | distributions, ratios, misses |
 //! | [`report`] | the tables and the targets |
 //!
@@ -15,7 +14,6 @@
 //! median of the ratios is judged. The canaries watch from the first run to the last.
 
 pub mod canary;
-pub mod costs;
 pub mod cycles;
 pub mod machine;
 pub mod raw;

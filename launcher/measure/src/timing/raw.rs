@@ -8,13 +8,13 @@ use runtime::console::eprint_line;
 use settings::Policy;
 
 use super::canary::{Canary, LONGEST, Watch};
-use super::costs::Costs;
 use super::cycles::WARM_UP_NS;
 use super::machine::{CYCLICTEST, Placement, Stress, cyclictest, installed, measured_cpu, on_cpu};
 use super::ring_peer::{Kind, Releases, stamped};
 use super::rings::{Noted, RingPeers};
 use super::series::Series;
 use super::timed_flights::{self, TimedFlights, in_process_speed, lockstep_speed};
+use crate::mpc::steps::clock_ns;
 
 /// Rate of the rings that are compared \[Hz\].
 const RING_HZ: u32 = 250;
@@ -83,7 +83,8 @@ pub struct Raw {
     /// Ratio of simulated time to wall time, round by round.
     pub lockstep: Vec<f64>,
     pub in_process: Vec<f64>,
-    pub costs: Costs,
+    /// Time of one reading of `CLOCK_MONOTONIC` \[ns\].
+    pub clock_ns: u64,
     pub watch: Watch,
     /// `true` if the canaries were given `SCHED_FIFO`.
     pub fifo: bool,
@@ -121,7 +122,7 @@ impl Raw {
             paper: idle("paper survey".into(), FLIGHT_HZ, Policy::Fifo),
             lockstep: vec![],
             in_process: vec![],
-            costs: Costs::measure()?,
+            clock_ns: clock_ns(),
             watch: Watch::default(),
             fifo: canary.fifo,
         };

@@ -2,9 +2,8 @@
 
 use outcome::percentiles::Percentiles;
 
-use super::costs::Costs;
 use super::raw::policy_name;
-use super::results::{Hop, Ring, TimingResults};
+use super::results::{Ring, TimingResults};
 use super::series::Ratio;
 use super::timed_flights::TimedFlights;
 use outcome::target::Target;
@@ -15,7 +14,7 @@ const NO_FIFO: &str = "without the privilege for SCHED_FIFO";
 
 /// Returns all results as tables.
 pub fn tables(results: &TimingResults) -> Vec<Table> {
-    vec![times(results), hops(results), calls(&results.costs), flown(results)]
+    vec![times(results), flown(results)]
 }
 
 fn times(results: &TimingResults) -> Table {
@@ -35,33 +34,6 @@ fn times(results: &TimingResults) -> Table {
 fn spread(name: &str, d: &Percentiles) -> Vec<String> {
     let times = [d.p50_us, d.p90_us, d.p99_us, d.p999_us, d.max_us].map(|us| format!("{us:.1}"));
     [name.to_owned(), d.n.to_string()].into_iter().chain(times).collect()
-}
-
-fn hops(results: &TimingResults) -> Table {
-    let row = |ring: &Ring| {
-        let Hop { all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns } = ring.hop?;
-        let parts = [all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns].map(|ns| format!("{ns:.0}"));
-        Some([ring.placement.name().to_owned()].into_iter().chain(parts).collect())
-    };
-    Table::new(
-        "Where a quarter of the ring's time goes [ns], without execution",
-        &["", "all", "kernel", "clock", "send", "receive", "rest"],
-        results.rings.iter().filter_map(row).collect(),
-    )
-}
-
-fn calls(costs: &Costs) -> Table {
-    let row = |name: &str, send_ns: f64, receive_ns: f64| {
-        [name.to_owned()].into_iter().chain([send_ns, receive_ns].map(|ns| format!("{ns:.0}"))).collect()
-    };
-    Table::new(
-        "What one call costs a thread [ns]",
-        &["", "send", "receive"],
-        vec![
-            row("one after the other", costs.send_ns, costs.receive_ns),
-            row("after 10 ms asleep", costs.cold_send_ns, costs.cold_receive_ns),
-        ],
-    )
 }
 
 fn flown(results: &TimingResults) -> Table {

@@ -1,11 +1,10 @@
-//! Figures computed from the times: distributions, ratios, misses, and the parts of a hop.
+//! Figures computed from the times: distributions, ratios and misses.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use super::canary::CanarySummary;
-use super::costs::Costs;
 use super::machine::Placement;
 use super::raw::{Raw, Rings};
 use super::ring_peer::Kind;
@@ -17,6 +16,8 @@ use outcome::percentiles::Percentiles;
 const MAXIMUM_OF: usize = 200;
 /// Number of processes in a ring, and so of hops.
 const HOPS: f64 = 4.0;
+/// Number of clock readings noted by a node's cycle: start and publication.
+const CLOCK_READINGS: f64 = 2.0;
 
 #[derive(Debug, Clone, Serialize)]
 pub struct TimingResults {
@@ -31,7 +32,8 @@ pub struct TimingResults {
     pub rings: Vec<Ring>,
     /// Flights that were flown here.
     pub flights: Vec<TimedFlights>,
-    pub costs: Costs,
+    /// Time of one reading of `CLOCK_MONOTONIC` \[ns\].
+    pub clock_ns: u64,
     /// Ratio of simulated time to wall time through four processes in lockstep.
     pub lockstep: Option<Ratio>,
     pub in_process: Option<Ratio>,
@@ -48,21 +50,6 @@ pub struct Ring {
     pub stamps_percent: Option<Ratio>,
     /// Cost of the clock readings measured alone, over the same time \[%\].
     pub stamps_counted_percent: Option<f64>,
-    pub hop: Option<Hop>,
-}
-
-/// Hop: a quarter of the time from sense to act without execution, by part \[ns\]. It includes the timer's wake-up.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct Hop {
-    pub all_ns: f64,
-    /// Kernel's wake-up: a quarter of the raw ring that warms up as the stack does.
-    pub kernel_ns: f64,
-    /// One reading of the clock: half of that at the start and half of that at the publication; the rest is execution.
-    pub clock_ns: f64,
-    pub send_ns: f64,
-    pub receive_ns: f64,
-    /// Remainder: cold caches, larger processes, the wait's own bookkeeping.
-    pub rest_ns: f64,
 }
 
 impl TimingResults {
@@ -76,9 +63,9 @@ impl TimingResults {
             canary: raw.watch.summary(),
             series: raw.series().into_iter().filter_map(named).collect(),
             loop_over_cyclictest: [over(|d| d.p50_us), over(|d| d.p99_us), maxima],
-            rings: raw.rings.iter().map(|rings| Ring::of(rings, &raw.costs)).collect(),
+            rings: raw.rings.iter().map(|rings| Ring::of(rings, raw.clock_ns)).collect(),
             flights: raw.flights().filter(|flights| flights.slots > 0).cloned().collect(),
-            costs: raw.costs,
+            clock_ns: raw.clock_ns,
             lockstep: Ratio::of(raw.lockstep.iter().copied()),
             in_process: Ratio::of(raw.in_process.iter().copied()),
         }
@@ -90,7 +77,7 @@ impl TimingResults {
 }
 
 impl Ring {
-    fn of(rings: &Rings, costs: &Costs) -> Self {
+    fn of(rings: &Rings, clock_ns: u64) -> Self {
         let raw = rings.of(Kind::Raw);
         let p50: fn(&Percentiles) -> f64 = |d| d.p50_us;
         let with_execution_us =
@@ -103,19 +90,8 @@ impl Ring {
             p50_over_raw: rings.stack.over(raw, p50),
             p99_over_raw: rings.stack.over(raw, |d| d.p99_us),
             stamps_percent: Ratio::of(added_us.zip(with_execution_us()).map(|(added, all)| 100.0 * added / all)),
-            stamps_counted_percent: usual_us.map(|usual| 100.0 * HOPS * costs.stamps_ns() / (usual * 1e3)),
-            hop: Hop::of(rings, costs),
+            stamps_counted_percent: usual_us
+                .map(|usual| 100.0 * HOPS * CLOCK_READINGS * clock_ns as f64 / (usual * 1e3)),
         }
-    }
-}
-
-impl Hop {
-    fn of(rings: &Rings, costs: &Costs) -> Option<Self> {
-        let quarter_ns = |median_us: f64| median_us * 1e3 / HOPS;
-        let all_ns = quarter_ns(rings.stack.all()?.p50_us);
-        let kernel_ns = quarter_ns(rings.of(Kind::WarmedUp).all()?.p50_us);
-        let Costs { clock_ns, send_ns, receive_ns, .. } = *costs;
-        let rest_ns = all_ns - kernel_ns - clock_ns - send_ns - receive_ns;
-        Some(Self { all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns })
     }
 }

@@ -14,7 +14,6 @@ use std::hint::black_box;
 
 use anyhow::Context;
 use contract::{Topic, exit};
-use runtime::cycle_timing::warm_up_ns;
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, Doorbell, enter, now_ns, phase};
 use rustix::process::Signal;
@@ -57,19 +56,16 @@ pub enum Kind {
     Raw,
     /// Bare futexes; in every second lap the peers read the clock as the nodes of the stack do.
     Stamped,
-    /// Bare futexes; each peer wakes once before the token is due, as a node of the stack does.
-    WarmedUp,
 }
 
 impl Kind {
     /// All kinds, in the order of the variants.
-    pub const ALL: [Self; 3] = [Self::Raw, Self::Stamped, Self::WarmedUp];
+    pub const ALL: [Self; 2] = [Self::Raw, Self::Stamped];
 
     pub fn name(self) -> &'static str {
         match self {
             Self::Raw => "raw futex",
             Self::Stamped => "raw futex, clock read every second lap",
-            Self::WarmedUp => "raw futex, warmed up",
         }
     }
 }
@@ -118,7 +114,6 @@ fn keep_time(
     let mut slot = 0;
     while samples.len() < count {
         let release_ns = t0_ns + slot * period_ns;
-        token.warm_up(release_ns - period_ns, |due_ns| page.phase.wait(phase::JOIN, due_ns));
         page.phase.wait(phase::JOIN, release_ns);
         if page.phase.count() >= phase::LEAVE {
             return;
@@ -143,14 +138,11 @@ pub fn stamped(lap: usize) -> bool {
 /// State of the token as seen by this peer.
 struct Token<'a> {
     kind: Option<Kind>,
-    /// Interval between two laps \[ns\].
-    period_ns: u64,
     page: &'a ControlPage,
     input: &'a Doorbell,
     output: &'a Doorbell,
-    /// Count of the input at the last arrival of the token, and its time \[ns\].
+    /// Count of the input at the last arrival of the token.
     seen: u32,
-    came_ns: u64,
     passed: usize,
 }
 
@@ -159,22 +151,11 @@ impl<'a> Token<'a> {
         let doorbell = |rank: usize| page.doorbell(Topic::ALL[rank % Topic::COUNT]);
         Self {
             kind: peer.kind,
-            period_ns: peer.releases.period_ns,
             page,
             input: doorbell(peer.rank + Topic::COUNT - 1),
             output: doorbell(peer.rank),
             seen: 0,
-            came_ns: 0,
             passed: 0,
-        }
-    }
-
-    /// Sleeps until the warm-up that belongs to the wake-up after `before_ns`, in rings of [`Kind::WarmedUp`] only.
-    fn warm_up(&self, before_ns: u64, sleep_until: impl FnOnce(u64)) {
-        if self.kind == Some(Kind::WarmedUp)
-            && let Some(due_ns) = warm_up_ns(self.period_ns, before_ns, now_ns())
-        {
-            sleep_until(due_ns);
         }
     }
 
@@ -183,12 +164,10 @@ impl<'a> Token<'a> {
         if self.kind.is_none() {
             return true;
         }
-        self.warm_up(self.came_ns, |due_ns| self.input.wait(self.seen, due_ns));
         while self.input.count() == self.seen {
             self.input.wait(self.seen, now_ns() + CHECK_NS);
         }
         self.seen = self.input.count();
-        self.came_ns = now_ns();
         self.page.phase.count() < phase::LEAVE
     }
 
