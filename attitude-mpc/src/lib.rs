@@ -7,7 +7,7 @@
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
 //! | [`goal`] | the goal, also without references | |
 //! | [`memory`] | state kept from tick to tick | |
-//! | `node` | its ports, the same in every mode | |
+//! | `node` | its inputs, its output and its memory, for the loop of every node | |
 //!
 //! The controller makes of a sample and a reference the problem of a law: the goal by its age, the estimate of the
 //! disturbance, and the state at which the demand acts. What the law decides becomes the demand and the memory.

@@ -136,7 +136,7 @@ typedef struct {
   // Deviations of col, lon, lat, ped from trim [N, N m, N m, N m]: force along body z, positive down, and moments
   // about body y, x and z, positive as pitch, roll and yaw.
   double demand[4];
-  // 0 = the demand is an answer; any other number = it is none, and the mixer goes on with the last one that was.
+  // 0 = the demand is an answer; any other number = it is none, and to the mixer it is late.
   uint64_t status;
 } TrefoilAttitudeAnswer;
 

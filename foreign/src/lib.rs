@@ -15,7 +15,7 @@
 //! | [`abi`] | the types of `trefoil.h` |
 //! | `loading` | dlopen, and which dependencies a library gets |
 //! | `library` | a loaded library, and the guard around every call into it |
-//! | `elf` | whether the file of a library is whole |
+//! | `elf` | whether the file of a library is whole, and the names that it exports |
 //! | `engine` | what every interface of a library can do |
 //! | `table` | a library with the function table of `trefoil.h` |
 //! | `casadi` | a library with a function that CasADi has generated |

@@ -92,7 +92,7 @@ impl Table {
 
 impl Engine for Table {
     fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), String> {
-        // SAFETY: both have the sizes that the library was built with, which `open` has compared.
+        // SAFETY: both have the sizes that the library was built with, which `create` has compared.
         match unsafe { (self.step)(self.node, input.as_ptr().cast(), answer.as_mut_ptr().cast()) } {
             0 => Ok(()),
             result => Err(format!("`step` returned {result}")),

@@ -8,7 +8,7 @@
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`hover`] | the hover of a scenario, and its control loops in small motions about it |
 //! | [`guarded`] | the ring in one thread, with libraries in a child: a crash or an endless loop costs one flight |
-//! | [`roles`] | which process runs a node: one state machine, three drivers |
+//! | [`roles`] | which process runs a node: the drivers in real time and lockstep of the state machine in `ring` |
 //! | [`strays`] | processes that code of users has left behind |
 //! | [`event`] | events of processes, and the pipe that carries them to the recorder |
 //! | [`swap_story`] | course and end of each swap, read from the events |

@@ -70,8 +70,8 @@ impl Recorded {
         Self::read_each(run, Part::ALL, |_, _| {})
     }
 
-    /// Reads a part of a run, while `each` gets the settings and every message, tick by tick: a log is read once,
-    /// however long it is. Its events and settings are those of the whole flight.
+    /// Reads a part of a run, while `each` gets the settings and every message, tick by tick, and none is kept: a log
+    /// may be longer than the memory. Its events and settings are those of the whole flight.
     ///
     /// # Errors
     /// As of [`Self::read`].
