@@ -46,6 +46,8 @@ const WRONG_S: (f64, f64) = (0.2, 1.0);
 const REST_S: f64 = 0.1;
 /// Delay from the beginning of a swap until its candidate fails: on standby, or active. Leaves time to start \[s\].
 const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
+/// Time from a candidate's fault to the same once more, for one that had not started yet: an exit has no duration \[s\].
+const AGAIN_S: f64 = 0.25;
 /// Interval between two gusts \[s\].
 const GUST_S: f64 = 2.0;
 
@@ -67,7 +69,8 @@ pub fn wrong() -> anyhow::Result<Scenario> {
     for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
         for (node, _) in NODES {
             let at_s = begins_s(swaps.len(), WRONG_S) + after_s;
-            let set = format!("fault=[{{at_s={at_s:?}, target=\"{}\", {fault}}}]", target(node));
+            let begins = |at_s: f64| format!("{{at_s={at_s:?}, target=\"{}\", {fault}}}", target(node));
+            let set = format!("fault=[{}, {}]", begins(at_s), begins(at_s + AGAIN_S));
             swaps.push(Swap { may_fail: true, ..swap(swaps.len(), WRONG_S, node, vec![set]) });
         }
     }
