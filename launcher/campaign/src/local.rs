@@ -8,7 +8,7 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Instant;
 
-use rayon::iter::{IntoParallelIterator, ParallelBridge, ParallelIterator};
+use rayon::iter::{ParallelBridge, ParallelIterator};
 
 use crate::folder::CampaignFolder;
 use crate::plan::Plan;
@@ -54,9 +54,10 @@ fn duration(time_s: f64) -> String {
 }
 
 /// Flies all flights of a small plan on all cores, without a folder.
+#[cfg(test)]
 pub fn fly_all(plan: &Plan) -> Table {
     let row = |number| row::of(plan, number, || true).map_or(vec![], |row| row.cells);
-    let rows: Vec<_> = (0..plan.flights()).into_par_iter().map(row).collect();
+    let rows: Vec<_> = rayon::iter::IntoParallelIterator::into_par_iter(0..plan.flights()).map(row).collect();
     let mut table = Table::new(&shard::columns_of(plan));
     for row in rows {
         table.push(row);

@@ -10,7 +10,7 @@ use settings::Policy;
 use super::canary::{Canary, LONGEST, Watch};
 use super::cycles::WARM_UP_NS;
 use super::machine::{CYCLICTEST, Placement, Stress, cyclictest, installed, measured_cpu, on_cpu};
-use super::ring_peer::{Kind, Releases, stamped};
+use super::ring_peer::Releases;
 use super::rings::{Noted, RingPeers};
 use super::series::Series;
 use super::timed_flights::{self, TimedFlights, in_process_speed, lockstep_speed};
@@ -98,10 +98,8 @@ pub struct Rings {
     pub hops: Series,
     /// Sums of the executions of its nodes.
     pub executions: Series,
-    /// Other rings, in the order of [`Kind::ALL`].
-    pub others: [Series; Kind::ALL.len()],
-    /// Laps of [`Kind::Stamped`] without and with the clock read.
-    pub laps: [Series; 2],
+    /// Ring of bare futexes, the doorbells of the page: the kernel's own wake-up.
+    pub raw: Series,
 }
 
 impl Raw {
@@ -183,7 +181,7 @@ impl Raw {
     }
 
     pub fn series(&self) -> Vec<&Series> {
-        let rings = self.rings.iter().flat_map(|r| [&r.stack, &r.hops, &r.executions].into_iter().chain(&r.others));
+        let rings = self.rings.iter().flat_map(|r| [&r.stack, &r.hops, &r.executions, &r.raw]);
         let ages = self.flights().map(|flights| &flights.ages);
         [&self.ours, &self.cyclictest].into_iter().chain(rings).chain(ages).collect()
     }
@@ -197,13 +195,8 @@ impl Rings {
             stack: series("stack"),
             hops: series("stack's hops"),
             executions: series("stack's executions"),
-            others: Kind::ALL.map(|kind| series(kind.name())),
-            laps: ["clock not read", "clock read"].map(series),
+            raw: series("raw futex"),
         }
-    }
-
-    pub fn of(&self, kind: Kind) -> &Series {
-        &self.others[kind as usize]
     }
 
     fn round(&mut self, plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<()> {
@@ -212,18 +205,9 @@ impl Rings {
         self.stack.rounds.push(cycles.sense_to_act_ns());
         self.hops.rounds.push(cycles.hops_ns());
         self.executions.rounds.push(cycles.executions_ns());
-        for (kind, series) in Kind::ALL.into_iter().zip(&mut self.others) {
-            let count = (plan.ring_s * f64::from(RING_HZ)) as usize;
-            let releases = Releases { period_ns: scenario.sample_ns(), count };
-            let noted = self.placement.during(|| RingPeers::ring(kind, releases))?.finish(interrupts)?;
-            if kind == Kind::Stamped {
-                for (laps, read) in self.laps.iter_mut().zip([false, true]) {
-                    let of = noted.iter().enumerate().filter(|(lap, _)| stamped(*lap) == read);
-                    laps.rounds.push(warm(of.map(|(_, noted)| *noted).collect()));
-                }
-            }
-            series.rounds.push(warm(noted));
-        }
+        let count = (plan.ring_s * f64::from(RING_HZ)) as usize;
+        let releases = Releases { period_ns: scenario.sample_ns(), count };
+        self.raw.rounds.push(warm(self.placement.during(|| RingPeers::ring(releases))?.finish(interrupts)?));
         Ok(())
     }
 }

@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::canary::CanarySummary;
 use super::machine::Placement;
 use super::raw::{Raw, Rings};
-use super::ring_peer::Kind;
 use super::series::Ratio;
 use super::timed_flights::TimedFlights;
 use outcome::percentiles::Percentiles;
@@ -45,11 +44,8 @@ pub struct Ring {
     /// Sense to act without execution, over the raw ring's time: p50.
     pub p50_over_raw: Option<Ratio>,
     pub p99_over_raw: Option<Ratio>,
-    /// Time added to a raw ring in the laps in which its peers read the clock as nodes do, over the stack's time with
-    /// execution \[%\].
-    pub stamps_percent: Option<Ratio>,
-    /// Cost of the clock readings measured alone, over the same time \[%\].
-    pub stamps_counted_percent: Option<f64>,
+    /// Cost of the clock readings of four nodes, over the stack's time with execution \[%\].
+    pub stamps_percent: Option<f64>,
 }
 
 impl TimingResults {
@@ -78,20 +74,14 @@ impl TimingResults {
 
 impl Ring {
     fn of(rings: &Rings, clock_ns: u64) -> Self {
-        let raw = rings.of(Kind::Raw);
         let p50: fn(&Percentiles) -> f64 = |d| d.p50_us;
-        let with_execution_us =
-            || rings.stack.each(p50).into_iter().zip(rings.executions.each(p50)).map(|(t, e)| t + e);
-        let [without, with] = &rings.laps;
-        let added_us = with.each(p50).into_iter().zip(without.each(p50)).map(|(with, without)| with - without);
-        let usual_us = Ratio::of(with_execution_us()).map(|ratio| ratio.median);
+        let with_execution_us = rings.stack.each(p50).into_iter().zip(rings.executions.each(p50)).map(|(t, e)| t + e);
+        let usual_us = Ratio::of(with_execution_us).map(|ratio| ratio.median);
         Self {
             placement: rings.placement,
-            p50_over_raw: rings.stack.over(raw, p50),
-            p99_over_raw: rings.stack.over(raw, |d| d.p99_us),
-            stamps_percent: Ratio::of(added_us.zip(with_execution_us()).map(|(added, all)| 100.0 * added / all)),
-            stamps_counted_percent: usual_us
-                .map(|usual| 100.0 * HOPS * CLOCK_READINGS * clock_ns as f64 / (usual * 1e3)),
+            p50_over_raw: rings.stack.over(&rings.raw, p50),
+            p99_over_raw: rings.stack.over(&rings.raw, |d| d.p99_us),
+            stamps_percent: usual_us.map(|usual| 100.0 * HOPS * CLOCK_READINGS * clock_ns as f64 / (usual * 1e3)),
         }
     }
 }

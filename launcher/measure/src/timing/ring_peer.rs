@@ -10,7 +10,6 @@
 //! the times of this ring and those of the stack is the part that the stack adds to the kernel.
 
 use std::fs;
-use std::hint::black_box;
 
 use anyhow::Context;
 use contract::{Topic, exit};
@@ -41,33 +40,11 @@ pub struct Peer {
     pub namespace: String,
     /// Place in the ring; the first has the clock.
     pub rank: usize,
-    /// Kind of its ring; `None` for a peer alone.
-    pub kind: Option<Kind>,
+    /// `true` for a peer that has no ring to pass the token to.
+    pub alone: bool,
     pub releases: Releases,
     /// Priority in `SCHED_FIFO`.
     pub priority: u32,
-}
-
-/// Means by which a ring passes its token.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Kind {
-    /// Bare futexes, the doorbells of the page; measures the kernel's own wake-up.
-    Raw,
-    /// Bare futexes; in every second lap the peers read the clock as the nodes of the stack do.
-    Stamped,
-}
-
-impl Kind {
-    /// All kinds, in the order of the variants.
-    pub const ALL: [Self; 2] = [Self::Raw, Self::Stamped];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Raw => "raw futex",
-            Self::Stamped => "raw futex, clock read every second lap",
-        }
-    }
 }
 
 /// Releases of the first peer.
@@ -90,7 +67,6 @@ pub fn run(RingPeerArgs { peer }: &RingPeerArgs) -> anyhow::Result<u8> {
     enter(&Scheduling { policy: Policy::Fifo, priority: peer.priority, ..Scenario::default().scheduling_of(0) });
     if peer.rank > 0 {
         while token.wait() {
-            token.read_clock();
             token.pass();
         }
         return Ok(exit::FLOWN);
@@ -118,7 +94,6 @@ fn keep_time(
         if page.phase.count() >= phase::LEAVE {
             return;
         }
-        token.read_clock();
         token.pass();
         if !token.wait() {
             return;
@@ -130,38 +105,31 @@ fn keep_time(
     }
 }
 
-/// Returns whether the clock is read in lap `lap` of a ring of [`Kind::Stamped`].
-pub fn stamped(lap: usize) -> bool {
-    lap % 2 == 1
-}
-
 /// State of the token as seen by this peer.
 struct Token<'a> {
-    kind: Option<Kind>,
+    alone: bool,
     page: &'a ControlPage,
     input: &'a Doorbell,
     output: &'a Doorbell,
     /// Count of the input at the last arrival of the token.
     seen: u32,
-    passed: usize,
 }
 
 impl<'a> Token<'a> {
     fn of(peer: &Peer, page: &'a ControlPage) -> Self {
         let doorbell = |rank: usize| page.doorbell(Topic::ALL[rank % Topic::COUNT]);
         Self {
-            kind: peer.kind,
+            alone: peer.alone,
             page,
             input: doorbell(peer.rank + Topic::COUNT - 1),
             output: doorbell(peer.rank),
             seen: 0,
-            passed: 0,
         }
     }
 
     /// Waits for the token; returns `false` if the run is over.
     fn wait(&mut self) -> bool {
-        if self.kind.is_none() {
+        if self.alone {
             return true;
         }
         while self.input.count() == self.seen {
@@ -171,18 +139,9 @@ impl<'a> Token<'a> {
         self.page.phase.count() < phase::LEAVE
     }
 
-    fn pass(&mut self) {
-        self.read_clock();
-        self.passed += 1;
-        if self.kind.is_some() {
+    fn pass(&self) {
+        if !self.alone {
             self.output.ring();
-        }
-    }
-
-    /// Reads the clock as a cycle of the stack does at its begin and when it sends.
-    fn read_clock(&self) {
-        if self.kind == Some(Kind::Stamped) && stamped(self.passed) {
-            black_box(now_ns());
         }
     }
 }

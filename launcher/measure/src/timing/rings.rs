@@ -11,7 +11,7 @@ use runtime::domain::Hold;
 use runtime::realtime::{ControlPage, phase};
 use settings::Scenario;
 
-use super::ring_peer::{Kind, Peer, Releases, SAMPLES};
+use super::ring_peer::{Peer, Releases, SAMPLES};
 use crate::flights::namespace;
 use flight::own_program;
 use flight::stack::StartError;
@@ -31,23 +31,23 @@ pub struct RingPeers {
 impl RingPeers {
     /// Starts a peer alone, with `priority`.
     pub fn alone(releases: Releases, priority: u32) -> anyhow::Result<Self> {
-        Self::start(None, releases, &[priority])
+        Self::start(true, releases, &[priority])
     }
 
     /// Starts a ring of four, with the priorities of the stack's nodes.
-    pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
+    pub fn ring(releases: Releases) -> anyhow::Result<Self> {
         let wanted = Scenario::default();
-        Self::start(Some(kind), releases, &Topic::ALL.map(|topic| wanted.scheduling_of(topic as usize).priority))
+        Self::start(false, releases, &Topic::ALL.map(|topic| wanted.scheduling_of(topic as usize).priority))
     }
 
-    fn start(kind: Option<Kind>, releases: Releases, priorities: &[u32]) -> anyhow::Result<Self> {
+    fn start(alone: bool, releases: Releases, priorities: &[u32]) -> anyhow::Result<Self> {
         let hold = Hold::take(&namespace())?;
         let page = ControlPage::create(&hold.domain.file("page")).context("cannot make a page in shared memory")?;
         let mut peers = Self { children: vec![], page, hold, releases };
         // The peer with the clock is started last, when the others already wait for the token.
         for (rank, &priority) in priorities.iter().enumerate().rev() {
             let namespace = peers.hold.domain.namespace().to_owned();
-            let peer = Peer { namespace, rank, kind, releases, priority };
+            let peer = Peer { namespace, rank, alone, releases, priority };
             let mut command = own_program();
             command.args(["measure", "ring-peer"]).arg(serde_json::to_string(&peer)?);
             command.stdin(Stdio::null()).stdout(Stdio::null());
