@@ -14,7 +14,8 @@
 //! | `command` | `inject` and `clear` |
 //! | `swap` | `swap`: replaces the process of a node of a flying stack |
 //! | `replay` | `replay` and `explain`: a flight flown again from its folder |
-//! | `compare` | `compare`: recorded flights side by side |
+//! | `compare`, `export` | `compare`: recorded flights side by side; `export`: a flight for other tools |
+//! | `new` | `new`: a controller of the user's own from a template |
 //! | `campaign` | `campaign`: many flights, here or on a cluster |
 //! | `tune` | `tune`: gains for the controllers of a campaign |
 //! | `scenarios`, `runs` | `scenarios` and `runs`: what there is to fly, and what was flown |

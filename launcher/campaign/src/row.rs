@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_verdict_is_that_of_launcher_fly() {
+    fn a_verdict_is_that_of_trefoil_fly() {
         let passed = flown("");
         assert_eq!(
             (passed.standing, text(&passed, 1), text(&passed, 2)),

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! log -> Script: which process answered when to which sample, and what it had read           (script, recording)
+//!     -> Flight: each process goes on as soon as its inputs have been sent                   (again)
 //!     -> Worker: one core with the ports, link and faults of its process                     (worker)
 //!     -> messages, compared one by one with those of the log                                 (fields)
 //! ```
