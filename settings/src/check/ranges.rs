@@ -2,6 +2,7 @@
 
 use std::ops::Bound::{self, Excluded, Included, Unbounded};
 use std::ops::RangeBounds;
+use std::sync::LazyLock;
 
 use toml::Value;
 
@@ -198,15 +199,18 @@ pub fn shown(key: &str) -> String {
 /// Returns the range of the numbers under `key`: the part that is common to its own range and those of the tables that
 /// it is in.
 pub fn range_of(key: &str) -> Range {
-    let is_under = |table: &str| {
-        let mut names = key.split('.').filter(|name| !is_index(name));
-        table.split('.').all(|of| names.next().is_some_and(|name| of == "*" || of == name))
+    // Split once: every flight of a campaign checks all of its settings.
+    static TABLES: LazyLock<Vec<(Vec<&str>, Range)>> =
+        LazyLock::new(|| RANGES.iter().map(|(table, range)| (table.split('.').collect(), *range)).collect());
+    let names: Vec<&str> = key.split('.').filter(|name| !is_index(name)).collect();
+    let is_under = |table: &[&str]| {
+        table.len() <= names.len() && table.iter().zip(&names).all(|(of, name)| *of == "*" || of == name)
     };
     let value = |bound| match bound {
         Included(x) | Excluded(x) => Some(x),
         Unbounded => None,
     };
-    let ranges = RANGES.iter().filter(|(table, _)| is_under(table)).map(|(_, range)| *range);
+    let ranges = TABLES.iter().filter(|(table, _)| is_under(table)).map(|(_, range)| *range);
     ranges.fold((Unbounded, Unbounded), |(low, high), (other_low, other_high)| {
         let is_higher = value(low).is_none_or(|low| value(other_low).is_some_and(|other| other >= low));
         let is_lower = value(high).is_none_or(|high| value(other_high).is_some_and(|other| other <= high));
