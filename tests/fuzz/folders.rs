@@ -139,7 +139,7 @@ proptest! {
         damages in vec((any::<Index>(), damage()), 1..3),
         command in select(vec![
             &["report", "@"][..], &["replay", "@"], &["replay", "@", "--node", "mixer", "--from", "0.2s"], &["explain", "@", "--all"],
-            &["export", "@", "--to", "perfetto"], &["compare", "@", "@"], &["measure", "mpc", "@"],
+            &["export", "@", "--to", "perfetto"], &["compare", "@", "@"], &["measure", "mpc", "@", "--rounds", "1"],
         ]),
     ) {
         let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");

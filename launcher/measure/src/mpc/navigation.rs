@@ -1,6 +1,6 @@
 //! Times of the navigation unit, and of the tick of a plant with and without it.
 //!
-//! The vehicle hovers for 20 s, in process. As with the controller's steps, the time of a call is its median over the
+//! The vehicle hovers for 5 s, in process. As with the controller's steps, the time of a call is its median over the
 //! rounds, and the calls follow each other without a pause.
 
 use std::hint::black_box;
@@ -24,7 +24,7 @@ const SENSORS: [(&str, SensorPreset); 3] =
 /// Name of the call in which the plant is measured, not the unit alone.
 const TICK: &str = "tick of the plant";
 /// Duration of the hover \[s\].
-const DURATION_S: f64 = 20.0;
+const DURATION_S: f64 = 5.0;
 /// Largest share of a core that the unit may take \[%\].
 const MAX_SHARE_PERCENT: f64 = 2.0;
 
