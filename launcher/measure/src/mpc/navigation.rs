@@ -73,7 +73,7 @@ pub fn targets(rows: &[CallTimes]) -> impl Iterator<Item = Target> {
     SENSORS[1..].iter().map(|(preset, _)| {
         let of_unit = rows.iter().filter(|row| row.preset == *preset && row.call != TICK);
         let share_percent = of_unit.map(|row| row.share_percent).sum();
-        let figure = format!("navigation, {preset}: share of a core");
+        let figure = format!("navigation, {preset}: share of one core");
         Target::at_most(figure, Some(share_percent), MAX_SHARE_PERCENT, "%")
     })
 }
