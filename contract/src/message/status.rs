@@ -80,8 +80,8 @@ impl PlantStatus {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u64)]
 pub enum SolveStatus {
-    /// Unconstrained optimum, which satisfies every constraint: one matrix-vector product. Also the answer of a law that
-    /// has no constraints, or of another language.
+    /// Unconstrained optimum, which satisfies every constraint: one matrix-vector product. Also the answer of a law
+    /// without constraints, or of another language.
     Explicit = 0,
     /// Constrained optimum, to the solver's tolerance.
     Solved = 1,

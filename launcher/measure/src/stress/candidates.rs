@@ -46,7 +46,7 @@ const WRONG_S: (f64, f64) = (0.2, 1.0);
 const REST_S: f64 = 0.1;
 /// Delay from the beginning of a swap until its candidate fails: on standby, or active. Leaves time to start \[s\].
 const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
-/// Time from a candidate's fault to the same once more, for one that had not started yet: an exit has no duration \[s\].
+/// Time from a candidate's fault to the same once more, for one that had not started yet: an exit takes no time \[s\].
 const AGAIN_S: f64 = 0.25;
 /// Interval between two gusts \[s\].
 const GUST_S: f64 = 2.0;
