@@ -22,13 +22,14 @@ const NODES: [(Topic, &str); 3] = [
     (Topic::Controls, "attitude.law=\"lqr\""),
     (Topic::Actuators, "mixer.projection=true"),
 ];
-/// Faults of the wrong candidates: of the topic or of the process.
-const WAYS: [(FaultTargetOf, &str); 5] = [
-    (Topic::name, "kind=\"garbage\""),
-    (Topic::name, "kind=\"drop\", probability=1.0"),
-    (Topic::name, "kind=\"wrong\", how=\"sign\""),
-    (Topic::publisher, "kind=\"slow\", ms=30.0"),
-    (Topic::publisher, "kind=\"exit\""),
+/// Faults of the wrong candidates: of the topic or of the process, with the times after which they begin \[s\]. An exit
+/// takes no time, so it comes once more for a candidate that had not started yet; the others last, and would add up.
+const WAYS: [(FaultTargetOf, &str, &[f64]); 5] = [
+    (Topic::name, "kind=\"garbage\"", &[0.0]),
+    (Topic::name, "kind=\"drop\", probability=1.0", &[0.0]),
+    (Topic::name, "kind=\"wrong\", how=\"sign\"", &[0.0]),
+    (Topic::publisher, "kind=\"slow\", ms=30.0", &[0.0]),
+    (Topic::publisher, "kind=\"exit\"", &[0.0, 0.25]),
 ];
 /// Returns the target of a fault, for the publisher of a topic.
 type FaultTargetOf = fn(Topic) -> &'static str;
@@ -46,8 +47,6 @@ const WRONG_S: (f64, f64) = (0.2, 1.0);
 const REST_S: f64 = 0.1;
 /// Delay from the beginning of a swap until its candidate fails: on standby, or active. Leaves time to start \[s\].
 const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
-/// Time from a candidate's fault to the same once more, for one that had not started yet: an exit takes no time \[s\].
-const AGAIN_S: f64 = 0.25;
 /// Interval between two gusts \[s\].
 const GUST_S: f64 = 2.0;
 
@@ -66,11 +65,14 @@ pub fn good(survey: Scenario) -> Scenario {
 /// Returns the gusts, repeated, with a candidate of every node that fails in every way, on standby and active.
 pub fn wrong() -> anyhow::Result<Scenario> {
     let (mut gusts, mut swaps) = (hover_in_gusts()?, vec![]);
-    for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
+    for ((target, fault, times_s), after_s) in
+        WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s)))
+    {
         for (node, _) in NODES {
             let at_s = begins_s(swaps.len(), WRONG_S) + after_s;
-            let begins = |at_s: f64| format!("{{at_s={at_s:?}, target=\"{}\", {fault}}}", target(node));
-            let set = format!("fault=[{}, {}]", begins(at_s), begins(at_s + AGAIN_S));
+            let begins = |later_s| format!("{{at_s={:?}, target=\"{}\", {fault}}}", at_s + later_s, target(node));
+            let faults: Vec<String> = times_s.iter().map(begins).collect();
+            let set = format!("fault=[{}]", faults.join(", "));
             swaps.push(Swap { may_fail: true, ..swap(swaps.len(), WRONG_S, node, vec![set]) });
         }
     }

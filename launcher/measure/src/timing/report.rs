@@ -126,7 +126,7 @@ fn stress(results: &TimingResults) -> Target {
 
 fn overhead(ring: &Ring) -> Target {
     let figure = format!("stamping over the ring's time, {}", ring.placement.name());
-    Target::at_most(figure, ring.stamps_percent, 2.0, "%").noting("by counting calls")
+    Target::at_most(figure, ring.stamps_percent, 2.0, "%").noting("readings of the clock, counted")
 }
 
 fn ratio_at_most(figure: String, ratio: Option<Ratio>, limit: f64, missing: &str) -> Target {
