@@ -129,6 +129,8 @@ pub const MOVED: &[(Kind, &str, Now)] = &[
     (Command, "measure laws", Name("campaign aggressive")),
     (Command, "measure conditions", Gone("fly the campaigns conditions and conditions-estimated")),
     (Command, "measure sensitivity", Name("campaign delay-limit")),
+    (Command, "measure mpc --compare", Gone(OTHER_SOLVERS)),
+    (Command, "measure mpc --export", Gone(OTHER_SOLVERS)),
     (Command, "measure navigation --faults", Name("campaign sensor-faults")),
     (Command, "measure navigation", Name("measure mpc")),
     (Command, "measure kills", Name("measure stress")),
@@ -151,6 +153,7 @@ const VELOCITY: &str =
     "the velocity of a receiver has no bias; a fault has one: target = \"velocity\", kind = \"wrong\"";
 const FEET: &str = "feet are as stiff as a vehicle of `airframe.mass_kg` needs them";
 const NO_RECORDER: &str = "a recorder is not swapped; kill it, and another continues the log";
+const OTHER_SOLVERS: &str = "other solvers have lost, docs/tried.md has the commit that compares them";
 const A_TEST: &str = "it tests the stack and no controller, and is a test, tests/isolation.rs";
 
 /// Old name that was used, with what takes its place.
