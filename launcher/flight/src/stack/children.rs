@@ -53,6 +53,9 @@ pub struct SpawnRequest<'a> {
     pub program: Option<&'a NodeSettings>,
     /// File with settings of its own, beside the run's.
     pub settings: Option<&'a Path>,
+    /// `true` if it shares the CPU of the flight: not the recorder, and no node whose settings name CPUs. It takes
+    /// those itself, perhaps before this thread goes on.
+    pub shares_cpu: bool,
 }
 
 pub struct Process {
@@ -116,7 +119,7 @@ impl Children {
     }
 
     pub fn spawn(&mut self, request: &SpawnRequest) -> anyhow::Result<()> {
-        let SpawnRequest { topic, epoch, log, program, settings } = *request;
+        let SpawnRequest { topic, epoch, log, program, settings, shares_cpu } = *request;
         let name = name_of(topic);
         let executable = program.filter(|program| program.kind() == ProgramKind::Executable);
         let mut command = if let Some(program) = executable {
@@ -153,7 +156,7 @@ impl Children {
             let raise = if is_crowded { "; allow this user more processes (`ulimit -u`)" } else { "" };
             anyhow::Error::new(error).context(format!("{cannot}{raise}"))
         })?;
-        if let Some(one_cpu) = self.one_cpu.as_ref().filter(|_| topic.is_some()) {
+        if let Some(one_cpu) = self.one_cpu.as_ref().filter(|_| shares_cpu) {
             one_cpu.confine(&child);
         }
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());

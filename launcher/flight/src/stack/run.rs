@@ -91,9 +91,15 @@ impl Run {
         let own = swap.map(|swap| candidate(&self.scenario, swap)).transpose()?;
         let write = |own| self.domain.write(&format!("{}.{epoch}.toml", topic.publisher()), &to_toml(own));
         let settings = own.as_ref().map(write).transpose()?;
-        let program = Some(own.as_ref().unwrap_or(&self.scenario).node.of(topic));
-        let settings = settings.as_deref();
-        self.children.spawn(&SpawnRequest { topic: Some(topic), epoch, program, settings, ..SpawnRequest::default() })
+        let scenario = own.as_ref().unwrap_or(&self.scenario);
+        self.children.spawn(&SpawnRequest {
+            topic: Some(topic),
+            epoch,
+            log: None,
+            program: Some(scenario.node.of(topic)),
+            settings: settings.as_deref(),
+            shares_cpu: scenario.scheduling_of(topic as usize).affinity.is_empty(),
+        })
     }
 
     fn carry_out(&mut self, orders: Vec<Order>) {
