@@ -137,6 +137,23 @@ fn no_files_or_folders_of_a_crate_use_each_other_in_a_circle() {
     assert!(circles.is_empty(), "arrows in circles: {circles:#?}");
 }
 
+/// Public types of which each platform has its own.
+const OF_THE_PLATFORM: [&str; 2] = ["ControlPage", "ThisProcess"];
+
+#[test]
+fn a_public_type_has_a_name_that_no_other_has() {
+    let all = crates();
+    let mut homes: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for source in all.iter().flat_map(|c| &c.sources) {
+        for name in &source.types {
+            homes.entry(name).or_default().insert(&source.path);
+        }
+    }
+    assert!(homes.len() > 500, "the types were found");
+    homes.retain(|name, homes| homes.len() > 1 && !OF_THE_PLATFORM.contains(name));
+    assert!(homes.is_empty(), "a name for each: {homes:#?}");
+}
+
 #[test]
 fn unsafe_code_stays_in_its_two_rooms() {
     let all = crates();

@@ -241,7 +241,7 @@ fn one_flight_again_is_the_flight_of_the_table() {
     let place = Place::new(CAMPAIGN);
     check(&place.fly(&["--only", "4"], "out"), 0, &[]); // before the others
     check(&place.fly(&[], "out"), 0, &[]);
-    let (table, _) = campaign::table::Table::from_parquet(place.table("out"), 24).expect("the table");
+    let (table, _) = campaign::table::FlightTable::from_parquet(place.table("out"), 24).expect("the table");
     for number in [3, 20] {
         let again = place.fly(&["--only", &number.to_string()], "out");
         let verdict = table.column("verdict").expect("a verdict").text(number).to_owned();
@@ -389,7 +389,8 @@ fn the_campaigns_of_the_page_can_be_flown() {
 fn the_shipped_campaigns_can_be_flown() {
     let mut flown = 0;
     for entry in fs::read_dir(top().join("campaigns")).expect("the campaigns").flatten() {
-        let plan = campaign::Plan::new(campaign::Campaign::load(&entry.path()).expect("a campaign")).expect("a plan");
+        let plan =
+            campaign::CampaignPlan::new(campaign::Campaign::load(&entry.path()).expect("a campaign")).expect("a plan");
         plan.check().unwrap_or_else(|error| panic!("{}: {error}", entry.path().display()));
         flown += 1;
     }
@@ -403,7 +404,7 @@ fn the_vehicle_lands_without_a_controller_and_falls_without_a_mixer_or_a_rotor()
     let output = launcher().args(["campaign", "brought-down", "--out"]).arg(&out).output().expect("the launcher runs");
     check(&output, 0, &[]);
     let table = fs::read(out.join("flights.parquet")).expect("flights.parquet");
-    let (table, _) = campaign::table::Table::from_parquet(table, 6).expect("the table");
+    let (table, _) = campaign::table::FlightTable::from_parquet(table, 6).expect("the table");
     let column = |name: &str| table.column(name).expect("a column");
     assert_eq!(table.rows(), 6);
     for row in 0..table.rows() {

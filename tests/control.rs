@@ -1,6 +1,6 @@
 //! A flying stack asked, broken and mended from outside.
 
-use flight::control::{Request, ask};
+use flight::control::{ControlRequest, ask};
 use runtime::domain::Domain;
 use serde_json::Value;
 use settings::fault_schedule::MAX_LIVE_FAULTS;
@@ -175,13 +175,13 @@ fn a_flight_takes_so_many_faults_and_no_more() {
     let ns = namespace();
     let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     let domain = Domain::find(&ns).expect("it flies");
-    let later = Request::Inject { fault: Fault::new(FaultTarget::Payload, FaultKind::Mass, 3000.0, None) };
+    let later = ControlRequest::Inject { fault: Fault::new(FaultTarget::Payload, FaultKind::Mass, 3000.0, None) };
     for _ in 0..MAX_LIVE_FAULTS {
         ask(&domain, &later).expect("there is room");
     }
     let error = ask(&domain, &later).expect_err("no room").to_string();
     assert!(error.contains("128 faults") && error.contains("fly again"), "{error}");
-    let cleared = ask(&domain, &Request::Clear { target: None }).expect("those that stand can end");
+    let cleared = ask(&domain, &ControlRequest::Clear { target: None }).expect("those that stand can end");
     assert_eq!(cleared.as_array().map(Vec::len), Some(MAX_LIVE_FAULTS));
     tell(&ns, &["stop"]).expect("it ends");
     assert_eq!(flight.finish().code(), Some(130));

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use campaign::table::Table;
+use campaign::table::FlightTable;
 use contract::exit;
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -89,7 +89,7 @@ fn a_library_that_crashes_exits_or_hangs_costs_its_flights_and_the_table_stays_t
     }
     let here = place.fly(&[], "here");
     assert_eq!(here.status.code(), Some(0), "{}", said(&here));
-    let (flights, _) = Table::from_parquet(place.table("here"), 60).unwrap();
+    let (flights, _) = FlightTable::from_parquet(place.table("here"), 60).unwrap();
     let text = |row: usize, column: &str| flights.column(column).unwrap().text(row).to_owned();
     for (controller, cause) in [
         ("ours", ""),
@@ -152,7 +152,7 @@ fn a_library_that_reaches_beyond_its_flight_changes_no_other_and_leaves_no_proce
         wait_until("no process of the campaign is left", || processes_with(MARK).is_empty());
     }
     assert_eq!(place.table("1"), place.table("4"), "whichever flights share a process");
-    let (flights, _) = Table::from_parquet(place.table("1"), 45).unwrap();
+    let (flights, _) = FlightTable::from_parquet(place.table("1"), 45).unwrap();
     let column = |name: &str, of: &str| -> Vec<String> {
         let text = |row: usize, name: &str| flights.column(name).unwrap().text(row).to_owned();
         (0..45).filter(|row| text(*row, "controller") == of).map(|row| text(row, name)).collect()
@@ -184,7 +184,7 @@ fn controllers_that_cannot_be_in_one_process_fly_in_one_campaign() {
     }
     let flown = place.command(&[], "out").env("RAYON_NUM_THREADS", "1").output().unwrap();
     assert_eq!(flown.status.code(), Some(0), "{}", said(&flown));
-    let (flights, _) = Table::from_parquet(place.table("out"), 4).unwrap();
+    let (flights, _) = FlightTable::from_parquet(place.table("out"), 4).unwrap();
     let flight = |row: usize| ["controller", "hash"].map(|column| flights.column(column).unwrap().text(row).to_owned());
     let flights: Vec<[String; 2]> = (0..4).map(flight).collect();
     for [controller, hash] in &flights {
@@ -272,7 +272,7 @@ fn settings_of_a_library_are_varied_like_all_others() {
     place.library("mine", 0, 1.0);
     let flown = place.fly(&[], "out");
     assert_eq!(flown.status.code(), Some(0), "{}", said(&flown));
-    let (flights, _) = Table::from_parquet(place.table("out"), 2).unwrap();
+    let (flights, _) = FlightTable::from_parquet(place.table("out"), 2).unwrap();
     let hashes = flights.column("hash").unwrap();
     assert_ne!(hashes.text(0), hashes.text(1));
 }

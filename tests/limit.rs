@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use campaign::table::Table;
+use campaign::table::FlightTable;
 
 use crate::campaign::Place;
 use crate::harness::fly;
@@ -68,7 +68,7 @@ fn the_table_of_searches_is_the_same_whatever_flies_it() {
     check(&place.fly_by(&[], &[], "again"), 0, &["10 of 12 searches are there already"]);
     assert_eq!(place.table("again"), place.table("here"), "after a loss");
 
-    let (table, _) = Table::from_parquet(place.table("here"), 12).expect("the table");
+    let (table, _) = FlightTable::from_parquet(place.table("here"), 12).expect("the table");
     let number = |column: &str, row: usize| table.column(column).expect("a column").number(row);
     let text = |column: &str, row: usize| table.column(column).expect("a column").text(row);
     for row in (0..12).filter(|row| number("initial.velocity_mps.0", *row) == Some(0.0)) {
@@ -93,7 +93,7 @@ fn the_flights_at_a_limit_are_those_of_the_launcher() {
     let place = Place::new(CAMPAIGN);
     check(&place.fly_by(&[], &[], "out"), 0, &[]);
     let said = check(&place.fly_by(&[], &["--only", "0"], "out"), 0, &["flight 0 is the one of the table"]);
-    let (table, _) = Table::from_parquet(place.table("out"), 12).expect("the table");
+    let (table, _) = FlightTable::from_parquet(place.table("out"), 12).expect("the table");
     let number = |column: &str| table.column(column).expect("a column").number(0).expect("a number");
     let flown = |roll_deg: f64| {
         let settings = [

@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
-use view::scene::Channel;
+use view::scene::SceneChannel;
 
 use crate::control::{flying, status, tell};
 use crate::harness::{AS_NOBODY, Flight, Outcome, fly, has_root, launcher, namespace, shared_memory_of, wait_until};
@@ -488,7 +488,7 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_export_has_them() {
         .map(|channel| (topic(channel), channel["id"].as_u64().expect("a number")))
         .collect();
     let known: Vec<&str> = channels.iter().map(|(topic, _)| topic.as_str()).collect();
-    assert_eq!(known, Channel::ALL.map(Channel::topic));
+    assert_eq!(known, SceneChannel::ALL.map(SceneChannel::topic));
     // The number of a subscription is the place of its topic.
     let all = channels.iter().enumerate().map(|(id, (_, channel))| json!({ "id": id, "channelId": channel }));
     let subscribe = json!({ "op": "subscribe", "subscriptions": all.collect::<Vec<_>>() });
@@ -526,11 +526,11 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_export_has_them() {
         .map(|(topic, ns, ..)| (topic, ns))
         .collect();
     assert!(others.is_empty(), "not in the export: {others:?}");
-    let count = |topic: Channel| seen.iter().filter(|(of, ..)| of == topic.topic()).count();
-    for fixed in [Channel::FixedFrames, Channel::Vehicle, Channel::Course] {
+    let count = |topic: SceneChannel| seen.iter().filter(|(of, ..)| of == topic.topic()).count();
+    for fixed in [SceneChannel::FixedFrames, SceneChannel::Vehicle, SceneChannel::Course] {
         assert_eq!(count(fixed), 1, "{fixed:?} comes with the subscription");
     }
-    let counts = [Channel::Frames, Channel::Arrows, Channel::Path].map(count);
+    let counts = [SceneChannel::Frames, SceneChannel::Arrows, SceneChannel::Path].map(count);
     assert!(counts[0] > 50 && counts[1] > 25 && counts[2] >= 1, "{counts:?}");
 }
 
@@ -543,9 +543,9 @@ fn comparable(topic: &str, message: &[u8]) -> (Vec<u8>, Vec<u8>) {
         from + 1 + width + length as usize
     };
     let second = || after(after(0));
-    if topic == Channel::Frames.topic() {
+    if topic == SceneChannel::Frames.topic() {
         (message[..second()].to_vec(), vec![])
-    } else if topic == Channel::Path.topic() {
+    } else if topic == SceneChannel::Path.topic() {
         let (head, poses) = message.split_at(second());
         (head.to_vec(), poses.to_vec())
     } else {

@@ -43,6 +43,7 @@ mod promise;
 mod recorded;
 mod recorder;
 mod replay;
+mod results;
 mod same_bits;
 mod shared_memory;
 mod solver;

@@ -1,5 +1,5 @@
 //! `trefoil measure`: every promise has a verdict, and the raw samples are kept.
-//! The tables of flights in docs/mpc.md are what their commands print. No time is judged here.
+//! No time is judged here.
 
 use std::path::Path;
 use std::process::{Output, Stdio};
@@ -113,31 +113,6 @@ fn what_cannot_be_measured_is_told() {
     check(&["--rounds", "0"], &out, &["--rounds", "0"]);
     check(&["--fast"], &out, &["--fast"]);
     check(&QUICK, &file, &["occupied", "--out"]);
-}
-
-/// Text that docs/mpc.md has next after it names the campaign `name`.
-fn rows_of_the_page(name: &str) -> Vec<String> {
-    let page = std::fs::read_to_string(top().join("docs/mpc.md")).expect("docs/mpc.md is readable");
-    let named = format!("`trefoil campaign {name}`");
-    let from = page.lines().skip_while(|line| !line.contains(&named)).skip_while(|line| *line != "```text").skip(1);
-    from.take_while(|line| !line.starts_with("```")).map(str::to_owned).collect()
-}
-
-#[test]
-fn the_flights_under_every_law_and_model_are_those_of_the_page() {
-    // The thousand random ones take minutes without optimisation: `.ci/run` compares them.
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, count) in [("aggressive", 10), ("conditions", 8), ("conditions-estimated", 6)] {
-        let output = launcher().args(["campaign", name, "--out"]).arg(folder.path().join(name)).output();
-        let output = output.expect("the launcher starts");
-        let printed = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert_eq!(output.status.code(), Some(0), "{name}: {printed}");
-        let rows = rows_of_the_page(name);
-        assert_eq!(rows.len(), count, "{rows:?}");
-        for row in rows {
-            assert!(printed.lines().any(|line| line == row), "docs/mpc.md has: {row}\nflown:\n{printed}");
-        }
-    }
 }
 
 /// `trefoil measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its

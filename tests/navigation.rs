@@ -8,11 +8,11 @@ use contract::Topic;
 use contract::message::{Kinematics, Navigation, State, Truth};
 use nalgebra::{DVector, UnitQuaternion, Vector2, Vector3};
 use navigation::state::{ATTITUDE, POSITION, VELOCITY};
-use navigation::{Aiding, Constants, Filter, Imu, Noise, Source, Start, Wander};
+use navigation::{Aiding, Constants, ExpectedNoise, Filter, Imu, InitialErrors, Source, Wander};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use settings::{SensorPreset, Sensors};
+use settings::{SensorPreset, SensorsSettings};
 
 use crate::harness::{fly, python_with, top};
 
@@ -78,7 +78,7 @@ fn ten_minutes(preset: SensorPreset, seed: u64) -> ([[f64; PARTS.len()]; CHECKS_
     let gusts = std::fs::read_to_string(top().join("scenarios/dryden.toml")).expect("the file is readable");
     let hover = ["run.mode='inprocess'", "run.duration_s=600", "mission.trajectory='hover'"];
     let mut scenario = settings::load_text(&gusts, "dryden", &hover.map(str::to_owned)).expect("a valid scenario");
-    (scenario.run.seed, scenario.plant.sensors) = (seed, Sensors::from(preset));
+    (scenario.run.seed, scenario.plant.sensors) = (seed, SensorsSettings::from(preset));
     let mut ring = flight::nodes::ring(&scenario, false).expect("the nodes open");
     let (mut nees, mut nis) = ([[0.0; PARTS.len()]; CHECKS_S.len()], [0.0; Source::ALL.len()]);
     while ring.begin().expect("a sample") {
@@ -179,7 +179,7 @@ fn when_every_imu_is_ill_it_is_said() {
 }
 
 /// Errors that the filter of the test expects; `tests/python/ekf.py` has the same numbers.
-const NOISE: Noise = Noise {
+const NOISE: ExpectedNoise = ExpectedNoise {
     specific_force_mps2: 0.3,
     rates_radps: 0.001,
     acceleration_bias_walk: 0.002,
@@ -201,7 +201,7 @@ const NOISE: Noise = Noise {
     barometer: Wander { start: 0.2, walk: 0.05, time_s: 30.0 },
     hard_iron: Wander { start: 0.02, walk: 0.004, time_s: 40.0 },
 };
-const START: Start = Start {
+const START: InitialErrors = InitialErrors {
     position_m: 0.1,
     velocity_mps: 0.05,
     tilt_rad: 0.01,

@@ -1,7 +1,7 @@
 //! Closed loops against the independent simulator's values, and the claims of the paper's section 5.
 
 use crate::harness::{Outcome, fly};
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use outcome::ticks::Joined;
 use serde_json::Value;
 use view::report::claims::Reach;
@@ -20,7 +20,7 @@ fn case_file(name: &str) -> String {
 /// Largest altitude errors from 10 to 50 s and in the rest of a flight, from its log \[m\].
 pub fn altitude_errors_m(flown: &Outcome) -> [f64; 2] {
     let mut gathered = None;
-    let read = Recorded::read_each(&flown.out, Part::ALL, |scenario, record| {
+    let read = Recorded::read_each(&flown.out, TimeSpan::ALL, |scenario, record| {
         let (joined, reach) = gathered.get_or_insert_with(|| (Joined::new(scenario, 0), Reach::new(scenario)));
         joined.observe(record, |tick| reach.observe(tick));
     });

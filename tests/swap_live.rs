@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, thread};
 
 use contract::topic::Topic;
-use flight::control::{Request, ask};
+use flight::control::{ControlRequest, ask};
 use runtime::domain::Domain;
 use serde_json::{Value, json};
 use settings::{Swap, from_merged};
@@ -127,7 +127,7 @@ fn a_swap_is_seen_while_it_lasts_and_others_are_refused_meanwhile() {
     let error = tell(&ns, &["swap", "mixer", "--watch", "3000s"]).expect_err("the scenario's is in its way");
     assert!(error.starts_with("Some(2)") && error.contains("two swaps of mixer at once"), "{error}");
     let domain = Domain::find(&ns).expect("it flies");
-    let order = Request::Swap(Swap::new(Topic::Actuators, 0.0));
+    let order = ControlRequest::Swap(Swap::new(Topic::Actuators, 0.0));
     ask(&domain, &order).expect("the first order");
     ask(&domain, &order).expect_err("whether the first has begun or not");
     let waiting = ["swap", "guidance", "--standby", "3000s", "--bounds", "ticks=100000"];

@@ -149,14 +149,15 @@ fn a_heavier_vehicle_flies_worse_and_not_better() {
 
 #[test]
 fn another_airframe_flies_with_its_own_trim_and_weights() {
-    let outcome = flown("second-airframe", &[]);
+    let with_loops = |scenario: &str| fly(&[&format!("scenarios/{scenario}.toml"), "--mode", "inprocess"]);
+    let outcome = with_loops("second-airframe");
     assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
     let bandwidths = |run: &Value| {
         let loops = &run["hover"]["loops"];
         let of = |which: &str| loops[which].as_object().expect("bandwidths").values().filter_map(Value::as_f64);
         of("attitude").chain(of("position")).collect::<Vec<_>>()
     };
-    let [own, paper] = [outcome.run(), flown("survey", &[]).run()].map(|run| bandwidths(&run));
+    let [own, paper] = [outcome.run(), with_loops("survey").run()].map(|run| bandwidths(&run));
     assert_eq!([own.len(), paper.len()], [7; 2]);
     let are_alike = own.iter().zip(&paper).all(|(own, paper)| (own / paper - 1.0).abs() < 0.05);
     assert!(are_alike, "the same closed loop: {own:?} and {paper:?} rad/s");

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 
 use flight::log;
 use serde_json::{Value, json};
-use view::scene::Channel;
+use view::scene::SceneChannel;
 
 use crate::harness::{fly, launcher, python_with, top};
 
@@ -93,7 +93,7 @@ fn layouts_name_what_a_log_has() {
         drawn += 1;
     }
     let scene = panels["3D!vehicle"]["topics"].as_object().expect("topics");
-    let topics = Channel::ALL.map(Channel::topic);
+    let topics = SceneChannel::ALL.map(SceneChannel::topic);
     assert!(scene.keys().all(|topic| topics.contains(&topic.as_str())) && scene.len() == 6, "{scene:?}");
     let plotjuggler = read("plotjuggler.xml");
     for curve in plotjuggler.split("<curve name=\"").skip(1).filter_map(|rest| rest.split('"').next()) {

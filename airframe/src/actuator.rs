@@ -14,7 +14,7 @@ use crate::trim::Trim;
 
 /// Amplitude limits (52)-(53), the same in the plant, the controller and the mixer.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct ActuatorLimits {
     /// Lowest rotor speed (idle) \[rotor speed unit\].
     pub rotor_speed_min: f64,
     /// Highest rotor speed, one per rotor \[rotor speed unit\].
@@ -23,7 +23,7 @@ pub struct Limits {
     pub tilt_max_rad: f64,
 }
 
-impl Limits {
+impl ActuatorLimits {
     /// Limits whose highest speed is `max_ratio` times the trim speed (52), which is taken without the tilt reaction.
     pub fn new(vehicle: &Parameters, rotor_speed_min: f64, max_ratio: f64, tilt_max_rad: f64) -> Self {
         let trim = Trim::solve(vehicle, false).actuation.rotor_speed;
@@ -54,7 +54,7 @@ impl Limits {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActuatorLaw {
     /// Amplitude limits, applied to the command.
-    pub limits: Limits,
+    pub limits: ActuatorLimits,
     /// Time constant of the rotors \[s\]; 0 is no lag, which [`advance`](Self::advance) accepts and `rate` does not.
     pub rotor_lag_s: f64,
     /// Time constant of the tilt servo \[s\]; 0 as for the rotors.

@@ -130,11 +130,11 @@ mod tests {
 
     use super::*;
     use crate::tests::paper_limits;
-    use crate::{Limits, Parameters};
+    use crate::{ActuatorLimits, Parameters};
     use contract::actuation::Actuation;
 
     fn envelope(idle: f64) -> Envelope {
-        let limits = Limits::new(&Parameters::default(), idle, 2.0, f64::to_radians(60.0));
+        let limits = ActuatorLimits::new(&Parameters::default(), idle, 2.0, f64::to_radians(60.0));
         Envelope::new(&Parameters::default(), false, limits)
     }
 

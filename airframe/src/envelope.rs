@@ -13,7 +13,7 @@
 
 use nalgebra::{Vector2, Vector4};
 
-use crate::{Limits, MixingMatrix, Parameters, Trim};
+use crate::{ActuatorLimits, MixingMatrix, Parameters, Trim};
 
 /// Exact set, and the map from intermediate to conventional inputs.
 #[derive(Debug, Clone, Copy)]
@@ -23,12 +23,12 @@ pub struct Envelope {
     /// Tilt at which the idle cut touches rotor 1's circle \[rad\].
     pub cut_tilt_rad: f64,
     /// Amplitude limits that define the set.
-    pub limits: Limits,
+    pub limits: ActuatorLimits,
 }
 
 impl Envelope {
     /// Builds the set of `limits` around the hover of `vehicle`.
-    pub fn new(vehicle: &Parameters, tilt_reaction: bool, limits: Limits) -> Self {
+    pub fn new(vehicle: &Parameters, tilt_reaction: bool, limits: ActuatorLimits) -> Self {
         Self {
             mixing: MixingMatrix::new(vehicle, tilt_reaction),
             cut_tilt_rad: Trim::solve(vehicle, tilt_reaction).actuation.tilt_rad,

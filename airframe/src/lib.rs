@@ -43,7 +43,7 @@ pub mod riccati;
 pub mod spin;
 pub mod trim;
 
-pub use actuator::{ActuatorLaw, Limits};
+pub use actuator::{ActuatorLaw, ActuatorLimits};
 pub use at_speed::{AtSpeed, FlightPoint};
 pub use demand_set::DemandSet;
 pub use level_flight::{Drag, LevelFlight};

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use serde_json::Value;
 
 use crate::linear::{Continuous, lag_rates};
-use crate::{ActuatorLaw, Limits, MixingMatrix, Parameters, Trim};
+use crate::{ActuatorLaw, ActuatorLimits, MixingMatrix, Parameters, Trim};
 
 pub(crate) fn reference() -> Value {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/reference.json"));
@@ -35,8 +35,8 @@ pub(crate) fn assert_close(got: &[f64], expected: &[f64]) {
 }
 
 /// Limits of the paper, (52)-(53).
-pub(crate) fn paper_limits() -> Limits {
-    Limits::new(&Parameters::default(), 0.0, 2.0, FRAC_PI_2)
+pub(crate) fn paper_limits() -> ActuatorLimits {
+    ActuatorLimits::new(&Parameters::default(), 0.0, 2.0, FRAC_PI_2)
 }
 
 fn law() -> ActuatorLaw {
@@ -148,7 +148,7 @@ fn two_short_samples_are_one_long_one() {
 
 #[test]
 fn clipping_maps_nan_and_infinity_into_the_limits() {
-    let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
+    let limits = ActuatorLimits::new(&Parameters::default(), 200.0, 2.0, 1.0);
     let wild = Actuation { rotor_speed: [f64::NAN, f64::INFINITY, -5.0], tilt_rad: f64::NAN };
     let clipped = limits.clip(&wild);
     assert_close(&clipped.rotor_speed, &[200.0, limits.rotor_speed_max[1], 200.0]);
@@ -216,7 +216,7 @@ proptest! {
         rotor_speed in prop::array::uniform3(prop::num::f64::ANY),
         tilt_rad in prop::num::f64::ANY,
     ) {
-        let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
+        let limits = ActuatorLimits::new(&Parameters::default(), 200.0, 2.0, 1.0);
         let once = limits.clip(&Actuation { rotor_speed, tilt_rad });
         prop_assert_eq!(limits.clip(&once), once);
         prop_assert!(once.tilt_rad.abs() <= 1.0);

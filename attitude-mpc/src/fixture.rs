@@ -4,8 +4,8 @@ use contract::message::{Reference, Stamp, State};
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 use settings::{
-    Attitude, Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Model, Mpc, Plant, Profile, Scenario,
-    Terminal,
+    Attitude, Constraints, DelayCompensation, Fault, FaultKind, FaultTarget, Model, MpcSettings, PlantSettings,
+    Profile, Scenario, Terminal,
 };
 
 /// Reads the reference file.
@@ -24,11 +24,11 @@ pub fn vector(value: &Value) -> DVector<f64> {
 pub fn with_lag() -> Scenario {
     let paper = Scenario::from(Profile::Paper);
     Scenario {
-        plant: Plant { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
+        plant: PlantSettings { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
         attitude: Attitude {
             actuator_lag_model_s: 0.03,
             delay_compensation: DelayCompensation::Sample(true),
-            mpc: Mpc {
+            mpc: MpcSettings {
                 q: [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0],
                 r: [0.4, 300.0, 85.0, 300.0],
                 prediction_horizon_s: 0.2,

@@ -7,7 +7,6 @@
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
 //! | [`goal`] | the goal, also without references | |
 //! | [`memory`] | state kept from tick to tick | |
-//! | `node` | its inputs, its output and its memory, for the loop of every node | |
 //!
 //! The controller makes of a sample and a reference the problem of a law: the goal by its age, the estimate of the
 //! disturbance, and the state at which the demand acts. What the law decides becomes the demand and the memory.
@@ -22,7 +21,6 @@ pub mod goal;
 pub mod law;
 pub mod memory;
 pub mod model;
-mod node;
 
 #[cfg(test)]
 mod fixture;
@@ -33,13 +31,16 @@ use airframe::angle;
 use contract::actuation::Actuation;
 use contract::delay::Switch;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::snapshot::OptionalTick;
+use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{DVector, Vector4};
-use settings::{DelayCompensation, DelayName, Scenario, ScenarioError};
+use runtime::error::SessionError;
+use runtime::input::Input;
+use runtime::node::Core;
+use settings::{DelayCompensation, DelayName, Fault, Scenario, ScenarioError};
 
 use disturbance::DisturbanceLaw;
-use law::attitude_law::{Account, Aim, AttitudeLaw, Sample};
-use memory::Memory;
+use law::attitude_law::{Aim, AttitudeLaw, EstimateInput, PlanEffort};
+use memory::{AttitudeMemory, Whole};
 use model::PredictionModel;
 
 /// Index of psi in state and reference, the only angle that is wrapped.
@@ -54,7 +55,7 @@ pub struct AttitudeMpc {
     /// Rotor speed up to which the vehicle stands and follows nothing; `None` without a ground.
     idle_speed: Option<f64>,
     sample_ns: u64,
-    memory: Memory,
+    memory: AttitudeMemory,
     work: Work,
 }
 
@@ -66,6 +67,49 @@ struct Work {
     predicted: DVector<f64>,
     /// State predicted for the moment at which the demand acts.
     start: DVector<f64>,
+}
+
+impl Core for AttitudeMpc {
+    type Inputs = (Input<Reference>, Input<State>);
+    type Answer = Controls;
+
+    fn build(scenario: &Scenario) -> Result<Self, SessionError> {
+        Ok(Self::try_new(scenario)?)
+    }
+
+    fn step(&mut self, tick: u64, (references, states): &Self::Inputs) -> Result<Controls, SessionError> {
+        Ok(self.step(tick, states.known(), references.known()))
+    }
+
+    /// Packs the whole memory, except [`hurry`](Core::hurry), which belongs to the process.
+    fn snapshot(&self) -> Snapshot {
+        snapshot::pack(&Whole { memory: self.memory, warm_start: self.law.warm_start() })
+    }
+
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if the snapshot is foreign, torn or not finite,
+    /// or does not fit this model and solver.
+    fn restore(&mut self, snapshot: &Snapshot) -> bool {
+        let states = self.model.states() as u64;
+        let Some(whole) = snapshot::unpack::<Whole>(snapshot).filter(|whole| whole.memory.states == states) else {
+            return false;
+        };
+        let fits = self.law.start_from(&whole.warm_start);
+        if fits {
+            self.memory = whole.memory;
+            if self.disturbance_law.is_none() && !self.law.has_own_estimate() {
+                self.memory.disturbance = Vector4::zeros(); // of another law: nothing here would renew it
+            }
+        }
+        fits
+    }
+
+    fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.law.apply_fault(number, fault);
+    }
+
+    fn hurry(&mut self, do_less: bool) {
+        self.law.hurry(do_less);
+    }
 }
 
 impl AttitudeMpc {
@@ -81,7 +125,7 @@ impl AttitudeMpc {
         let state = DVector::zeros(model.states());
         Ok(Self {
             law: law::table::build(scenario, &model)?,
-            memory: Memory::new(model.states(), model.trim.actuation),
+            memory: AttitudeMemory::new(model.states(), model.trim.actuation),
             work: Work { x: state.clone(), predicted: state.clone(), start: state },
             disturbance_law: DisturbanceLaw::new(&scenario.airframe, settings.disturbance_gain, scenario.sample_s()),
             delay_compensation: settings.delay_compensation,
@@ -126,7 +170,7 @@ impl AttitudeMpc {
         if self.idle_speed.is_some_and(|idle| command.rotor_speed.iter().all(|speed| *speed <= idle)) {
             next.forget();
         } else if self.law.has_own_estimate() {
-            self.law.estimate(&Sample { tick, state, modelled: next.actuation, x: &self.work.x }, &mut next);
+            self.law.estimate(&EstimateInput { tick, state, modelled: next.actuation, x: &self.work.x }, &mut next);
         } else if samples == 1 && since.is_some() && next.goal.is_followed(tick, self.sample_ns) {
             // The prediction is for one sample, so a gap in the measurements leaves the estimate unchanged. Without a
             // reference the vehicle descends, and what stops it may be the ground.
@@ -163,7 +207,7 @@ impl AttitudeMpc {
 
     /// Updates the disturbance in `next`, and its gain, by the prediction error of this sample under the inputs `u` of
     /// the command in force.
-    fn estimate(&mut self, u: &Vector4<f64>, next: &mut Memory) {
+    fn estimate(&mut self, u: &Vector4<f64>, next: &mut AttitudeMemory) {
         let Some(disturbance_law) = &self.disturbance_law else { return };
         let before = self.memory.disturbance;
         let expected = before + self.law.coupling();
@@ -187,7 +231,7 @@ impl AttitudeMpc {
 
     /// Predicts the state at which the demand of `tick` takes effect: as the delay compensation says at this sample, at
     /// the next, or after the delay that `next` has measured. `input` is that of the command in force.
-    fn predict(&mut self, tick: u64, input: &Vector4<f64>, next: &Memory) {
+    fn predict(&mut self, tick: u64, input: &Vector4<f64>, next: &AttitudeMemory) {
         let Work { x, predicted, start } = &mut self.work;
         let d = &next.disturbance;
         match self.delay_compensation {
@@ -210,7 +254,7 @@ impl AttitudeMpc {
     }
 
     /// Builds the message of the demand in memory with `status` and `account`.
-    fn publish(&self, status: SolveStatus, account: &Account) -> Controls {
+    fn publish(&self, status: SolveStatus, account: &PlanEffort) -> Controls {
         Controls {
             demand: self.memory.demand().into(),
             disturbance: self.memory.disturbance.into(),
@@ -225,7 +269,7 @@ impl AttitudeMpc {
 
     /// Answers an unusable input with the last demand.
     fn repeat(&self, status: SolveStatus) -> Controls {
-        self.publish(status, &Account::default())
+        self.publish(status, &PlanEffort::default())
     }
 }
 

@@ -4,7 +4,7 @@ use airframe::linear::LAGGED;
 use bytemuck::{Pod, Zeroable};
 use contract::actuation::Actuation;
 use contract::delay::Delay;
-use contract::snapshot::{Layout, OptionalTick};
+use contract::snapshot::{MemoryLayout, OptionalTick};
 use nalgebra::{DVectorView, SVector, Vector4};
 
 use crate::disturbance::FIRST_GAIN;
@@ -19,7 +19,7 @@ pub const MAX_DISCS: usize = 20;
 /// Memory of the controller without its solver.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Memory {
+pub struct AttitudeMemory {
     /// Tick of the newest sample used.
     pub tick: OptionalTick,
     /// Newest reference used.
@@ -39,7 +39,7 @@ pub struct Memory {
     /// Integrals of the errors of the laws `pid` and `geometric`: of w \[m\], theta, phi, psi \[rad s\].
     pub integral: Vector4<f64>,
     /// Filter of the law `indi`.
-    pub stage: Stage,
+    pub stage: FilterStage,
     /// Number of ticks so far whose plan is a fallback or the result of a solve that reached a limit.
     pub fallbacks: u64,
 }
@@ -47,7 +47,7 @@ pub struct Memory {
 /// Memory of the filter of the law `indi`, beside the disturbance itself, which is its second stage.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Stage {
+pub struct FilterStage {
     /// Tick of the sample that the next one is compared with; none if the law was not in use.
     pub tick: OptionalTick,
     /// Vertical speed of that sample, down positive \[m/s\].
@@ -76,16 +76,16 @@ pub struct WarmStart {
 #[repr(C)]
 pub struct Whole {
     /// Memory of the controller.
-    pub memory: Memory,
+    pub memory: AttitudeMemory,
     /// Memory of its solver.
     pub warm_start: WarmStart,
 }
 
-impl Layout for Whole {
+impl MemoryLayout for Whole {
     const NAME: [u8; 8] = *b"attmpc 6";
 }
 
-impl Memory {
+impl AttitudeMemory {
     /// Starts without any sample: `states` states at hover, actuators at `trim`.
     pub fn new(states: usize, trim: Actuation) -> Self {
         Self { states: states as u64, actuation: trim, delay: Delay::new(trim), gain: FIRST_GAIN, ..Self::zeroed() }
@@ -94,7 +94,7 @@ impl Memory {
     /// Forgets disturbance and integrals.
     pub fn forget(&mut self) {
         (self.disturbance, self.gain) = (Vector4::zeros(), FIRST_GAIN);
-        (self.integral, self.stage) = (Vector4::zeros(), Stage::zeroed());
+        (self.integral, self.stage) = (Vector4::zeros(), FilterStage::zeroed());
     }
 
     /// Demand published last \[N, N m, N m, N m\].
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn gaps_are_counted_in_samples() {
-        let mut memory = Memory::new(7, Actuation::default());
+        let mut memory = AttitudeMemory::new(7, Actuation::default());
         assert_eq!(memory.samples_until(500), 1);
         memory.tick = OptionalTick::some(500);
         assert_eq!([500, 501, 504, 3].map(|tick| memory.samples_until(tick)), [0, 1, 4, 0]);

@@ -5,7 +5,7 @@ use airframe::linear::STATES;
 use contract::message::Stamp;
 use proptest::prelude::*;
 use runtime::node::Core;
-use settings::{Constraints, FaultKind, Law, Profile, Solver, StateConstraints};
+use settings::{Constraints, FaultKind, Law, Profile, SolverName, StateConstraints};
 
 use super::*;
 use crate::fixture::{self, Case};
@@ -97,7 +97,7 @@ fn check_directions(law: Law) {
 fn val_problems_of_the_independent_simulator() {
     let cases = fixture::cases();
     assert!(cases.iter().any(|case| case.active) && cases.iter().any(|case| !case.active));
-    let solvers = [Solver::Clarabel, Solver::ActiveSet];
+    let solvers = [SolverName::Clarabel, SolverName::ActiveSet];
     for (case, solver) in cases.iter().flat_map(|case| solvers.map(|solver| (case, solver))) {
         let Case { name, scenario, state, reference, previous, plan, objective, active, tolerance } = case;
         let mut scenario = scenario.clone();
@@ -316,7 +316,7 @@ proptest! {
         scenario.plant.rotor_speed_max_ratio = ratio;
         scenario.mixer.tilt_reaction = reaction;
         scenario.attitude.mpc.time_limit_ms = 0.0;
-        scenario.attitude.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
+        scenario.attitude.mpc.solver = if own { SolverName::ActiveSet } else { SolverName::Clarabel };
         scenario.attitude.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         if broken {
             scenario.fault = vec![fixture::fault(FaultKind::Nan, 0.0, None)];
@@ -345,7 +345,7 @@ proptest! {
         scenario.attitude.disturbance_gain = 0.5;
         scenario.attitude.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
         scenario.attitude.mpc.time_limit_ms = 0.0;
-        scenario.attitude.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
+        scenario.attitude.mpc.solver = if own { SolverName::ActiveSet } else { SolverName::Clarabel };
         scenario.attitude.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         let mut mpc = AttitudeMpc::new(&scenario);
         let (state, reference) = hover(&mpc, tick.saturating_sub(1));

@@ -6,7 +6,7 @@ use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
 use runtime::node::Core;
 use settings::{
     Constraints, DelayCompensation, DelayName, Fault, FaultKind, FaultTarget, Law, Mode, Model, Profile, Scenario,
-    Solver, StateConstraints,
+    SolverName, StateConstraints,
 };
 
 /// Steps once with a heading error; returns the answer and the number of allocations.
@@ -97,10 +97,10 @@ fn no_law_allocates() {
 #[test]
 fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
     for (solver, soft, expected) in [
-        (Solver::Clarabel, StateConstraints::None, 1),
-        (Solver::Clarabel, StateConstraints::Soft, 2), // two stages, one timer each
-        (Solver::ActiveSet, StateConstraints::None, 0),
-        (Solver::ActiveSet, StateConstraints::Soft, 0),
+        (SolverName::Clarabel, StateConstraints::None, 1),
+        (SolverName::Clarabel, StateConstraints::Soft, 2), // two stages, one timer each
+        (SolverName::ActiveSet, StateConstraints::None, 0),
+        (SolverName::ActiveSet, StateConstraints::Soft, 0),
     ] {
         let mut scenario = Scenario::from(Profile::Robust);
         scenario.attitude.mpc.constraints = Constraints::Cone;
@@ -118,7 +118,7 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
 
 #[test]
 fn a_failing_solver_allocates_no_more() {
-    for (solver, expected) in [(Solver::Clarabel, 1), (Solver::ActiveSet, 0)] {
+    for (solver, expected) in [(SolverName::Clarabel, 1), (SolverName::ActiveSet, 0)] {
         let mut scenario = Scenario::from(Profile::Robust);
         scenario.attitude.mpc.constraints = Constraints::Cone;
         scenario.attitude.mpc.solver = solver;

@@ -31,19 +31,19 @@ pub const MAX_DELAY: usize = 16;
 const SHARE: f64 = 0.1;
 
 /// Output of a process for one sample: four numbers whose meaning is its own.
-pub type Output = [f64; 4];
+pub type DelayedOutput = [f64; 4];
 
 /// Mean age at which the commands take effect.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
-pub struct Age {
+pub struct CommandAge {
     /// Mean \[ns\]; 0 before the first command.
     mean_ns: f64,
     /// Sequence number of the command in force; 0 before the first.
     sequence: u64,
 }
 
-impl Age {
+impl CommandAge {
     /// Takes in the command in force of `state`. Returns its age \[ns\], at most [`MAX_DELAY`] samples, if it is new.
     pub fn observe(&mut self, state: &State, sample_ns: u64) -> Option<u64> {
         let before = std::mem::replace(&mut self.sequence, state.applied_sequence);
@@ -66,9 +66,9 @@ impl Age {
 #[repr(C)]
 pub struct Delay {
     /// Outputs for the newest sample used and for those before it, the newest first.
-    pub outputs: [Output; MAX_DELAY + 1],
+    pub outputs: [DelayedOutput; MAX_DELAY + 1],
     /// Mean age at which a command takes effect.
-    age: Age,
+    age: CommandAge,
     /// Sample that the command in force answers; none before the first.
     answered: OptionalTick,
     /// Command in force at the newest sample used.
@@ -93,7 +93,7 @@ impl Delay {
     /// Makes room for the output for the sample of `state`, `samples` after the newest one used: the outputs between
     /// were those of before. Without a newest one the outputs of before are taken for `in_force`, that of the
     /// command in force. Returns when in the last period that command took effect.
-    pub fn observe(&mut self, state: &State, in_force: Output, samples: Option<u64>, sample_ns: u64) -> Switch {
+    pub fn observe(&mut self, state: &State, in_force: DelayedOutput, samples: Option<u64>, sample_ns: u64) -> Switch {
         let command = Actuation::from(state.command_in_force);
         if let Some(samples) = samples {
             let shift = samples.min(MAX_DELAY as u64) as usize;
@@ -118,7 +118,7 @@ impl Delay {
 
     /// Output that the command in force at the sample `tick` answers, of those for the samples before; without one the
     /// last of these.
-    pub fn answered(&self, tick: u64) -> Output {
+    pub fn answered(&self, tick: u64) -> DelayedOutput {
         let age = self.answered.get().map_or(1, |answered| tick.saturating_sub(answered).clamp(1, MAX_DELAY as u64));
         self.outputs[age as usize]
     }
@@ -131,7 +131,12 @@ impl Delay {
 
     /// Outputs that act from the sample `tick` on until the one for it acts, each with its duration \[ns\]:
     /// `in_force` for the rest of a sample, and then one for each whole sample.
-    pub fn course(&self, in_force: Output, tick: u64, sample_ns: u64) -> impl Iterator<Item = (Output, f64)> {
+    pub fn course(
+        &self,
+        in_force: DelayedOutput,
+        tick: u64,
+        sample_ns: u64,
+    ) -> impl Iterator<Item = (DelayedOutput, f64)> {
         let (whole, rest_ns) = self.samples(sample_ns);
         let under_way = (1..=whole).rev().scan(in_force, move |acting, age| {
             *acting = self.next(*acting, tick, age);
@@ -141,7 +146,7 @@ impl Delay {
     }
 
     /// Output that begins to act in place of `acting`, `age` samples after its own, at the sample `tick`.
-    fn next(&self, acting: Output, tick: u64, age: usize) -> Output {
+    fn next(&self, acting: DelayedOutput, tick: u64, age: usize) -> DelayedOutput {
         let of = tick.checked_sub(age as u64);
         let is_under_way = of.is_some() && OptionalTick::get(self.answered) < of;
         if is_under_way { self.outputs[age.min(MAX_DELAY)] } else { acting }

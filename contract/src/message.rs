@@ -13,7 +13,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::actuation::Actuation;
 use crate::integrity::checksum;
 use crate::{Topic, messages};
-use field::{Field, HasShape, Mark, Shape};
+use field::{Field, FieldMark, FieldShape, HasShape};
 use iceoryx2_bb_derive_macros::ZeroCopySend;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
@@ -86,15 +86,15 @@ macro_rules! define {
         }
 
         impl HasShape for $name {
-            const SHAPE: Shape = Shape::Part(Self::FIELDS);
+            const SHAPE: FieldShape = FieldShape::Part(Self::FIELDS);
         }
 
         // The layout is the interface: a change of size is a change of version.
         $(const _: () = assert!(size_of::<$name>() == $bytes && align_of::<$name>() == 8);)?
     };
     () => { None };
-    (clock) => { Some(Mark::Clock) };
-    (demand) => { Some(Mark::Demand) };
+    (clock) => { Some(FieldMark::Clock) };
+    (demand) => { Some(FieldMark::Demand) };
 }
 messages!(define);
 

@@ -34,7 +34,7 @@ const CONTENTS: usize = 2;
 pub const MEMORY_BYTES: usize = 8 * (SNAPSHOT_WORDS - CONTENTS);
 
 /// Memory of a node: a fixed layout of `f64` and of counts below 2^62, so that every word is finite when read as `f64`.
-pub trait Layout: Pod {
+pub trait MemoryLayout: Pod {
     /// Name of the node and version of its layout, in eight letters.
     const NAME: [u8; 8];
     /// Words of the contents. The compiler checks that the memory fits into a snapshot and consists of whole words.
@@ -45,7 +45,7 @@ pub trait Layout: Pod {
 }
 
 /// Packs `memory` into a snapshot with layout and checksum.
-pub fn pack<M: Layout>(memory: &M) -> Snapshot {
+pub fn pack<M: MemoryLayout>(memory: &M) -> Snapshot {
     pack_bytes(u64::from_be_bytes(M::NAME), bytemuck::bytes_of(memory))
 }
 
@@ -59,7 +59,7 @@ pub fn pack_bytes(layout: u64, memory: &[u8]) -> Snapshot {
 }
 
 /// Unpacks the memory in a `snapshot`; `None` if layout or checksum do not fit, or a number is not finite.
-pub fn unpack<M: Layout>(snapshot: &Snapshot) -> Option<M> {
+pub fn unpack<M: MemoryLayout>(snapshot: &Snapshot) -> Option<M> {
     let contents = unpack_bytes(u64::from_be_bytes(M::NAME), snapshot)?;
     let is_finite = snapshot[CONTENTS..CONTENTS + M::WORDS].iter().all(|word| f64::from_bits(*word).is_finite());
     is_finite.then(|| bytemuck::pod_read_unaligned(&contents[..size_of::<M>()]))
@@ -103,7 +103,7 @@ mod tests {
         numbers: [f64; 3],
     }
 
-    impl Layout for Sample {
+    impl MemoryLayout for Sample {
         const NAME: [u8; 8] = *b"sample 1";
     }
 
@@ -111,7 +111,7 @@ mod tests {
     #[repr(transparent)]
     struct Other(Sample);
 
-    impl Layout for Other {
+    impl MemoryLayout for Other {
         const NAME: [u8; 8] = *b"sample 2";
     }
 

@@ -15,7 +15,7 @@ const SAMPLED_LAPS: f64 = 2.0;
 
 /// Kind of a curve.
 #[derive(Debug, Clone)]
-pub enum Shape {
+pub enum CurveShape {
     /// Rest at a place for a time \[s\].
     Rest(Vector3<f64>, f64),
     /// Straight legs.
@@ -32,7 +32,7 @@ pub enum Shape {
 #[derive(Debug, Clone)]
 pub struct Curve {
     /// Shape, with times of its own.
-    pub shape: Shape,
+    pub shape: CurveShape,
     /// Ratio of the curve's times to those of the shape.
     pub stretch: f64,
 }
@@ -55,8 +55,8 @@ impl Leg {
     }
 }
 
-impl From<Shape> for Curve {
-    fn from(shape: Shape) -> Self {
+impl From<CurveShape> for Curve {
+    fn from(shape: CurveShape) -> Self {
         Self { shape, stretch: 1.0 }
     }
 }
@@ -70,11 +70,11 @@ impl Curve {
     /// Times at which legs begin and end \[s\]; the whole of a figure is one leg.
     pub fn times_s(&self) -> Vec<f64> {
         let times = match &self.shape {
-            Shape::Rest(_, duration_s) => vec![0.0, *duration_s],
-            Shape::Legs(legs) => legs.waypoints.iter().map(|(at_s, _)| *at_s).collect(),
-            Shape::Through(curve) => curve.times_s().collect(),
-            Shape::Figure(figure) => vec![0.0, figure.laps.turning_s],
-            Shape::Descent(descent) => descent.times_s().to_vec(),
+            CurveShape::Rest(_, duration_s) => vec![0.0, *duration_s],
+            CurveShape::Legs(legs) => legs.waypoints.iter().map(|(at_s, _)| *at_s).collect(),
+            CurveShape::Through(curve) => curve.times_s().collect(),
+            CurveShape::Figure(figure) => vec![0.0, figure.laps.turning_s],
+            CurveShape::Descent(descent) => descent.times_s().to_vec(),
         };
         times.into_iter().map(|t_s| t_s * self.stretch).collect()
     }
@@ -84,11 +84,11 @@ impl Curve {
         let k = self.stretch;
         let t_s = t_s / k;
         let Setpoint { position_m, velocity_mps, acceleration_mps2 } = match &self.shape {
-            Shape::Rest(at, _) => Setpoint::at_rest((*at).into()),
-            Shape::Legs(legs) => legs.at(t_s),
-            Shape::Through(curve) => curve.at(t_s),
-            Shape::Figure(figure) => figure.at(t_s),
-            Shape::Descent(descent) => descent.at(t_s),
+            CurveShape::Rest(at, _) => Setpoint::at_rest((*at).into()),
+            CurveShape::Legs(legs) => legs.at(t_s),
+            CurveShape::Through(curve) => curve.at(t_s),
+            CurveShape::Figure(figure) => figure.at(t_s),
+            CurveShape::Descent(descent) => descent.at(t_s),
         };
         Setpoint {
             position_m,
@@ -100,7 +100,7 @@ impl Curve {
     /// Divides each leg into `intervals`. Of a figure of many laps only the first and the last ones are sampled.
     pub fn legs(&self, intervals: u32) -> Vec<Leg> {
         let times_s = match &self.shape {
-            Shape::Figure(Figure { laps, .. }) => {
+            CurveShape::Figure(Figure { laps, .. }) => {
                 let (all, some) = (laps.laps, laps.laps.min(2.0 * SAMPLED_LAPS));
                 let lap = |i: u32| if f64::from(i) <= SAMPLED_LAPS { f64::from(i) } else { all - some + f64::from(i) };
                 (0..=some as u32).map(|i| lap(i) * laps.turning_s / all * self.stretch).collect()

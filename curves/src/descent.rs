@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use crate::progress::{Progress, min_jerk};
+use crate::progress::{LegProgress, min_jerk};
 use crate::setpoint::Setpoint;
 
 /// Depth below the ground at which the descent ends \[m\].
@@ -48,10 +48,10 @@ impl Descent {
         let (sunk_s, rate) = if t_s < RAMP_S {
             (ramped_s(t_s), min_jerk(t_s, RAMP_S))
         } else if left_s > RAMP_S {
-            (t_s - RAMP_S / 2.0, Progress { s: 1.0, ds: 0.0, dds: 0.0 })
+            (t_s - RAMP_S / 2.0, LegProgress { s: 1.0, ds: 0.0, dds: 0.0 })
         } else {
             let rate = min_jerk(left_s, RAMP_S);
-            (self.cruise_s + RAMP_S - ramped_s(left_s), Progress { ds: -rate.ds, ..rate })
+            (self.cruise_s + RAMP_S - ramped_s(left_s), LegProgress { ds: -rate.ds, ..rate })
         };
         let down = Vector3::z() * self.sink_mps;
         Setpoint {

@@ -8,8 +8,8 @@
 
 use nalgebra::Vector3;
 
-use crate::curve::{Curve, SAMPLES, Shape};
-use crate::limits::Limits;
+use crate::curve::{Curve, CurveShape, SAMPLES};
+use crate::limits::VehicleLimits;
 
 /// Largest number of points after the first: the duration of the search grows with its square.
 pub const MAX_POINTS: usize = 50;
@@ -25,7 +25,11 @@ const MAX_SWEEPS: u32 = 30;
 const COARSE: u32 = 25;
 
 /// Builds the fastest curve that `solve` makes through `waypoints`, within `limits`.
-pub fn through(waypoints: &[Vector3<f64>], limits: &Limits, solve: impl Fn(&[(f64, Vector3<f64>)]) -> Shape) -> Curve {
+pub fn through(
+    waypoints: &[Vector3<f64>],
+    limits: &VehicleLimits,
+    solve: impl Fn(&[(f64, Vector3<f64>)]) -> CurveShape,
+) -> Curve {
     let curve = |durations_s: &[f64]| Curve::from(solve(&timed(waypoints, durations_s)));
     let mut durations_s: Vec<f64> = waypoints.windows(2).map(|ends| alone_s(&(ends[1] - ends[0]), limits)).collect();
     let first = curve(&durations_s);
@@ -71,7 +75,7 @@ fn timed(waypoints: &[Vector3<f64>], durations_s: &[f64]) -> Vec<(f64, Vector3<f
 const MIN_ALONE_S: f64 = 0.1;
 
 /// Time that a straight way takes from rest to rest at constant acceleration \[s\].
-fn alone_s(way: &Vector3<f64>, limits: &Limits) -> f64 {
+fn alone_s(way: &Vector3<f64>, limits: &VehicleLimits) -> f64 {
     let (g, has) = (limits.g_mps2, &limits.most);
     let [least, most] = has.thrust_mps2;
     let sideways_mps2 = has.acceleration_mps2.min(g * libm::tan(has.tilt_rad));

@@ -17,7 +17,7 @@ use crate::setpoint::Setpoint;
 
 /// Shape of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shape {
+pub enum FigureShape {
     /// Circle; a helix if it climbs.
     Circle,
     /// Figure eight.
@@ -28,7 +28,7 @@ pub enum Shape {
 #[derive(Debug, Clone, Copy)]
 pub struct Figure {
     /// Shape.
-    pub shape: Shape,
+    pub shape: FigureShape,
     /// Place of beginning, NED \[m\].
     pub from: Vector3<f64>,
     /// Radius of the circle, or length of a loop of the eight \[m\].
@@ -46,8 +46,8 @@ impl Figure {
     pub fn centre(&self) -> Vector2<f64> {
         let from = self.from.xy();
         match self.shape {
-            Shape::Circle => from + self.along() * self.radius_m,
-            Shape::Eight => from,
+            FigureShape::Circle => from + self.along() * self.radius_m,
+            FigureShape::Eight => from,
         }
     }
 
@@ -58,8 +58,8 @@ impl Figure {
         let (sin, cos) = libm::sincos(angle);
         // Along and across the direction, and the first two derivatives of these by the angle.
         let [place, slope, bend] = match self.shape {
-            Shape::Circle => [[1.0 - cos, sin], [sin, cos], [cos, -sin]],
-            Shape::Eight => {
+            FigureShape::Circle => [[1.0 - cos, sin], [sin, cos], [cos, -sin]],
+            FigureShape::Eight => {
                 let (sin_twice, cos_twice) = (2.0 * sin * cos, cos * cos - sin * sin);
                 [[sin, sin_twice / 2.0], [cos, cos_twice], [-sin, -2.0 * sin_twice]]
             }

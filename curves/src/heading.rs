@@ -17,7 +17,7 @@
 
 use airframe::angle;
 
-use crate::curve::{Curve, Shape};
+use crate::curve::{Curve, CurveShape};
 use crate::progress::min_jerk;
 use crate::setpoint::Setpoint;
 
@@ -148,7 +148,7 @@ fn course(setpoint: &Setpoint) -> Option<f64> {
 
 /// Direction to the centre of a figure \[rad\]; `None` at the centre itself.
 fn to_centre(curve: &Curve, setpoint: &Setpoint) -> Option<f64> {
-    let Shape::Figure(figure) = &curve.shape else { return course(setpoint) };
+    let CurveShape::Figure(figure) = &curve.shape else { return course(setpoint) };
     let centre = figure.centre();
     let [north, east] = [centre.x - setpoint.position_m[0], centre.y - setpoint.position_m[1]];
     (libm::hypot(north, east) > 1e-6 * figure.radius_m).then(|| libm::atan2(east, north))
@@ -171,7 +171,7 @@ mod tests {
     fn stepped(from_deg: f64, steps: &[(f64, f64)], limit_dps: f64) -> impl Fn(f64) -> f64 {
         let mut headings = Headings::new(from_deg.to_radians(), limit_dps.to_radians());
         let rule = Rule::Steps(steps.iter().map(|(t_s, deg)| (*t_s, deg.to_radians())).collect());
-        headings.extend(&Shape::Rest(Vector3::zeros(), 20.0).into(), 0.0, &rule);
+        headings.extend(&CurveShape::Rest(Vector3::zeros(), 20.0).into(), 0.0, &rule);
         move |t_s| headings.at(t_s).to_degrees()
     }
 
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn a_turn_goes_on_in_the_next_part_and_a_track_begins_within_it() {
-        let rest = Curve::from(Shape::Rest(Vector3::zeros(), 1.0));
+        let rest = Curve::from(CurveShape::Rest(Vector3::zeros(), 1.0));
         let mut headings = Headings::new(0.0, 1.0);
         headings.extend(&rest, 0.0, &Rule::Steps(vec![(0.0, 3.0)]));
         headings.extend(&rest, 1.0, &Rule::Steps(vec![]));

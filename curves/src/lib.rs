@@ -41,8 +41,8 @@ pub mod stray;
 pub mod through;
 pub mod tridiagonal;
 
-pub use limits::{Excess, Limits, Quantity};
-pub use plan::{Motion, Part, Plan, Planned};
+pub use limits::{Excess, Quantity, VehicleLimits};
+pub use plan::{MissionPlan, PartMotion, PlanPart, Planned};
 pub use setpoint::Setpoint;
 
 #[cfg(test)]

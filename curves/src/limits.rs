@@ -11,7 +11,7 @@
 //! taken the same along all axes. Wind is not in `f`: the share that is kept for control must suffice.
 //!
 //! A curve that takes `k` times as long has `1/k` of the velocity and `1/k2` of the acceleration, and the same path.
-//! [`Limits::least_stretch`] finds the least `k` at which no sample of it exceeds a limit, by bisection.
+//! [`VehicleLimits::least_stretch`] finds the least `k` at which no sample of it exceeds a limit, by bisection.
 
 use nalgebra::Vector3;
 
@@ -28,7 +28,7 @@ const MAX_STRETCH: f64 = 1e9;
 
 /// Limits of a vehicle, and what its demands depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct VehicleLimits {
     /// Acceleration of gravity \[m/s2\].
     pub g_mps2: f64,
     /// Linear drag per mass \[1/s\].
@@ -101,7 +101,7 @@ impl Demand {
     }
 
     /// Finds the first quantity that exceeds `limits`; `None` if none does. NaN exceeds.
-    pub fn excess(&self, limits: &Limits) -> Option<Excess> {
+    pub fn excess(&self, limits: &VehicleLimits) -> Option<Excess> {
         use Quantity as Q;
         let (has, [least, most], [idle, full]) = (&limits.most, self.thrust_mps2, limits.most.thrust_mps2);
         let most_of = |quantity, asked, has| (asked <= has * (1.0 + ROUNDING), Excess { quantity, asked, has });
@@ -118,7 +118,7 @@ impl Demand {
     }
 }
 
-impl Limits {
+impl VehicleLimits {
     /// Returns the limits of a vehicle that keeps all but `share`, 0 to 1, of what it has beyond hover for control.
     /// Speed and acceleration are the user's, and stay.
     #[must_use]

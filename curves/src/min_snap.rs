@@ -18,7 +18,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::setpoint::Setpoint;
 use crate::through::{Knot, Through};
-use crate::tridiagonal::{Row, solve};
+use crate::tridiagonal::{WaypointRow, solve};
 
 /// Integral of the squared snap of a leg of one second, as a form in position, velocity, acceleration and jerk at its
 /// start and at its end.
@@ -42,13 +42,13 @@ pub fn through(waypoints: &[(f64, Vector3<f64>)]) -> Through {
     let units: Vec<Vector3<f64>> = legs.windows(2).map(|two| units(two[0].h.min(two[1].h))).collect();
     let row = |(i, unit): (usize, &Vector3<f64>)| {
         let (before, after) = (&legs[i], &legs[i + 1]);
-        Row {
+        WaypointRow {
             on: before.block(1, 1, unit, unit) + after.block(0, 0, unit, unit),
             across: units.get(i + 1).map_or_else(Matrix3::zeros, |next| after.block(0, 1, unit, next)),
             right: before.right(1, unit) + after.right(0, unit),
         }
     };
-    let rows: Vec<Row<3>> = units.iter().enumerate().map(row).collect();
+    let rows: Vec<WaypointRow<3>> = units.iter().enumerate().map(row).collect();
     let solved = units.iter().zip(solve(&rows));
     let derivatives = solved.map(|(unit, solved)| [0, 1, 2].map(|row| solved.row(row).transpose() * unit[row]));
     Through::new(waypoints, derivatives, between)

@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use crate::curve::{Curve, Leg, SAMPLES, Shape};
+use crate::curve::{Curve, CurveShape, Leg, SAMPLES};
 use crate::descent::Descent;
 use crate::fastest;
 use crate::figure::{self, Figure};
 use crate::heading::{Headings, Rule};
 use crate::legs::Legs;
-use crate::limits::{Demand, Limits};
+use crate::limits::{Demand, VehicleLimits};
 use crate::min_snap;
 use crate::progress::Laps;
 use crate::setpoint::Setpoint;
@@ -16,7 +16,7 @@ use crate::spline;
 
 /// Motion of one part.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Motion {
+pub enum PartMotion {
     /// Straight up by a height \[m\], in a duration \[s\]; `None` = as fast as the limits allow.
     Climb(f64, Option<f64>),
     /// Through waypoints.
@@ -40,7 +40,7 @@ pub enum Motion {
     /// Circle, helix or figure eight.
     Figure {
         /// Shape.
-        shape: figure::Shape,
+        shape: figure::FigureShape,
         /// Radius, or length of a loop \[m\].
         radius_m: f64,
         /// Mean duration of a lap \[s\]; `None` = as fast as the limits allow.
@@ -79,9 +79,9 @@ pub enum Least {
 
 /// Part of a plan before it is built.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
+pub struct PlanPart {
     /// Motion.
-    pub motion: Motion,
+    pub motion: PartMotion,
     /// Heading.
     pub heading: Rule,
 }
@@ -104,7 +104,7 @@ impl Planned {
     }
 
     /// Demand of the whole part on a vehicle with `limits`.
-    pub fn demand(&self, limits: &Limits) -> Demand {
+    pub fn demand(&self, limits: &VehicleLimits) -> Demand {
         limits.demand_of(&self.legs())
     }
 }
@@ -119,20 +119,20 @@ pub struct Start {
     /// Limit of the rate of the heading \[rad/s\]; 0 = none.
     pub heading_rate_radps: f64,
     /// Limits within which curves without given times are as fast as possible.
-    pub limits: Limits,
+    pub limits: VehicleLimits,
 }
 
 /// Parts of a mission one after the other.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct MissionPlan {
     parts: Vec<Planned>,
     headings: Headings,
     begins_m: [f64; 3],
 }
 
-impl Plan {
+impl MissionPlan {
     /// Builds `parts` from `start` on.
-    pub fn new(start: &Start, parts: &[Part]) -> Self {
+    pub fn new(start: &Start, parts: &[PlanPart]) -> Self {
         let mut headings = Headings::new(start.heading_rad, start.heading_rate_radps);
         let (mut at_m, mut begins_s) = (start.position_m, 0.0);
         let mut planned = vec![];
@@ -176,33 +176,33 @@ impl Plan {
 }
 
 /// Builds the curve of a motion that begins at `from`.
-fn build(motion: &Motion, from: Vector3<f64>, limits: &Limits) -> Curve {
+fn build(motion: &PartMotion, from: Vector3<f64>, limits: &VehicleLimits) -> Curve {
     match motion {
-        Motion::Climb(height_m, duration_s) => {
+        PartMotion::Climb(height_m, duration_s) => {
             let to = from - Vector3::z() * *height_m;
             let waypoints = |duration_s| vec![(0.0, from), (duration_s, to)];
             paced(*duration_s, limits, |duration_s| {
-                Shape::Legs(Legs { waypoints: waypoints(duration_s), ramp_s: None })
+                CurveShape::Legs(Legs { waypoints: waypoints(duration_s), ramp_s: None })
             })
         }
-        Motion::Through { points_m, times_s, least } => {
+        PartMotion::Through { points_m, times_s, least } => {
             let waypoints = waypoints(from, points_m);
             let through = match least {
                 Least::Snap => min_snap::through,
                 Least::Jerk => spline::through,
             };
-            let solve = |waypoints: &[(f64, Vector3<f64>)]| Shape::Through(through(waypoints));
+            let solve = |waypoints: &[(f64, Vector3<f64>)]| CurveShape::Through(through(waypoints));
             match times_s {
                 None => fastest::through(&waypoints, limits, solve),
                 Some(times_s) => solve(&timed(waypoints, times_s)).into(),
             }
         }
-        Motion::Legs { points_m, times_s, ramp_s } => {
-            Shape::Legs(Legs { waypoints: timed(waypoints(from, points_m), times_s), ramp_s: *ramp_s }).into()
+        PartMotion::Legs { points_m, times_s, ramp_s } => {
+            CurveShape::Legs(Legs { waypoints: timed(waypoints(from, points_m), times_s), ramp_s: *ramp_s }).into()
         }
-        Motion::Figure { shape, radius_m, period_s, laps, climb_m, direction_rad } => {
+        PartMotion::Figure { shape, radius_m, period_s, laps, climb_m, direction_rad } => {
             paced(*period_s, limits, |period_s| {
-                Shape::Figure(Figure {
+                CurveShape::Figure(Figure {
                     shape: *shape,
                     from,
                     radius_m: *radius_m,
@@ -212,9 +212,9 @@ fn build(motion: &Motion, from: Vector3<f64>, limits: &Limits) -> Curve {
                 })
             })
         }
-        Motion::Rest { at_m, duration_s } => Shape::Rest(at_m.map_or(from, Vector3::from), *duration_s).into(),
-        Motion::Land { standing_down_m, sink_mps } => {
-            Shape::Descent(Descent::new(from, *standing_down_m, *sink_mps)).into()
+        PartMotion::Rest { at_m, duration_s } => CurveShape::Rest(at_m.map_or(from, Vector3::from), *duration_s).into(),
+        PartMotion::Land { standing_down_m, sink_mps } => {
+            CurveShape::Descent(Descent::new(from, *standing_down_m, *sink_mps)).into()
         }
     }
 }
@@ -230,7 +230,7 @@ fn timed(waypoints: Vec<Vector3<f64>>, times_s: &[f64]) -> Vec<(f64, Vector3<f64
 }
 
 /// Builds a curve of the given duration, or the fastest one.
-fn paced(duration_s: Option<f64>, limits: &Limits, shape: impl Fn(f64) -> Shape) -> Curve {
+fn paced(duration_s: Option<f64>, limits: &VehicleLimits, shape: impl Fn(f64) -> CurveShape) -> Curve {
     let curve = Curve::from(shape(duration_s.unwrap_or(1.0)));
     let stretch = if duration_s.is_some() { 1.0 } else { limits.least_stretch(&curve.legs(SAMPLES)) };
     Curve { stretch, ..curve }

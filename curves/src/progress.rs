@@ -2,7 +2,7 @@
 
 /// Covered fraction of a leg at one instant, and its derivatives in time.
 #[derive(Debug, Clone, Copy)]
-pub struct Progress {
+pub struct LegProgress {
     /// Covered fraction, 0 to 1 on a leg.
     pub s: f64,
     /// First derivative \[1/s\].
@@ -12,22 +12,22 @@ pub struct Progress {
 }
 
 /// Trapezoid of velocity. At the instant at which a ramp begins the acceleration is already that of the ramp.
-pub fn trapezoid(t: f64, duration: f64, ramp: f64) -> Progress {
+pub fn trapezoid(t: f64, duration: f64, ramp: f64) -> LegProgress {
     let cruise = 1.0 / (duration - ramp);
     if t < ramp {
-        Progress { s: cruise * t * t / (2.0 * ramp), ds: cruise * t / ramp, dds: cruise / ramp }
+        LegProgress { s: cruise * t * t / (2.0 * ramp), ds: cruise * t / ramp, dds: cruise / ramp }
     } else if t < duration - ramp || ramp == 0.0 {
-        Progress { s: cruise * (t - ramp / 2.0), ds: cruise, dds: 0.0 }
+        LegProgress { s: cruise * (t - ramp / 2.0), ds: cruise, dds: 0.0 }
     } else {
         let left = duration - t;
-        Progress { s: 1.0 - cruise * left * left / (2.0 * ramp), ds: cruise * left / ramp, dds: -cruise / ramp }
+        LegProgress { s: 1.0 - cruise * left * left / (2.0 * ramp), ds: cruise * left / ramp, dds: -cruise / ramp }
     }
 }
 
 /// Quintic of least jerk from rest to rest; before 0 and after `duration` it is at rest.
-pub fn min_jerk(t: f64, duration: f64) -> Progress {
+pub fn min_jerk(t: f64, duration: f64) -> LegProgress {
     let x = (t / duration).clamp(0.0, 1.0);
-    Progress {
+    LegProgress {
         s: x * x * x * (10.0 + x * (-15.0 + x * 6.0)),
         ds: x * x * (30.0 + x * (-60.0 + x * 30.0)) / duration,
         dds: x * (60.0 + x * (-180.0 + x * 120.0)) / (duration * duration),
@@ -67,16 +67,16 @@ impl Laps {
     }
 
     /// Number of turns after `t`.
-    pub fn turns(&self, t: f64) -> Progress {
+    pub fn turns(&self, t: f64) -> LegProgress {
         let half_s = self.ends_s / 2.0;
         if t < half_s {
             min_jerk(t, self.ends_s)
         } else if t < self.turning_s - half_s {
             let rate = PEAK / self.ends_s;
-            Progress { s: 0.5 + rate * (t - half_s), ds: rate, dds: 0.0 }
+            LegProgress { s: 0.5 + rate * (t - half_s), ds: rate, dds: 0.0 }
         } else {
             let last = min_jerk(t - (self.turning_s - self.ends_s), self.ends_s);
-            Progress { s: self.laps - 1.0 + last.s, ..last }
+            LegProgress { s: self.laps - 1.0 + last.s, ..last }
         }
     }
 }

@@ -17,7 +17,7 @@ use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
 use crate::setpoint::Setpoint;
 use crate::through::{Knot, Through};
-use crate::tridiagonal::{Row, solve};
+use crate::tridiagonal::{WaypointRow, solve};
 
 /// Solves the curve through `waypoints`, each with the time at which it is passed \[s\], increasing.
 pub fn through(waypoints: &[(f64, Vector3<f64>)]) -> Through {
@@ -27,9 +27,9 @@ pub fn through(waypoints: &[(f64, Vector3<f64>)]) -> Through {
             (360.0 * (before.way / before.h[3] + after.way / after.h[3])).transpose(),
             (60.0 * (after.way / after.h[2] - before.way / before.h[2])).transpose(),
         ]);
-        Row { on: before.at_end() + after.at_start(), across: after.across(), right }
+        WaypointRow { on: before.at_end() + after.at_start(), across: after.across(), right }
     };
-    let rows: Vec<Row<2>> = waypoints.windows(3).map(row).collect();
+    let rows: Vec<WaypointRow<2>> = waypoints.windows(3).map(row).collect();
     let solved = solve(&rows).into_iter();
     let derivatives = solved.map(|solved| [solved.row(0).transpose(), solved.row(1).transpose(), Vector3::zeros()]);
     Through::new(waypoints, derivatives, between)

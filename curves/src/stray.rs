@@ -12,8 +12,8 @@ use nalgebra::Vector3;
 use crate::curve::{Curve, SAMPLES};
 use crate::fastest;
 use crate::heading::Rule;
-use crate::limits::Limits;
-use crate::plan::{Least, Motion, Part, Plan, Start};
+use crate::limits::VehicleLimits;
+use crate::plan::{Least, MissionPlan, PartMotion, PlanPart, Start};
 
 /// Times are offered in steps of this \[s\].
 const STEP_S: f64 = 0.01;
@@ -44,7 +44,7 @@ pub struct Offer {
 impl Stray {
     /// Finds out whether `curve` strays from `points_m`, the first of which is the place where it begins. Offered times
     /// stay within `limits`, and take no longer than the curve unless the limits ask for it.
-    pub fn find(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &Limits) -> Option<Self> {
+    pub fn find(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &VehicleLimits) -> Option<Self> {
         let legs_m = points_m.windows(2).map(|ends| (Vector3::from(ends[1]) - Vector3::from(ends[0])).norm());
         let longest_leg_m = legs_m.fold(0.0, f64::max);
         let beyond_m = beyond_m(curve, points_m);
@@ -66,7 +66,7 @@ fn beyond_m(curve: &Curve, points_m: &[[f64; 3]]) -> f64 {
 }
 
 /// Gives the points the ratios of the fastest times.
-fn offer(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &Limits) -> Option<Offer> {
+fn offer(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &VehicleLimits) -> Option<Offer> {
     let (first, others) = points_m.split_first().filter(|(_, others)| others.len() <= fastest::MAX_POINTS)?;
     let timed = |times_s| through(*first, others.to_vec(), times_s, least, limits);
     let quickest = timed(None)?;
@@ -83,9 +83,9 @@ fn through(
     points_m: Vec<[f64; 3]>,
     times_s: Option<Vec<f64>>,
     least: Least,
-    limits: &Limits,
+    limits: &VehicleLimits,
 ) -> Option<Curve> {
     let start = Start { position_m, heading_rad: 0.0, heading_rate_radps: 0.0, limits: *limits };
-    let part = Part { motion: Motion::Through { points_m, times_s, least }, heading: Rule::KEEP };
-    Plan::new(&start, &[part]).parts().first().map(|planned| planned.curve.clone())
+    let part = PlanPart { motion: PartMotion::Through { points_m, times_s, least }, heading: Rule::KEEP };
+    MissionPlan::new(&start, &[part]).parts().first().map(|planned| planned.curve.clone())
 }

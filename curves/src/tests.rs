@@ -7,15 +7,15 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use crate::curve::SAMPLES;
-use crate::figure::Shape;
+use crate::figure::FigureShape;
 use crate::heading::{Rule, SLOW_MPS};
 use crate::limits::Demand;
 use crate::plan::{Least, Start};
 use crate::stray::{Offer, Stray};
-use crate::{Limits, Motion, Part, Plan, Planned, Setpoint, named};
+use crate::{MissionPlan, PartMotion, PlanPart, Planned, Setpoint, VehicleLimits, named};
 
 /// Limits of the vehicle of Table I under the profile robust.
-const VEHICLE: Limits = Limits {
+const VEHICLE: VehicleLimits = VehicleLimits {
     g_mps2: 9.81,
     drag_linear_1ps: 0.0,
     drag_quadratic_1pm: 0.0,
@@ -30,35 +30,35 @@ const VEHICLE: Limits = Limits {
 };
 const AT: [f64; 3] = [3.0, -2.0, -5.0];
 
-fn start(limits: Limits) -> Start {
+fn start(limits: VehicleLimits) -> Start {
     Start { position_m: AT, heading_rad: 0.3, heading_rate_radps: PI, limits }
 }
 
-fn plan(motions: Vec<Motion>) -> Plan {
-    let parts: Vec<Part> = motions.into_iter().map(|motion| Part { motion, heading: Rule::KEEP }).collect();
-    Plan::new(&start(VEHICLE.share(0.7)), &parts)
+fn plan(motions: Vec<PartMotion>) -> MissionPlan {
+    let parts: Vec<PlanPart> = motions.into_iter().map(|motion| PlanPart { motion, heading: Rule::KEEP }).collect();
+    MissionPlan::new(&start(VEHICLE.share(0.7)), &parts)
 }
 
-fn one(motion: Motion, heading: Rule) -> Plan {
-    Plan::new(&start(VEHICLE.share(0.7)), &[Part { motion, heading }])
+fn one(motion: PartMotion, heading: Rule) -> MissionPlan {
+    MissionPlan::new(&start(VEHICLE.share(0.7)), &[PlanPart { motion, heading }])
 }
 
-fn rest(duration_s: f64) -> Motion {
-    Motion::Rest { at_m: None, duration_s }
+fn rest(duration_s: f64) -> PartMotion {
+    PartMotion::Rest { at_m: None, duration_s }
 }
 
-fn through(points_m: Vec<[f64; 3]>, least: Least) -> Motion {
-    Motion::Through { points_m, times_s: None, least }
+fn through(points_m: Vec<[f64; 3]>, least: Least) -> PartMotion {
+    PartMotion::Through { points_m, times_s: None, least }
 }
 
-fn figure(shape: Shape, laps: u32, climb_m: f64) -> Motion {
-    Motion::Figure { shape, radius_m: 6.0, period_s: Some(12.0), laps, climb_m, direction_rad: FRAC_PI_2 }
+fn figure(shape: FigureShape, laps: u32, climb_m: f64) -> PartMotion {
+    PartMotion::Figure { shape, radius_m: 6.0, period_s: Some(12.0), laps, climb_m, direction_rad: FRAC_PI_2 }
 }
 
 /// Legs of 4 s each.
-fn legs(points_m: &[[f64; 3]], ramp_s: Option<f64>) -> Motion {
+fn legs(points_m: &[[f64; 3]], ramp_s: Option<f64>) -> PartMotion {
     let times_s = (1..=points_m.len()).map(|i| 4.0 * i as f64).collect();
-    Motion::Legs { points_m: points_m.to_vec(), times_s, ramp_s }
+    PartMotion::Legs { points_m: points_m.to_vec(), times_s, ramp_s }
 }
 
 fn at_instants(duration_s: f64, count: u32) -> impl Iterator<Item = f64> {
@@ -78,14 +78,15 @@ fn least() -> impl Strategy<Value = Least> {
     prop_oneof![Just(Least::Snap), Just(Least::Jerk)]
 }
 
-fn motion() -> impl Strategy<Value = Motion> {
+fn motion() -> impl Strategy<Value = PartMotion> {
     prop_oneof![
-        (0.5..20.0_f64, prop::option::of(1.0..20.0_f64)).prop_map(|(height, duration)| Motion::Climb(height, duration)),
+        (0.5..20.0_f64, prop::option::of(1.0..20.0_f64))
+            .prop_map(|(height, duration)| PartMotion::Climb(height, duration)),
         (points(), least()).prop_map(|(points, least)| through(points, least)),
         points().prop_map(|points_m| legs(&points_m, None)),
         (any::<bool>(), 1..4_u32, 0.5..20.0_f64, prop::option::of(2.0..60.0_f64), -5.0..5.0_f64, -PI..PI).prop_map(
-            |(eight, laps, radius_m, period_s, climb_m, direction_rad)| Motion::Figure {
-                shape: if eight { Shape::Eight } else { Shape::Circle },
+            |(eight, laps, radius_m, period_s, climb_m, direction_rad)| PartMotion::Figure {
+                shape: if eight { FigureShape::Eight } else { FigureShape::Circle },
                 radius_m,
                 period_s,
                 laps,
@@ -94,13 +95,13 @@ fn motion() -> impl Strategy<Value = Motion> {
             }
         ),
         (0.1..5.0_f64).prop_map(rest),
-        (0.1..1.5_f64).prop_map(|sink_mps| Motion::Land { standing_down_m: 30.0, sink_mps }),
+        (0.1..1.5_f64).prop_map(|sink_mps| PartMotion::Land { standing_down_m: 30.0, sink_mps }),
     ]
 }
 
 /// Finds whether the curve through `points_m` at these times strays from them and the place before.
 fn stray(points_m: &[[f64; 3]], times_s: Option<&[f64]>, least: Least) -> Option<Stray> {
-    let motion = Motion::Through { points_m: points_m.to_vec(), times_s: times_s.map(Vec::from), least };
+    let motion = PartMotion::Through { points_m: points_m.to_vec(), times_s: times_s.map(Vec::from), least };
     let plan = one(motion, Rule::KEEP);
     Stray::find(&plan.parts()[0].curve, &[&[AT], points_m].concat(), least, &VEHICLE.share(0.7))
 }
@@ -197,12 +198,12 @@ proptest! {
     fn a_fastest_curve_touches_a_limit_and_one_percent_less_time_breaks_it(
         points in points(), least in least(), speed_mps in prop::option::of(1.0..10.0_f64), drag in 0.0..0.3_f64,
     ) {
-        let limits = Limits {
+        let limits = VehicleLimits {
             most: Demand { speed_mps: speed_mps.unwrap_or(f64::INFINITY), ..VEHICLE.most },
             drag_linear_1ps: drag,
             ..VEHICLE
         };
-        let plan = Plan::new(&start(limits), &[Part { motion: through(points, least), heading: Rule::KEEP }]);
+        let plan = MissionPlan::new(&start(limits), &[PlanPart { motion: through(points, least), heading: Rule::KEEP }]);
         let Planned { curve, .. } = &plan.parts()[0];
         let legs = curve.legs(SAMPLES);
         let demand = |stretch: f64| {
@@ -227,7 +228,7 @@ proptest! {
         points in points(), least in least(), durations in prop::collection::vec(0.5..9.0_f64, 6),
     ) {
         let times_s: Vec<f64> = durations.iter().scan(0.0, |t, h| { *t += h; Some(*t) }).take(points.len()).collect();
-        let motion = Motion::Through { points_m: points.clone(), times_s: Some(times_s.clone()), least };
+        let motion = PartMotion::Through { points_m: points.clone(), times_s: Some(times_s.clone()), least };
         let plan = plan(vec![rest(2.0), motion]);
         for (point, t_s) in points.iter().zip(times_s) {
             let here = plan.at(2.0 + t_s).position_m;
@@ -263,9 +264,9 @@ proptest! {
 fn a_fastest_climb_and_circle_touch_their_limits() {
     let limits = VEHICLE.share(0.7);
     let plan = plan(vec![
-        Motion::Climb(10.0, None),
-        Motion::Figure {
-            shape: Shape::Circle,
+        PartMotion::Climb(10.0, None),
+        PartMotion::Figure {
+            shape: FigureShape::Circle,
             radius_m: 5.0,
             period_s: None,
             laps: 3,
@@ -316,7 +317,7 @@ fn a_leg_with_ramps_is_a_trapezoid_of_velocity_and_at_rest_at_each_point() {
 #[test]
 fn a_jump_is_at_rest_before_and_after() {
     let to = [10.0, 10.0, -10.0];
-    let plan = plan(vec![rest(1.0), Motion::Rest { at_m: Some(to), duration_s: 2.0 }, rest(1.0)]);
+    let plan = plan(vec![rest(1.0), PartMotion::Rest { at_m: Some(to), duration_s: 2.0 }, rest(1.0)]);
     for (t_s, at) in [(0.0, AT), (1.0_f64.next_down(), AT), (1.0, to), (3.5, to), (60.0, to)] {
         assert_eq!(plan.at(t_s), Setpoint::at_rest(at), "at {t_s} s");
     }
@@ -325,7 +326,7 @@ fn a_jump_is_at_rest_before_and_after() {
 #[test]
 fn the_named_missions_begin_at_the_origin() {
     let start = Start { position_m: [0.0; 3], ..start(VEHICLE) };
-    let named = |motion| Plan::new(&start, &[Part { motion, heading: Rule::KEEP }]);
+    let named = |motion| MissionPlan::new(&start, &[PlanPart { motion, heading: Rule::KEEP }]);
     let survey = named(named::survey(Some(1.5)));
     for (t_s, at) in [(0.0, [0.0; 3]), (10.0, [0.0, 0.0, -8.0]), (30.0, [8.0, 8.0, -8.0]), (60.0, [0.0; 3])] {
         assert_eq!((survey.at(t_s).position_m, survey.at(t_s).velocity_mps), (at, [0.0; 3]), "at {t_s} s");
@@ -341,7 +342,7 @@ fn a_spline_through_points_of_a_min_jerk_leg_is_that_leg() {
     let leg = plan(vec![legs(&[[81.0, 30.0, -20.0]], None)]);
     for times_s in [vec![4.0], vec![0.6, 4.0], vec![0.3, 1.2, 2.8, 3.0, 4.0]] {
         let points_m = times_s.iter().map(|t_s| leg.at(*t_s).position_m).collect();
-        let spline = plan(vec![Motion::Through { points_m, times_s: Some(times_s), least: Least::Jerk }]);
+        let spline = plan(vec![PartMotion::Through { points_m, times_s: Some(times_s), least: Least::Jerk }]);
         for t_s in at_instants(5.0, 100) {
             let [ours, theirs] = [&spline, &leg].map(|plan| plan.at(t_s));
             let apart = |a: [f64; 3], b: [f64; 3]| (Vector3::from(a) - Vector3::from(b)).norm();
@@ -356,7 +357,7 @@ fn a_spline_through_points_of_a_min_jerk_leg_is_that_leg() {
 fn a_spline_has_no_jump_up_to_the_fourth_derivative() {
     let points_m = vec![[0.0, 0.0, -8.0], [20.0, 5.0, -8.0], [25.0, -10.0, -12.0], [0.0, 0.0, -8.0]];
     let times_s = vec![4.0, 9.0, 11.0, 20.0];
-    let spline = plan(vec![Motion::Through { points_m, times_s: Some(times_s.clone()), least: Least::Jerk }]);
+    let spline = plan(vec![PartMotion::Through { points_m, times_s: Some(times_s.clone()), least: Least::Jerk }]);
     for t_s in &times_s[..3] {
         // The acceleration is a cubic on each side: four points of it give its derivatives at the waypoint exactly.
         let [after, before] = [0.1, -0.1].map(|h| {
@@ -374,7 +375,7 @@ fn a_spline_has_no_jump_up_to_the_fourth_derivative() {
 #[test]
 fn between_its_first_and_last_half_lap_a_circle_is_periodic_at_constant_speed() {
     let (laps, period_s, radius_m) = (5, 12.0, 6.0);
-    let plan = plan(vec![figure(Shape::Circle, laps, 0.0)]);
+    let plan = plan(vec![figure(FigureShape::Circle, laps, 0.0)]);
     let ends_s = period_s * 15.0 * 5.0 / 47.0;
     let steady_s = ends_s * 8.0 / 15.0; // of one lap
     let speed_mps = TAU * radius_m / steady_s;
@@ -399,13 +400,13 @@ fn between_its_first_and_last_half_lap_a_circle_is_periodic_at_constant_speed() 
     assert!((north - AT[0] - 6.0 * libm::sin(turns * TAU)).abs() < 1e-9, "one lap is min-jerk");
 }
 
-fn plan_of_laps(laps: u32) -> Plan {
-    plan(vec![figure(Shape::Circle, laps, 0.0)])
+fn plan_of_laps(laps: u32) -> MissionPlan {
+    plan(vec![figure(FigureShape::Circle, laps, 0.0)])
 }
 
 #[test]
 fn a_circle_keeps_its_radius_and_a_helix_climbs() {
-    let plan = plan(vec![figure(Shape::Circle, 3, 9.0)]);
+    let plan = plan(vec![figure(FigureShape::Circle, 3, 9.0)]);
     for t_s in at_instants(plan.duration_s(), 100) {
         let [north, east, down] = plan.at(t_s).position_m;
         assert!(((north - AT[0]).hypot(east - AT[1] - 6.0) - 6.0).abs() < 1e-9, "centre 6 m east");
@@ -419,7 +420,7 @@ fn a_circle_keeps_its_radius_and_a_helix_climbs() {
 
 #[test]
 fn a_figure_eight_crosses_where_it_begins_and_has_two_loops() {
-    let plan = plan(vec![figure(Shape::Eight, 1, 0.0)]);
+    let plan = plan(vec![figure(FigureShape::Eight, 1, 0.0)]);
     for t_s in [0.0, 6.0, 12.0] {
         let [north, east, _] = plan.at(t_s).position_m;
         assert!((north - AT[0]).abs() < 1e-9 && (east - AT[1]).abs() < 1e-9, "at {t_s} s");
@@ -432,20 +433,21 @@ fn a_figure_eight_crosses_where_it_begins_and_has_two_loops() {
 
 #[test]
 fn a_landing_sinks_at_its_rate_and_ends_below_the_ground() {
-    let plan = plan(vec![Motion::Land { standing_down_m: 0.0, sink_mps: 0.7 }]);
+    let plan = plan(vec![PartMotion::Land { standing_down_m: 0.0, sink_mps: 0.7 }]);
     let sinks = |t_s: f64| plan.at(t_s).velocity_mps[2];
     assert!((sinks(1.0) - 0.7).abs() < 1e-12 && (sinks(plan.duration_s() / 2.0) - 0.7).abs() < 1e-12);
     assert!((plan.at(plan.duration_s()).position_m[2] - 0.2).abs() < 1e-9);
     let touch = at_instants(plan.duration_s(), 10_000).find(|t_s| plan.at(*t_s).position_m[2] >= 0.0).unwrap();
     assert!(sinks(touch) > 0.3, "it does not hover above the ground: {}", sinks(touch));
-    let near = one(Motion::Land { standing_down_m: -5.0, sink_mps: 0.7 }, Rule::KEEP);
+    let near = one(PartMotion::Land { standing_down_m: -5.0, sink_mps: 0.7 }, Rule::KEEP);
     assert!((near.at(99.0).position_m[2] + 4.8).abs() < 1e-9 && near.duration_s() < 2.1, "from the ground");
 }
 
 #[test]
 fn headings_turn_at_waypoints_towards_a_centre_and_not_at_rest() {
     let times_s = Some(vec![4.0, 8.0]);
-    let motion = Motion::Through { points_m: vec![[3.0, 5.0, -5.0], [9.0, 5.0, -5.0]], times_s, least: Least::Snap };
+    let motion =
+        PartMotion::Through { points_m: vec![[3.0, 5.0, -5.0], [9.0, 5.0, -5.0]], times_s, least: Least::Snap };
     let turning = one(motion.clone(), Rule::Waypoints(vec![1.0, -3.0]));
     for (t_s, heading) in [(0.0, 0.3), (4.0, 1.0), (8.0, -3.0), (99.0, -3.0)] {
         assert!(angle::difference(turning.heading_at(t_s), heading).abs() < 0.01, "{t_s}: {}", turning.heading_at(t_s));
@@ -454,25 +456,26 @@ fn headings_turn_at_waypoints_towards_a_centre_and_not_at_rest() {
     assert!((one(motion.clone(), Rule::KEEP).heading_at(5.0) - 0.3).abs() < 1e-12);
     assert!((one(motion, Rule::Steps(vec![(0.0, -1.0)])).heading_at(5.0) + 1.0).abs() < 1e-12);
 
-    let round = one(figure(Shape::Circle, 1, 0.0), Rule::Centre);
+    let round = one(figure(FigureShape::Circle, 1, 0.0), Rule::Centre);
     for t_s in at_instants(12.0, 50).skip(5) {
         let [north, east, _] = round.at(t_s).position_m;
         let to_centre = (AT[1] + 6.0 - east).atan2(AT[0] - north);
         assert!(angle::difference(round.heading_at(t_s), to_centre).abs() < 0.01, "at {t_s} s");
     }
 
-    let up_and_east = tracking(&[rest(1.0), Motion::Climb(5.0, Some(5.0))]);
+    let up_and_east = tracking(&[rest(1.0), PartMotion::Climb(5.0, Some(5.0))]);
     assert!(at_instants(6.0, 60).all(|t_s| (up_and_east.heading_at(t_s) - 0.3).abs() < 1e-12), "no track on the map");
 }
 
-fn tracking(motions: &[Motion]) -> Plan {
-    let parts: Vec<Part> = motions.iter().map(|motion| Part { motion: motion.clone(), heading: Rule::Track }).collect();
-    Plan::new(&start(VEHICLE), &parts)
+fn tracking(motions: &[PartMotion]) -> MissionPlan {
+    let parts: Vec<PlanPart> =
+        motions.iter().map(|motion| PlanPart { motion: motion.clone(), heading: Rule::Track }).collect();
+    MissionPlan::new(&start(VEHICLE), &parts)
 }
 
 #[test]
 fn an_excess_names_the_quantity_the_demand_and_the_limit() {
-    let motion = |duration_s| Motion::Climb(10.0, Some(duration_s));
+    let motion = |duration_s| PartMotion::Climb(10.0, Some(duration_s));
     let excess = |duration_s| {
         let plan = plan(vec![motion(duration_s)]);
         plan.parts()[0].demand(&VEHICLE).excess(&VEHICLE)

@@ -5,7 +5,7 @@ use nalgebra::SMatrix;
 
 /// Equations of one waypoint with `N` unknowns on each axis: `across-' x- + on x + across x+ = right`.
 #[derive(Debug, Clone, Copy)]
-pub struct Row<const N: usize> {
+pub struct WaypointRow<const N: usize> {
     /// Coefficients of its own unknowns.
     pub on: SMatrix<f64, N, N>,
     /// Coefficients of those of the next waypoint; of no meaning in the last row.
@@ -16,10 +16,10 @@ pub struct Row<const N: usize> {
 
 /// Solves the equations. A block without an inverse, which only waypoints that coincide in time have, counts as zero:
 /// the curve rests there.
-pub fn solve<const N: usize>(rows: &[Row<N>]) -> Vec<SMatrix<f64, N, 3>> {
+pub fn solve<const N: usize>(rows: &[WaypointRow<N>]) -> Vec<SMatrix<f64, N, 3>> {
     // Forward: eliminate the waypoint before from the equations of each.
     let mut left: Vec<(SMatrix<f64, N, N>, SMatrix<f64, N, 3>)> = vec![];
-    for (i, Row { mut on, mut right, .. }) in rows.iter().copied().enumerate() {
+    for (i, WaypointRow { mut on, mut right, .. }) in rows.iter().copied().enumerate() {
         if let Some((inverse, last_right)) = left.last() {
             let across = rows[i - 1].across;
             let eliminated = across.transpose() * inverse;

@@ -17,7 +17,7 @@ use std::time::Instant;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
 use contract::snapshot::{NO_MEMORY, Snapshot};
 use contract::topic::Topic;
-use foreign::{AttitudeMpc, Foreign};
+use foreign::{AttitudeMpcProtocol, Foreign};
 use libloading::os::unix::Library;
 use runtime::error::SessionError;
 use runtime::input::Input;
@@ -79,8 +79,8 @@ fn main() {
     });
     let inputs = inputs();
     let mut ours = Feedback::build(&Scenario::default()).expect("a law");
-    let mut by_table = Foreign::<AttitudeMpc>::build(&flying(&table)).expect("the library");
-    let mut by_casadi = Foreign::<AttitudeMpc>::build(&flying(&casadi)).expect("the library");
+    let mut by_table = Foreign::<AttitudeMpcProtocol>::build(&flying(&table)).expect("the library");
+    let mut by_casadi = Foreign::<AttitudeMpcProtocol>::build(&flying(&casadi)).expect("the library");
     let answers = [
         ours.step(1, &inputs).expect("an answer"),
         by_table.step(1, &inputs).expect("an answer"),

@@ -16,7 +16,7 @@ use settings::{Fault, Scenario};
 
 use crate::abi::TREFOIL_MEMORY_BYTES;
 use crate::library::layout_of;
-use crate::protocol::{AttitudeMpc, Guidance, Layout, Mixer, Protocol};
+use crate::protocol::{AttitudeMpcProtocol, GuidanceProtocol, MixerProtocol, PortLayout, Protocol};
 
 /// Bytes before the memory of a program: its length.
 const LENGTH_BYTES: usize = size_of::<u64>();
@@ -113,19 +113,19 @@ impl<P: Protocol> Asked for AskedNode<P> {
 pub fn open_asked(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Asked>, SessionError> {
     match member.topic {
         Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
-        Topic::Reference => AskedNode::<Guidance>::open(ports, member, scenario),
-        Topic::Controls => AskedNode::<AttitudeMpc>::open(ports, member, scenario),
-        Topic::Actuators => AskedNode::<Mixer>::open(ports, member, scenario),
+        Topic::Reference => AskedNode::<GuidanceProtocol>::open(ports, member, scenario),
+        Topic::Controls => AskedNode::<AttitudeMpcProtocol>::open(ports, member, scenario),
+        Topic::Actuators => AskedNode::<MixerProtocol>::open(ports, member, scenario),
     }
 }
 
 /// Sizes of input and answer of the node that publishes `topic` \[byte\]; `None` for the plant.
 pub fn sizes(topic: Topic) -> Option<[usize; 2]> {
-    let layout: &Layout = match topic {
+    let layout: &PortLayout = match topic {
         Topic::State => return None,
-        Topic::Reference => &Guidance::LAYOUT,
-        Topic::Controls => &AttitudeMpc::LAYOUT,
-        Topic::Actuators => &Mixer::LAYOUT,
+        Topic::Reference => &GuidanceProtocol::LAYOUT,
+        Topic::Controls => &AttitudeMpcProtocol::LAYOUT,
+        Topic::Actuators => &MixerProtocol::LAYOUT,
     };
     Some(layout.bytes)
 }

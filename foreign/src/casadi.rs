@@ -29,7 +29,7 @@ use settings::{NodeSettings, Scenario};
 use crate::abi::{TREFOIL_MEMORY_BYTES, TrefoilAttitudeAnswer};
 use crate::elf::exported;
 use crate::engine::Engine;
-use crate::protocol::{Layout, Place, Shape};
+use crate::protocol::{MatrixShape, Place, PortLayout};
 
 /// Ending of the function that gives the number of inputs, by which a CasADi function is recognised.
 const NUMBER_OF_INPUTS: &str = "_n_in";
@@ -62,7 +62,7 @@ const INPUTS: &[(&str, Meaning)] =
 /// Input or output of a function.
 struct Argument {
     meaning: Meaning,
-    shape: Shape,
+    shape: MatrixShape,
     /// Column by column.
     values: Vec<f64>,
 }
@@ -114,7 +114,7 @@ impl Function {
         handle: &Handle,
         scenario: &Scenario,
         topic: Topic,
-        layout: &Layout,
+        layout: &PortLayout,
     ) -> Result<Box<dyn Engine>, String> {
         // SAFETY: these are the types that CasADi generates for functions of these names.
         unsafe {
@@ -199,8 +199,10 @@ impl Function {
             let (meaning, wanted) = match (place, own.iter().find(|(own, _)| *own == name)) {
                 (Some(place), _) => (Meaning::Place(place.at), Some(place.shape)),
                 (None, Some((_, meaning @ (Meaning::Parameters | Meaning::Memory)))) => (*meaning, None),
-                (None, Some((_, meaning @ Meaning::Start))) => (*meaning, Some(Shape { rows: START, columns: 1 })),
-                (None, Some((_, meaning))) => (*meaning, Some(Shape { rows: 1, columns: 1 })),
+                (None, Some((_, meaning @ Meaning::Start))) => {
+                    (*meaning, Some(MatrixShape { rows: START, columns: 1 }))
+                }
+                (None, Some((_, meaning))) => (*meaning, Some(MatrixShape { rows: 1, columns: 1 })),
                 (None, None) => {
                     let known: Vec<&str> =
                         known.iter().map(|place| place.name).chain(own.iter().map(|own| own.0)).collect();
@@ -257,14 +259,14 @@ const MOST_WORK: i64 = 1 << 26;
 ///
 /// # Safety
 /// `pattern` is one of CasADi's if its rows and columns are not negative.
-unsafe fn dense(pattern: *const i64) -> Result<Shape, String> {
+unsafe fn dense(pattern: *const i64) -> Result<MatrixShape, String> {
     // SAFETY: the caller vouches for rows, columns and what follows them; nothing follows those of an empty pattern.
     unsafe {
         let (rows, columns) = (*pattern, *pattern.add(1));
         if rows < 0 || columns < 0 || rows.checked_mul(columns).is_none_or(|all| all > MOST_WORK) {
             return Err(format!("is {rows} x {columns}, which is no shape"));
         }
-        let shape = Shape { rows: rows as usize, columns: columns as usize };
+        let shape = MatrixShape { rows: rows as usize, columns: columns as usize };
         if shape.count() == 0 || *pattern.add(2) == 1 {
             return Ok(shape);
         }
@@ -326,7 +328,7 @@ impl Casadi {
         }
         let [z, z_next] = [&self.inputs, &self.outputs].map(|arguments| {
             let memory = arguments.iter().find(|argument| matches!(argument.meaning, Meaning::Memory));
-            memory.map_or(Shape { rows: 0, columns: 0 }, |memory| memory.shape)
+            memory.map_or(MatrixShape { rows: 0, columns: 0 }, |memory| memory.shape)
         });
         if !z.fits(z_next) {
             return Err(format!("input `z` and output `z_next` go together, and are {z} and {z_next}"));

@@ -12,7 +12,7 @@ use runtime::ports::Ports;
 use settings::Scenario;
 
 use crate::library::{Library, layout_of};
-use crate::protocol::{AttitudeMpc, Guidance, Mixer, Protocol};
+use crate::protocol::{AttitudeMpcProtocol, GuidanceProtocol, MixerProtocol, Protocol};
 use crate::vehicle;
 
 /// Library as the core of the node of a protocol.
@@ -66,9 +66,9 @@ impl<P: Protocol> Core for Foreign<P> {
 pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
     match member.topic {
         Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
-        Topic::Reference => node::open::<Foreign<Guidance>>(ports, member, scenario),
-        Topic::Controls => node::open::<Foreign<AttitudeMpc>>(ports, member, scenario),
-        Topic::Actuators => node::open::<Foreign<Mixer>>(ports, member, scenario),
+        Topic::Reference => node::open::<Foreign<GuidanceProtocol>>(ports, member, scenario),
+        Topic::Controls => node::open::<Foreign<AttitudeMpcProtocol>>(ports, member, scenario),
+        Topic::Actuators => node::open::<Foreign<MixerProtocol>>(ports, member, scenario),
     }
 }
 
@@ -80,9 +80,9 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
 pub fn try_out(topic: Topic, scenario: &Scenario) -> Result<(), SessionError> {
     match topic {
         Topic::State => vehicle::try_out(scenario),
-        Topic::Reference => Foreign::<Guidance>::build(scenario)?.try_out(),
-        Topic::Controls => Foreign::<AttitudeMpc>::build(scenario)?.try_out(),
-        Topic::Actuators => Foreign::<Mixer>::build(scenario)?.try_out(),
+        Topic::Reference => Foreign::<GuidanceProtocol>::build(scenario)?.try_out(),
+        Topic::Controls => Foreign::<AttitudeMpcProtocol>::build(scenario)?.try_out(),
+        Topic::Actuators => Foreign::<MixerProtocol>::build(scenario)?.try_out(),
     }
 }
 

@@ -45,5 +45,5 @@ mod vehicle;
 pub use asked::{open_asked, sizes};
 pub use core::{Foreign, open, try_out};
 pub use loading::in_program_of_others;
-pub use protocol::AttitudeMpc;
+pub use protocol::AttitudeMpcProtocol;
 pub use vehicle::{vehicle, vehicle_of_program};

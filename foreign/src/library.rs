@@ -14,9 +14,9 @@ use settings::Scenario;
 use crate::abi::TrefoilNode;
 use crate::casadi::Function;
 use crate::engine::Engine;
-use crate::protocol::Layout;
+use crate::protocol::PortLayout;
 use crate::rounding::Rounding;
-use crate::table::Table;
+use crate::table::FunctionTable;
 use crate::{elf, loading};
 
 /// Node of a library.
@@ -63,7 +63,7 @@ impl Library {
     /// # Errors
     /// The file is cut short or cannot be loaded, has no known interface, changes the mode of the floating-point unit,
     /// or cannot create the node.
-    pub fn load(scenario: &Scenario, topic: Topic, layout: &Layout) -> Result<Self, SessionError> {
+    pub fn load(scenario: &Scenario, topic: Topic, layout: &PortLayout) -> Result<Self, SessionError> {
         let file = &scenario.node.of(topic).exec;
         let refused = |why: String| SessionError::Foreign { file: file.clone(), why };
         let guard = Guard::new();
@@ -72,9 +72,9 @@ impl Library {
         elf::check_length(&path).map_err(refused)?;
         let handle = guard.call("while it was loaded", || loading::load(&path)).map_err(refused)?.map_err(refused)?;
         let function = || Function::find(&handle, &path, scenario.node.of(topic));
-        let create = || match if Table::is_in(&handle) { None } else { function() } {
+        let create = || match if FunctionTable::is_in(&handle) { None } else { function() } {
             Some(function) => function.and_then(|function| function.open(&handle, scenario, topic, layout)),
-            None => Table::open(&handle, scenario, topic, layout),
+            None => FunctionTable::open(&handle, scenario, topic, layout),
         };
         Self::created(file, guard, create)
     }
@@ -87,10 +87,10 @@ impl Library {
         functions: &TrefoilNode,
         scenario: &Scenario,
         topic: Topic,
-        layout: &Layout,
+        layout: &PortLayout,
     ) -> Result<Self, SessionError> {
         let file = &scenario.node.of(topic).exec;
-        Self::created(file, Guard::new(), || Table::create(functions, scenario, topic, layout))
+        Self::created(file, Guard::new(), || FunctionTable::create(functions, scenario, topic, layout))
     }
 
     /// Makes the library of a `file` whose node is created by `create`.

@@ -32,7 +32,8 @@ pub trait Protocol: 'static {
     /// Places of the numbers of input and answer, by the names that a CasADi function has for them.
     const NAMES: [&'static [Place]; 2];
     /// Layout of input and answer.
-    const LAYOUT: Layout = Layout { bytes: [size_of::<Self::Input>(), size_of::<Self::Answer>()], names: Self::NAMES };
+    const LAYOUT: PortLayout =
+        PortLayout { bytes: [size_of::<Self::Input>(), size_of::<Self::Answer>()], names: Self::NAMES };
 
     /// Makes the input of the step for sample `tick` at `time_s`.
     fn input(tick: u64, time_s: f64, inputs: &Self::Inputs) -> Self::Input;
@@ -41,7 +42,7 @@ pub trait Protocol: 'static {
 }
 
 /// Sizes of input and answer of a node \[byte\], and the names of their numbers.
-pub struct Layout {
+pub struct PortLayout {
     pub bytes: [usize; 2],
     pub names: [&'static [Place]; 2],
 }
@@ -51,18 +52,18 @@ pub struct Place {
     pub name: &'static str,
     /// First byte.
     pub at: usize,
-    pub shape: Shape,
+    pub shape: MatrixShape,
 }
 
 /// Shape of a matrix of `f64`, whose values are kept column by column, as those of CasADi are. An array of C of
 /// `[columns][rows]` keeps them so.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shape {
+pub struct MatrixShape {
     pub rows: usize,
     pub columns: usize,
 }
 
-impl Shape {
+impl MatrixShape {
     /// Returns the number of values.
     pub fn count(self) -> usize {
         self.rows * self.columns
@@ -76,7 +77,7 @@ impl Shape {
     }
 }
 
-impl Display for Shape {
+impl Display for MatrixShape {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{} x {}", self.rows, self.columns)
     }
@@ -88,19 +89,19 @@ macro_rules! places {
         &[$(Place {
             name: $name,
             at: offset_of!($type, $($field).+),
-            shape: Shape { rows: $rows, columns: 1 $(* $columns)? },
+            shape: MatrixShape { rows: $rows, columns: 1 $(* $columns)? },
         }),*]
     };
 }
 
 /// Protocol of guidance.
-pub struct Guidance;
+pub struct GuidanceProtocol;
 /// Protocol of attitude-mpc.
-pub struct AttitudeMpc;
+pub struct AttitudeMpcProtocol;
 /// Protocol of the mixer.
-pub struct Mixer;
+pub struct MixerProtocol;
 
-impl Protocol for Guidance {
+impl Protocol for GuidanceProtocol {
     type Inputs = Input<State>;
     type Message = Reference;
     type Input = TrefoilGuidanceInput;
@@ -128,7 +129,7 @@ impl Protocol for Guidance {
     }
 }
 
-impl Protocol for AttitudeMpc {
+impl Protocol for AttitudeMpcProtocol {
     type Inputs = (Input<Reference>, Input<State>);
     type Message = Controls;
     type Input = TrefoilAttitudeInput;
@@ -162,7 +163,7 @@ impl Protocol for AttitudeMpc {
     }
 }
 
-impl Protocol for Mixer {
+impl Protocol for MixerProtocol {
     type Inputs = (Input<Controls>, Input<State>);
     type Message = Actuators;
     type Input = TrefoilMixerInput;
@@ -244,7 +245,7 @@ mod tests {
         newest.preview[7] = Ahead { w_mps: 1.0, attitude_rad: [2.0, 3.0, 4.0] };
         let seen = reference(7, &newest);
         assert_eq!((seen.age_ticks, seen.preview_step_s, seen.preview[7]), (2, 0.025, [1.0, 2.0, 3.0, 4.0]));
-        let place = AttitudeMpc::NAMES[0].iter().find(|place| place.name == "preview").expect("CasADi's name");
+        let place = AttitudeMpcProtocol::NAMES[0].iter().find(|place| place.name == "preview").expect("CasADi's name");
         assert_eq!((place.shape.rows, place.shape.columns), (seen.preview[0].len(), seen.preview.len()));
     }
 }

@@ -10,7 +10,7 @@ use settings::Scenario;
 
 use crate::abi::{FindNode, TREFOIL_ABI, TREFOIL_MEMORY_BYTES, TrefoilNode};
 use crate::engine::Engine;
-use crate::protocol::Layout;
+use crate::protocol::PortLayout;
 use crate::setup::Setup;
 
 /// Name of the exported function without its number, which is that of the interface.
@@ -21,7 +21,7 @@ const OTHER_ABIS: std::ops::Range<u32> = 0..100;
 const ERROR_BYTES: usize = 512;
 
 /// Node that a library has created.
-pub struct Table {
+pub struct FunctionTable {
     /// Pointer of the library to its node, not null.
     node: *mut c_void,
     step: unsafe extern "C" fn(*mut c_void, *const c_void, *mut c_void) -> i32,
@@ -34,7 +34,7 @@ pub struct Table {
 type TakeSnapshot = unsafe extern "C" fn(*const c_void, *mut c_void);
 type Restore = unsafe extern "C" fn(*mut c_void, *const c_void) -> i32;
 
-impl Table {
+impl FunctionTable {
     /// Returns whether a library exports the function table.
     pub fn is_in(handle: &Handle) -> bool {
         export_of(handle, TREFOIL_ABI)
@@ -45,7 +45,7 @@ impl Table {
         handle: &Handle,
         scenario: &Scenario,
         topic: Topic,
-        layout: &Layout,
+        layout: &PortLayout,
     ) -> Result<Box<dyn Engine>, String> {
         Self::create(&table_of(handle, topic.publisher())?, scenario, topic, layout)
     }
@@ -55,7 +55,7 @@ impl Table {
         table: &TrefoilNode,
         scenario: &Scenario,
         topic: Topic,
-        layout: &Layout,
+        layout: &PortLayout,
     ) -> Result<Box<dyn Engine>, String> {
         let name = topic.publisher();
         if table.abi != TREFOIL_ABI {
@@ -90,7 +90,7 @@ impl Table {
     }
 }
 
-impl Engine for Table {
+impl Engine for FunctionTable {
     fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), String> {
         // SAFETY: both have the sizes that the library was built with, which `create` has compared.
         match unsafe { (self.step)(self.node, input.as_ptr().cast(), answer.as_mut_ptr().cast()) } {
@@ -118,7 +118,7 @@ impl Engine for Table {
     }
 }
 
-impl Drop for Table {
+impl Drop for FunctionTable {
     fn drop(&mut self) {
         // SAFETY: the node came from `create` of the same library, and is not used any more.
         unsafe { (self.destroy)(self.node) };

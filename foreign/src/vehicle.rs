@@ -12,11 +12,11 @@ use settings::Scenario;
 
 use crate::abi::{TrefoilNode, TrefoilPlantAnswer, TrefoilPlantInput};
 use crate::library::{Library, layout_of};
-use crate::protocol::{Layout, PLANT_NAMES};
+use crate::protocol::{PLANT_NAMES, PortLayout};
 
 /// Layout of input and answer.
-const LAYOUT: Layout =
-    Layout { bytes: [size_of::<TrefoilPlantInput>(), size_of::<TrefoilPlantAnswer>()], names: PLANT_NAMES };
+const LAYOUT: PortLayout =
+    PortLayout { bytes: [size_of::<TrefoilPlantInput>(), size_of::<TrefoilPlantAnswer>()], names: PLANT_NAMES };
 
 /// Vehicle of a library.
 struct ForeignVehicle {

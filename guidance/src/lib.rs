@@ -6,7 +6,7 @@
 //! | [`pid`] | position error to angles and climb | (45)-(47) |
 //! | [`observer`] | outer disturbance observer | |
 //! | [`rates`] | references of the body rates | |
-//! | [`reentry`] | limits after a silence | |
+//! | [`limits`] | limits of the reference, also after a silence | |
 //! | [`takeoff`] | start of a flight on the ground | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
@@ -28,38 +28,40 @@
 //!
 //! Without a usable state of the tick the last reference is repeated, and integrators and observer do not change. The
 //! integrators count the time before the next state as one period, so that the reference does not jump after a silence;
-//! after a long one it is limited too ([`reentry`]). The observer counts a short gap in full and a silence as one
+//! after a long one it is limited too ([`limits`]). The observer counts a short gap in full and a silence as one
 //! period, because it does not know the attitude in between. A state without thrust counts as missing: the vehicle does
 //! not follow any reference then, and integrators and observer would adapt to that.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
+pub mod limits;
 pub mod memory;
-mod node;
 pub mod observer;
 pub mod pid;
 pub mod rates;
-pub mod reentry;
 pub mod takeoff;
 pub mod trajectory;
 
 use airframe::{Trim, angle};
 use contract::message::{Ahead, PREVIEW, Reference, State, guidance_flags};
-use contract::snapshot::OptionalTick;
+use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{Rotation3, Vector2, Vector3};
-use settings::{Derivative, Guidance as Settings, RateReference, RollReference, Scenario};
+use runtime::error::SessionError;
+use runtime::input::Input;
+use runtime::node::Core;
+use settings::{Derivative, GuidanceSettings, RateReference, RollReference, Scenario};
 
-use memory::Memory;
-use observer::{HeadingFrame, Observer};
-use pid::{ExactW, Wanted};
-use reentry::Limits;
+use limits::{ReferenceLimits, bounded, limit, within};
+use memory::GuidanceMemory;
+use observer::{DisturbanceObserver, HeadingFrame};
+use pid::{ExactW, PidOutput};
 use takeoff::{SPOOL_UP_S, TakeOff};
 pub use trajectory::{Setpoint, Trajectory};
 
 /// Position controller.
 #[derive(Debug, Clone)]
 pub struct Guidance {
-    settings: Settings,
+    settings: GuidanceSettings,
     /// Sample time \[s\].
     sample_s: f64,
     sample_ns: u64,
@@ -68,7 +70,7 @@ pub struct Guidance {
     g_mps2: f64,
     /// `true` if the reference is for the moment at which the command that answers it acts.
     leads_by_delay: bool,
-    memory: Memory,
+    memory: GuidanceMemory,
 }
 
 /// Part of the references of a sample and of later times that follows from the sample.
@@ -82,7 +84,7 @@ struct Correction {
     heading_rad: Option<f64>,
     /// Relation of w to the climb, if the climb is exact.
     exact_w: Option<ExactW>,
-    limits: Limits,
+    limits: ReferenceLimits,
 }
 
 /// References of a moment.
@@ -92,7 +94,7 @@ struct Aim {
     /// Phi, theta, psi \[rad\].
     attitude_rad: Vector3<f64>,
     /// Angles and climb that the limits took off.
-    clipped: Wanted,
+    clipped: PidOutput,
     /// Limits that were reached.
     flags: u64,
 }
@@ -108,6 +110,28 @@ struct Lapse {
     believed_periods: u64,
 }
 
+impl Core for Guidance {
+    type Inputs = Input<State>;
+    type Answer = Reference;
+
+    fn build(scenario: &Scenario) -> Result<Self, SessionError> {
+        Ok(Self::new(scenario))
+    }
+
+    fn step(&mut self, tick: u64, states: &Self::Inputs) -> Result<Reference, SessionError> {
+        Ok(self.step(tick, states.known()))
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        snapshot::pack(&self.memory)
+    }
+
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
+    fn restore(&mut self, snapshot: &Snapshot) -> bool {
+        snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
+    }
+}
+
 impl Guidance {
     /// Builds the controller of `scenario`, at rest.
     pub fn new(scenario: &Scenario) -> Self {
@@ -120,7 +144,7 @@ impl Guidance {
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
             leads_by_delay: scenario.attitude.delay_compensation.is_measured(),
-            memory: Memory::default(),
+            memory: GuidanceMemory::default(),
         };
         let start = guidance.trajectory.at(0.0);
         guidance.memory.take_off = TakeOff::new(scenario.initial.standing, start.position_m[2]);
@@ -143,7 +167,7 @@ impl Guidance {
             return self.repeat(&before, guidance_flags::STALE);
         }
         if is_cut(state) {
-            return self.repeat(&Memory { cut: 1, ..before }, guidance_flags::STALE);
+            return self.repeat(&GuidanceMemory { cut: 1, ..before }, guidance_flags::STALE);
         }
         let m = &state.measured;
         let measured = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps];
@@ -167,8 +191,8 @@ impl Guidance {
     }
 
     /// Repeats the previous answer with `flag`. The memory is `before`, except that the step counts as silent.
-    fn repeat(&mut self, before: &Memory, flag: u64) -> Reference {
-        self.memory = Memory { silent: 1, ..*before };
+    fn repeat(&mut self, before: &GuidanceMemory, flag: u64) -> Reference {
+        self.memory = GuidanceMemory { silent: 1, ..*before };
         Reference { flags: before.reference.flags | flag, ..before.reference }
     }
 
@@ -176,7 +200,7 @@ impl Guidance {
     fn follow(&mut self, state: &State, periods: u64) -> Reference {
         let t_s = state.stamp.tick as f64 * self.sample_s;
         let elapsed_s = periods as f64 * self.sample_s;
-        let is_silence = reentry::is_silence(elapsed_s);
+        let is_silence = limits::is_silence(elapsed_s);
         if is_silence {
             self.memory.back = OptionalTick::some(state.stamp.tick);
         }
@@ -225,7 +249,8 @@ impl Guidance {
     /// Reference of a vehicle on its feet: level, with `w_mps`. Integrals and observer begin when it is off.
     fn stand(&mut self, setpoint: &Setpoint, w_mps: f64, velocity_ned: &Vector3<f64>, t_s: f64) -> Reference {
         self.memory.integral_ms = Vector3::zeros();
-        self.memory.observer = Observer { velocity_ned_mps: *velocity_ned, ..Observer::default() };
+        self.memory.observer =
+            DisturbanceObserver { velocity_ned_mps: *velocity_ned, ..DisturbanceObserver::default() };
         Reference {
             position_m: setpoint.position_m,
             velocity_mps: setpoint.velocity_mps,
@@ -275,7 +300,7 @@ impl Guidance {
         Aim {
             w_mps,
             attitude_rad: Vector3::new(phi_rad + roll_zero, theta_rad, heading_rad),
-            clipped: Wanted {
+            clipped: PidOutput {
                 phi_rad: angles.x - phi_rad,
                 theta_rad: angles.y - theta_rad,
                 climb_mps: climb_mps - limited_mps,
@@ -334,8 +359,8 @@ impl Guidance {
     /// ```text
     /// d integral / dt = error - clipped / Kp
     /// ```
-    fn unwind(&mut self, clipped: &Wanted, frame_rad: f64, counted_s: f64) {
-        let Settings { kp_phi, kp_theta, kp_w, integral_limit, .. } = self.settings;
+    fn unwind(&mut self, clipped: &PidOutput, frame_rad: f64, counted_s: f64) {
+        let GuidanceSettings { kp_phi, kp_theta, kp_w, integral_limit, .. } = self.settings;
         let excess = [(clipped.theta_rad, kp_theta), (clipped.phi_rad, kp_phi), (clipped.climb_mps, kp_w)]
             .map(|(clipped, kp)| if clipped == 0.0 || kp == 0.0 { 0.0 } else { clipped / kp });
         if self.settings.heading_frame && excess != [0.0; 3] {
@@ -348,13 +373,14 @@ impl Guidance {
         let bandwidth = self.settings.disturbance_observer_radps;
         if bandwidth <= 0.0 {
             // A candidate that has an observer continues from this velocity.
-            self.memory.observer = Observer { velocity_ned_mps: *velocity_ned, ..Observer::default() };
+            self.memory.observer =
+                DisturbanceObserver { velocity_ned_mps: *velocity_ned, ..DisturbanceObserver::default() };
             return Vector2::zeros();
         }
         let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);
         // Tilted farther than guidance asks for, the thrust does not carry the vehicle: its tilt explains nothing.
         let is_upset = tilt.norm() > self.settings.angle_limit_deg.to_radians();
-        let step = observer::Step {
+        let step = observer::ObserverStep {
             elapsed_s: if is_upset { 0.0 } else { lapse.elapsed_s },
             gain: (bandwidth * self.sample_s).min(1.0),
             periods: lapse.believed_periods,
@@ -363,10 +389,10 @@ impl Guidance {
     }
 
     /// Limits of the reference at `tick`.
-    fn limits(&self, tick: u64) -> Limits {
-        let Settings { angle_limit_deg, climb_limit_mps, .. } = self.settings;
+    fn limits(&self, tick: u64) -> ReferenceLimits {
+        let GuidanceSettings { angle_limit_deg, climb_limit_mps, .. } = self.settings;
         let since_s = self.memory.back.get().map(|back| tick.saturating_sub(back) as f64 * self.sample_s);
-        Limits { angle_rad: angle_limit_deg.to_radians(), climb_mps: climb_limit_mps }.after_silence(since_s)
+        ReferenceLimits { angle_rad: angle_limit_deg.to_radians(), climb_mps: climb_limit_mps }.after_silence(since_s)
     }
 
     fn rates(&self, wanted: &Vector3<f64>, measured: &Vector3<f64>, elapsed_s: f64) -> Vector3<f64> {
@@ -388,29 +414,6 @@ fn is_cut(state: &State) -> bool {
 
 fn all_finite(vectors: &[[f64; 3]]) -> bool {
     vectors.as_flattened().iter().all(|value| value.is_finite())
-}
-
-/// Shortens a horizontal vector to `bound`, whatever its direction.
-fn within(horizontal: &Vector2<f64>, bound: f64) -> Vector2<f64> {
-    if horizontal.x.abs() + horizontal.y.abs() <= bound {
-        return *horizontal; // no longer than its two parts, which is nearly always enough
-    }
-    let length = libm::hypot(horizontal.x, horizontal.y);
-    if length > bound { horizontal * (bound / length) } else { *horizontal }
-}
-
-/// Shortens the horizontal part of an integral, and clamps the vertical one.
-fn bounded(integral: &Vector3<f64>, bound: f64) -> Vector3<f64> {
-    within(&integral.xy(), bound).push(integral.z.clamp(-bound, bound))
-}
-
-/// Clamps `value` to +-`bound`, and sets `flag` if that changes it.
-fn limit(value: f64, bound: f64, flag: u64, flags: &mut u64) -> f64 {
-    let inside = value.clamp(-bound, bound);
-    if inside != value {
-        *flags |= flag;
-    }
-    inside
 }
 
 #[cfg(test)]

@@ -1,18 +1,18 @@
 //! State of the controller from tick to tick. All its other fields are fixed at construction.
 
 use bytemuck::{Pod, Zeroable};
-use contract::delay::Age;
+use contract::delay::CommandAge;
 use contract::message::Reference;
-use contract::snapshot::{Layout, OptionalTick};
+use contract::snapshot::{MemoryLayout, OptionalTick};
 use nalgebra::Vector3;
 
-use crate::observer::Observer;
+use crate::observer::DisturbanceObserver;
 use crate::takeoff::TakeOff;
 
 /// Whole memory of the controller: a controller that restores a copy continues the same flight.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
-pub struct Memory {
+pub struct GuidanceMemory {
     /// Tick of the newest state answered.
     pub tick: OptionalTick,
     /// 1 if the last step had no usable state, else 0.
@@ -26,15 +26,15 @@ pub struct Memory {
     /// Integral of the position error, NED \[m s\].
     pub integral_ms: Vector3<f64>,
     /// Disturbance observer.
-    pub observer: Observer,
+    pub observer: DisturbanceObserver,
     /// Age of the commands.
-    pub age: Age,
+    pub age: CommandAge,
     /// Start on the ground.
     pub take_off: TakeOff,
     /// Last answer, without a stamp.
     pub reference: Reference,
 }
 
-impl Layout for Memory {
+impl MemoryLayout for GuidanceMemory {
     const NAME: [u8; 8] = *b"guidanc7";
 }

@@ -19,7 +19,7 @@ use nalgebra::{Vector2, Vector3};
 /// Disturbance estimate, and the velocity of the previous sample.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
-pub struct Observer {
+pub struct DisturbanceObserver {
     /// Velocity of the last sample, NED \[m/s\].
     pub velocity_ned_mps: Vector3<f64>,
     /// Disturbance ahead and to the right \[m/s2\].
@@ -28,7 +28,7 @@ pub struct Observer {
 
 /// Time and gain of one update.
 #[derive(Debug, Clone, Copy)]
-pub struct Step {
+pub struct ObserverStep {
     /// Time since the last sample \[s\]; 0 at the first.
     pub elapsed_s: f64,
     /// Gain b Ts of one period.
@@ -37,7 +37,7 @@ pub struct Step {
     pub periods: u64,
 }
 
-impl Observer {
+impl DisturbanceObserver {
     /// Updates the estimate from a sample and returns it: the disturbance ahead and to the right \[m/s2\]. `tilt_rad`
     /// is roll about trim and pitch.
     pub fn update(
@@ -46,7 +46,7 @@ impl Observer {
         tilt_rad: &Vector2<f64>,
         psi_rad: f64,
         g_mps2: f64,
-        step: Step,
+        step: ObserverStep,
     ) -> Vector2<f64> {
         if step.elapsed_s > 0.0 {
             let acceleration =

@@ -11,11 +11,11 @@
 
 use contract::message::State;
 use nalgebra::Vector3;
-use settings::Guidance as Settings;
+use settings::GuidanceSettings;
 
 /// Angles and climb by the PID laws, before feed-forward and limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wanted {
+pub struct PidOutput {
     /// Roll about trim \[rad\].
     pub phi_rad: f64,
     /// Pitch \[rad\].
@@ -25,8 +25,8 @@ pub struct Wanted {
 }
 
 /// Applies the three laws to `[error, integral, derivative]`, x ahead, y right, z down \[m, m s, m/s\].
-pub fn wanted(k: &Settings, [e, i, d]: &[Vector3<f64>; 3]) -> Wanted {
-    Wanted {
+pub fn wanted(k: &GuidanceSettings, [e, i, d]: &[Vector3<f64>; 3]) -> PidOutput {
+    PidOutput {
         phi_rad: k.kp_phi * e.y + k.ki_phi * i.y + k.kd_phi * d.y, // (45)
         theta_rad: k.kp_theta * e.x + k.ki_theta * i.x + k.kd_theta * d.x, // (46)
         climb_mps: k.kp_w * e.z + k.ki_w * i.z + k.kd_w * d.z,     // (47)

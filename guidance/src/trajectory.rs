@@ -1,9 +1,9 @@
-//! Trajectory: position, velocity, acceleration and heading over time, by the [`Plan`] that the check before the flight
-//! has built too.
+//! Trajectory: position, velocity, acceleration and heading over time, by the [`MissionPlan`] that the check before the
+//! flight has built too.
 
 pub use curves::Setpoint;
 
-use curves::Plan;
+use curves::MissionPlan;
 use settings::{Scenario, plan};
 
 /// Height above a vehicle that stands from which a reference asks for a take-off \[m\]. A smooth mission then climbs at
@@ -15,7 +15,7 @@ const LOW_M: f64 = 0.01;
 /// Reference of a mission over time.
 #[derive(Debug, Clone)]
 pub struct Trajectory {
-    plan: Plan,
+    plan: MissionPlan,
     /// Down position of a vehicle that stands \[m\]; infinite without a ground.
     standing_down_m: f64,
 }

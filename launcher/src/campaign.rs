@@ -14,17 +14,17 @@ use campaign::layout::MAX_SHARDS;
 use campaign::page::under_way;
 use campaign::row;
 use campaign::table::Cell;
-use campaign::{Campaign, OwnController, Plan, local, seeds, slurm};
+use campaign::{Campaign, CampaignPlan, OwnController, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
 use flight::interrupts::catch_interrupts;
-use folder::shipped::Kind;
+use folder::shipped::ShippedKind;
 use runtime::console::{eprint_line, is_read, print};
 
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::web::{self, OpenPage, TokenArgs};
 use crate::{fly, scenarios};
-use results::{Shown, conclude};
+use results::{ResultsView, conclude};
 
 /// Arguments of `campaign`.
 #[derive(Args)]
@@ -139,7 +139,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
         "--web shows a campaign that this command flies on this machine; --slurm, --only, --plan, --status and --collect \
          have no page, and `trefoil campaign FILE --collect` writes campaign.html of the flights that are there"
     );
-    let shown = Shown::new(what.again(), &plan, args.observed.as_deref())?;
+    let shown = ResultsView::new(what.again(), &plan, args.observed.as_deref())?;
     let page = OpenPage::open(args.web, &args.token)?;
     if args.plan {
         print_plan(&plan);
@@ -161,12 +161,13 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
 }
 
 impl What {
-    fn plan(&self) -> anyhow::Result<Plan> {
-        scenarios::tell(Kind::Campaign, &self.file);
-        Plan::new(Campaign::load_with(&self.file, &self.controller)?).with_context(|| self.file.display().to_string())
+    fn plan(&self) -> anyhow::Result<CampaignPlan> {
+        scenarios::tell(ShippedKind::Campaign, &self.file);
+        CampaignPlan::new(Campaign::load_with(&self.file, &self.controller)?)
+            .with_context(|| self.file.display().to_string())
     }
 
-    fn out(&self, plan: &Plan) -> PathBuf {
+    fn out(&self, plan: &CampaignPlan) -> PathBuf {
         self.out.clone().unwrap_or_else(|| Path::new("runs").join(plan.campaign.name()))
     }
 
@@ -179,7 +180,13 @@ impl What {
 }
 
 /// Flies the missing shards on all cores of this machine; returns the exit code.
-fn fly_here(out: &Path, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>, shown: &Shown) -> anyhow::Result<u8> {
+fn fly_here(
+    out: &Path,
+    plan: &CampaignPlan,
+    shards: Option<u64>,
+    page: Option<OpenPage>,
+    shown: &ResultsView,
+) -> anyhow::Result<u8> {
     let folder = CampaignFolder::open(out, plan, shards, Access::Alone)?;
     // Reads the shards that exist, so that a damaged one is an error before any flight.
     let (there, missing) = folder.collect(plan)?;
@@ -195,7 +202,7 @@ fn fly_here(out: &Path, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>
     }
     // Signals are caught only from here on: until now nothing has begun, and a signal may end the program.
     let interrupts = catch_interrupts()?;
-    let fly = |landed: &mut dyn FnMut(&local::Progress, &[Cell])| {
+    let fly = |landed: &mut dyn FnMut(&local::CampaignProgress, &[Cell])| {
         let code = fly_missing(plan, &folder, &missing, &interrupts, landed);
         let concluded = conclude(plan, &folder, shown)?;
         Ok(if code == exit::FLOWN { concluded } else { code })
@@ -226,13 +233,13 @@ fn fly_here(out: &Path, plan: &Plan, shards: Option<u64>, page: Option<OpenPage>
 
 /// Flies the missing shards and prints why it stopped, if it did; `landed` gets each flight. Returns the exit code.
 fn fly_missing(
-    plan: &Plan,
+    plan: &CampaignPlan,
     folder: &CampaignFolder,
     missing: &[u64],
     interrupts: &AtomicU32,
-    landed: &mut dyn FnMut(&local::Progress, &[Cell]),
+    landed: &mut dyn FnMut(&local::CampaignProgress, &[Cell]),
 ) -> u8 {
-    let progress = Progress::start();
+    let progress = ProgressLine::start();
     let flown = local::fly(plan, folder, missing, interrupts, |now, row| {
         landed(now, row);
         progress.show(|| now.describe());
@@ -274,7 +281,13 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
 }
 
 /// Submits the missing shards to Slurm, and waits for them unless detached; returns the exit code.
-fn on_slurm(cluster: &Cluster, out: &Path, plan: &Plan, shards: Option<u64>, shown: &Shown) -> anyhow::Result<u8> {
+fn on_slurm(
+    cluster: &Cluster,
+    out: &Path,
+    plan: &CampaignPlan,
+    shards: Option<u64>,
+    shown: &ResultsView,
+) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let folder = CampaignFolder::open(out, plan, shards, Access::WithShards)?;
     let job = slurm::Job {
@@ -283,28 +296,28 @@ fn on_slurm(cluster: &Cluster, out: &Path, plan: &Plan, shards: Option<u64>, sho
         cpus: cluster.cpus,
         program: cluster.program.clone(),
     };
-    let progress = Progress::start();
+    let progress = ProgressLine::start();
     let detach = cluster.detach;
     let ended = slurm::fly(&job, &folder, detach, &interrupts, |line| progress.show(|| line.to_owned()));
     progress.finish();
     match ended? {
-        slurm::Ended::Complete => conclude(plan, &folder, shown),
-        slurm::Ended::Detached => {
+        slurm::ArrayEnd::Complete => conclude(plan, &folder, shown),
+        slurm::ArrayEnd::Detached => {
             eprint_line("submitted; `--status` says how far it is, the same command without `--detach` waits for it");
             Ok(exit::FLOWN)
         }
-        slurm::Ended::Failed(why) => {
+        slurm::ArrayEnd::Failed(why) => {
             eprint_line(&format!("error: {why}"));
             Ok(exit::PROCESS_LOST)
         }
-        slurm::Ended::Interrupted => {
+        slurm::ArrayEnd::Interrupted => {
             eprint_line("no longer waiting, but the tasks fly on: the same command waits again, `scancel` ends them");
             Ok(exit::INTERRUPTED)
         }
     }
 }
 
-fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
+fn status(plan: &CampaignPlan, folder: &CampaignFolder) -> anyhow::Result<u8> {
     let (_, missing) = folder.collect(plan)?;
     let there = folder.layout.shards - missing.len() as u64;
     let (shards, units) = (folder.layout.shards, plan.campaign.units());
@@ -315,7 +328,7 @@ fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
     Ok(if missing.is_empty() { exit::FLOWN } else { exit::PROCESS_LOST })
 }
 
-fn print_plan(plan: &Plan) {
+fn print_plan(plan: &CampaignPlan) {
     let names: Vec<String> = plan.columns().into_iter().map(|(name, _)| name).collect();
     let word = |cell: Cell| match cell {
         Cell::None => "-".to_owned(),
@@ -337,7 +350,7 @@ fn print_plan(plan: &Plan) {
 }
 
 /// Flies one flight again, with its log; an error if its shard is there and has another result for it.
-fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
+fn fly_again(plan: &CampaignPlan, number: u64, out: &Path) -> anyhow::Result<u8> {
     ensure!(number < plan.flights(), "--only {number}: the flights have the numbers 0 to {}", plan.flights() - 1);
     let flight = row::told_of(plan, number);
     if CampaignFolder::is_there(out) {

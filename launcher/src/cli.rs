@@ -15,7 +15,7 @@ use runtime::realtime::{reset_signals, tell_of_crashes};
 
 use flight::stack::{StartError, check_memory};
 use flight::{guarded, nodes, recorder, scenario, strays};
-use folder::shipped::Kind;
+use folder::shipped::ShippedKind;
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::report;
@@ -145,7 +145,7 @@ fn run() -> ExitCode {
     };
     let result = match cli.command {
         Command::Fly(args) => {
-            args.scenario.iter().for_each(|path| scenarios::tell(Kind::Scenario, path));
+            args.scenario.iter().for_each(|path| scenarios::tell(ShippedKind::Scenario, path));
             fly::fly(&args)
         }
         Command::New(args) => new::new(&args),
@@ -222,7 +222,7 @@ fn report(of: &PartOfRun) -> anyhow::Result<u8> {
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
-    scenarios::tell(Kind::Scenario, scenario);
+    scenarios::tell(ShippedKind::Scenario, scenario);
     let merged = scenario::load(Some(scenario), set)?;
     print(&settings::to_toml_that_follows(&merged));
     print(&vehicle::describe_hover(&merged));

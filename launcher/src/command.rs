@@ -7,7 +7,7 @@ use serde_json::json;
 use settings::{Fault, FaultKind, FaultTarget, check_sizes, suggest};
 
 use crate::target::{self, TargetArgs};
-use flight::control::{Request, ask};
+use flight::control::{ControlRequest, ask};
 use flight::duration::{seconds, seconds_or_inf, signed_milliseconds};
 use flight::event::name;
 use outcome::faults::course;
@@ -104,18 +104,18 @@ pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
     }
     check_sizes(&fault)?; // JSON has no NaN: the fault would get the default size
     let domain = args.stack.find()?;
-    tell("injected", &domain, &Request::Inject { fault })
+    tell("injected", &domain, &ControlRequest::Inject { fault })
 }
 
 /// Ends faults of a flying stack.
 pub fn clear(args: &ClearArgs) -> anyhow::Result<()> {
     let target = args.target.as_deref().map(|target| word("target", target)).transpose()?;
     let domain = args.stack.find()?;
-    tell("cleared", &domain, &Request::Clear { target })
+    tell("cleared", &domain, &ControlRequest::Clear { target })
 }
 
 /// Sends the `request`, and prints the faults in the answer, each after the word `done`, and the flight.
-fn tell(done: &str, domain: &Domain, request: &Request) -> anyhow::Result<()> {
+fn tell(done: &str, domain: &Domain, request: &ControlRequest) -> anyhow::Result<()> {
     let flight = target::describe(domain);
     let told = ask(domain, request).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
     let faults: Vec<Fault> = serde_json::from_value(told).context("the launcher's answer cannot be read")?;

@@ -14,11 +14,11 @@ use flight::interrupts::catch_interrupts;
 use flight::provenance::{Host, host};
 use flight::stack::StartError;
 use machine::host::{CpuTimes, stolen};
-use machine::{Finding, Level, Machine};
-use measure::timing::canary::{Canary, CanarySummary, Watch};
+use machine::{Finding, Machine, Severity};
+use measure::timing::canary::{Canary, CanarySummary, CanaryWatch};
 use runtime::console::{eprint_line, print};
 use serde::Serialize;
-use settings::{Mode, Policy, Scenario};
+use settings::{Mode, Scenario, SchedulingPolicy};
 
 use crate::fly::program;
 
@@ -62,13 +62,13 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<u8> {
     let mut findings = machine::scheduling(&machine, &scenario, None, &program());
     findings.extend(machine::required(&machine, &scenario));
     // What the scenario asks for and cannot be found out is not known to be there.
-    let mut fit = findings.iter().all(|finding| matches!(finding.level, Level::Ok | Level::Warn));
+    let mut fit = findings.iter().all(|finding| matches!(finding.level, Severity::Ok | Severity::Warn));
     let mut canary = None;
     if scenario.run.mode == Mode::Realtime {
         findings.extend(machine::disturbances(&machine));
         if args.watch_s > 0.0 {
             let (watched, summary) = watch(&machine, &scenario, args)?;
-            fit &= watched.iter().all(|finding| finding.level != Level::Bad);
+            fit &= watched.iter().all(|finding| finding.level != Severity::Bad);
             findings.extend(watched);
             canary = Some(summary);
         }
@@ -106,9 +106,9 @@ fn wait(time: Duration, interrupts: &AtomicU32) -> anyhow::Result<()> {
 }
 
 /// Judges the wake-ups against the first deadline of a cycle, the plant's.
-fn wake_ups(watch: &Watch, scenario: &Scenario, fifo: bool) -> Finding {
+fn wake_ups(watch: &CanaryWatch, scenario: &Scenario, fifo: bool) -> Finding {
     let Some(delays) = watch.summary().covered else {
-        return Finding::new(Level::Unknown, "no wake-up was noted", "the processors could not be watched");
+        return Finding::new(Severity::Unknown, "no wake-up was noted", "the processors could not be watched");
     };
     let deadline_ns = scenario.deadline_of(0).deadline_ns;
     let late = watch.covered_ns().filter(|late_ns| *late_ns > deadline_ns).count();
@@ -118,13 +118,14 @@ fn wake_ups(watch: &Watch, scenario: &Scenario, fifo: bool) -> Finding {
         format!("{} wake-ups in {class}: p50 {p50_ms:.3} ms, p99.9 {p999_ms:.3} ms, max {max_ms:.3} ms late", delays.n);
     let deadline_ms = deadline_ns as f64 / 1e6;
     let means = format!("{late} were later than {deadline_ms} ms, the plant's deadline: a flight misses such cycles");
-    let lacks_fifo = !fifo && (0..NODES.len()).any(|rank| scenario.scheduling_of(rank).policy == Policy::Fifo);
+    let lacks_fifo =
+        !fifo && (0..NODES.len()).any(|rank| scenario.scheduling_of(rank).policy == SchedulingPolicy::Fifo);
     let remedy = "end other work on this machine; on a virtual one, see stolen time";
     match late {
-        _ if lacks_fifo => Finding::new(Level::Bad, found, means).remedy("see scheduling class"),
-        0 => Finding::new(Level::Ok, found, format!("none was later than {deadline_ms} ms, the plant's deadline")),
-        _ if late as f64 >= LATE_SHARE * delays.n as f64 => Finding::new(Level::Bad, found, means).remedy(remedy),
-        _ => Finding::new(Level::Warn, found, means).remedy(remedy),
+        _ if lacks_fifo => Finding::new(Severity::Bad, found, means).remedy("see scheduling class"),
+        0 => Finding::new(Severity::Ok, found, format!("none was later than {deadline_ms} ms, the plant's deadline")),
+        _ if late as f64 >= LATE_SHARE * delays.n as f64 => Finding::new(Severity::Bad, found, means).remedy(remedy),
+        _ => Finding::new(Severity::Warn, found, means).remedy(remedy),
     }
 }
 
@@ -136,9 +137,9 @@ fn text(report: &Report) -> String {
         // Writing to a String never fails.
         let _ = writeln!(text, "{:<8} {:<17} {lines}", name(finding.level), finding.check);
     }
-    let of = |level: Level| report.findings.iter().filter(move |finding| finding.level == level);
-    let bad: Vec<&str> = of(Level::Bad).map(|finding| finding.check).collect();
-    let (warnings, unknown) = (of(Level::Warn).count(), of(Level::Unknown).count());
+    let of = |level: Severity| report.findings.iter().filter(move |finding| finding.level == level);
+    let bad: Vec<&str> = of(Severity::Bad).map(|finding| finding.check).collect();
+    let (warnings, unknown) = (of(Severity::Warn).count(), of(Severity::Unknown).count());
     let conclusion = match () {
         () if report.fit => "gets what it asks for".to_owned(),
         () if bad.is_empty() => "may not get what it asks for: see unknown".to_owned(),

@@ -7,8 +7,8 @@ use anyhow::{Context, anyhow, bail, ensure};
 use flight::duration::{seconds, seconds_or_inf};
 use flight::scenario;
 use folder::files::{named_file, write_whole};
-use folder::shipped::Kind;
-use outcome::recorded::Part;
+use folder::shipped::ShippedKind;
+use outcome::recorded::TimeSpan;
 use runtime::console::{eprint_line, print};
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};
 use view::export::{self, perfetto};
@@ -91,7 +91,7 @@ fn of_run(run: &Path, args: &ExportArgs) -> anyhow::Result<()> {
         Format::Fmu => unreachable!("it is of no run"),
         Format::Perfetto => return perfetto::write(&log, (!worst).then_some(from_s), for_s, out.as_deref()),
     };
-    let written = export::export(&log, format, Part { from_s, to_s: from_s + for_s }, out.as_deref())?;
+    let written = export::export(&log, format, TimeSpan { from_s, to_s: from_s + for_s }, out.as_deref())?;
     for note in &written.notes {
         eprint_line(&format!("note: {note}"));
     }
@@ -102,7 +102,7 @@ fn of_run(run: &Path, args: &ExportArgs) -> anyhow::Result<()> {
 /// Writes the FMU, and says where.
 fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
     if let Some(path) = scenario {
-        scenarios::tell(Kind::Scenario, path);
+        scenarios::tell(ShippedKind::Scenario, path);
     }
     let out = args.out.as_deref().map_or_else(|| Ok("trefoil.fmu".into()), |out| named_file(out, "fmu"))?;
     let scenario = scenario::load(scenario, &args.set)?;

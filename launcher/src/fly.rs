@@ -14,21 +14,21 @@ use settings::{Mode, Scenario};
 
 use crate::beside::Beside;
 use crate::new::name;
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::web::{self, OpenPage, TokenArgs};
 use crate::{mavlink, mission, vehicle};
 use flight::guarded;
 use flight::hover::Hover;
 use flight::interrupts::{catch_interrupts, end_at_once};
 use flight::log::Record;
-use flight::provenance::{Scheduling, granted, provenance};
+use flight::provenance::{ProcessScheduling, granted, provenance};
 use flight::recorder::CountedLog;
-use flight::stack::{Ended, Flown, Stack};
+use flight::stack::{Ended, FlightResult, Stack};
 use folder::run::Folder;
 use ground::{Address, Home};
-use machine::{Level, Machine};
-use outcome::judge::{Circumstances, Verdict};
-use outcome::recorded::Part;
+use machine::{Machine, Severity};
+use outcome::judge::{Circumstances, FlightVerdict};
+use outcome::recorded::TimeSpan;
 use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
 use outcome::terminal::describe;
@@ -116,7 +116,7 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
         }
     };
     let ordered = scenario;
-    let Flown { mut how, wall, scheduling, scenario } = match flown {
+    let FlightResult { mut how, wall, scheduling, scenario } = match flown {
         Ok(flown) => flown,
         Err(error) => {
             out.withdraw();
@@ -136,7 +136,7 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     let settings = || out.write("scenario.toml", &settings::to_toml(&scenario));
     let written = if scenario == ordered { Ok(()) } else { settings() };
 
-    let verdict = Verdict::of(&summary, &scenario, &how);
+    let verdict = FlightVerdict::of(&summary, &scenario, &how);
     let account = Account {
         summary: &summary,
         scenario: &scenario,
@@ -145,7 +145,9 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
         wall_s: wall.as_secs_f64(),
         provenance: Some(provenance(&scenario, &scheduling)),
     };
-    let record = RunRecord { hover: Some(Hover::of(&scenario)), ..RunRecord::of(account) };
+    // Five sixths of the time of a flight in process: only for a flight that is looked at.
+    let hover = (!args.no_log).then(|| Hover::of(&scenario));
+    let record = RunRecord { hover, ..RunRecord::of(account) };
     let run = serde_json::to_string_pretty(&record)? + "\n";
     let written = written.and_then(|()| out.write("run.json", &run));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
@@ -181,9 +183,9 @@ fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Beside>> {
 fn write_report(run: &Path) -> anyhow::Result<()> {
     let path = run.display();
     end_at_once(format!("interrupted before the report was written; `trefoil report {path}` writes it"));
-    let progress = Progress::start();
+    let progress = ProgressLine::start();
     progress.show(|| "writing report.html: flies again for what disturbed ticks cost   (Ctrl-C leaves it out)".into());
-    let written = report::write(run, Part::ALL, replay::explain::costs);
+    let written = report::write(run, TimeSpan::ALL, replay::explain::costs);
     progress.finish();
     written.map(drop)
 }
@@ -199,7 +201,7 @@ fn fly_inprocess(
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
-) -> anyhow::Result<Flown> {
+) -> anyhow::Result<FlightResult> {
     let log = log.map(|path| CountedLog::create(path, scenario)).transpose().map_err(with_file_limit)?;
     let log = log.map(RefCell::new);
     let started = Instant::now();
@@ -227,7 +229,7 @@ fn fly_inprocess(
     if interrupts.load(Ordering::Relaxed) > 0 {
         how.ended = Ended::Interrupted;
     }
-    Ok(Flown { how, wall, scheduling: vec![], scenario: scenario.clone() })
+    Ok(FlightResult { how, wall, scheduling: vec![], scenario: scenario.clone() })
 }
 
 /// Flies with processes. The process of the `page`, if there is one, has to end with the flight.
@@ -238,12 +240,12 @@ fn fly_processes(
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
-) -> anyhow::Result<Flown> {
+) -> anyhow::Result<FlightResult> {
     let stack = Stack::start(&args.namespace, scenario, log, interrupts).map_err(with_file_limit)?;
     tell_shortfalls(scenario, &stack.scheduling);
     let home = args.home.as_deref().unwrap_or(Home::USUAL);
     let mavlink = args.mavlink.map(|address| mavlink::beside(&args.namespace, &address, home)).transpose()?;
-    let progress = Progress::start();
+    let progress = ProgressLine::start();
     let summary = RefCell::new(summary);
     let mut flown = stack.fly(
         interrupts,
@@ -259,11 +261,11 @@ fn fly_processes(
 }
 
 /// Prints what the scenario asks for and the processes did not get, as `doctor` does, and each remedy once.
-fn tell_shortfalls(scenario: &Scenario, scheduling: &[(String, Scheduling)]) {
+fn tell_shortfalls(scenario: &Scenario, scheduling: &[(String, ProcessScheduling)]) {
     let granted = granted(scheduling.iter().map(|(name, got)| (name, got)));
     let findings = machine::scheduling(&Machine::this(), scenario, granted, &program());
     let mut told = None;
-    for mut finding in findings.into_iter().filter(|finding| finding.level == Level::Bad) {
+    for mut finding in findings.into_iter().filter(|finding| finding.level == Severity::Bad) {
         let again = finding.remedy.take_if(|remedy| told.as_ref() == Some(remedy));
         told = again.or_else(|| finding.remedy.clone()).or(told);
         eprint_line(&format!("note: {}: {}", finding.check, finding.lines().join("\n      ")));

@@ -6,9 +6,9 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory, Parser};
 use contract::exit;
-use flight::provenance::{Git, Program};
+use flight::provenance::{Git, ProgramIdentity};
 use settings::moved;
-use settings::moved::{Kind, MOVED};
+use settings::moved::{MOVED, NameKind};
 
 /// Commands in the list of `--help`, by what they are for. Those that packagers and other programs call have no place.
 pub const GROUPS: [(&str, &[&str]); 5] = [
@@ -164,7 +164,7 @@ impl Help {
 
 /// Returns the command line of `C` with version, examples and exit codes.
 pub fn command<C: CommandFactory>() -> Command {
-    let Program { version, git } = Program::this();
+    let ProgramIdentity { version, git } = ProgramIdentity::this();
     let version = git.map_or(version.clone(), |Git { commit, changed }| {
         let changed = if changed { ", with changed sources" } else { "" };
         format!("{version} (commit {}{changed})", commit.get(..12).unwrap_or(&commit))
@@ -232,7 +232,7 @@ fn old_command(words: &[String]) -> Option<String> {
             }
         })
     };
-    let (kind, old, _) = MOVED.iter().find(|(kind, old, _)| *kind == Kind::Command && is_said(old))?;
+    let (kind, old, _) = MOVED.iter().find(|(kind, old, _)| *kind == NameKind::Command && is_said(old))?;
     moved::find(*kind, old).map(|moved| moved.title)
 }
 

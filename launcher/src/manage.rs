@@ -10,7 +10,7 @@ use runtime::domain::Domain;
 use serde_json::Value;
 
 use flight::control::view::view;
-use flight::control::{Request, ask};
+use flight::control::{ControlRequest, ask};
 
 use crate::target::{self, TargetArgs};
 use runtime::console::{print, print_anew};
@@ -69,7 +69,7 @@ pub fn stop(args: &TargetArgs) -> anyhow::Result<()> {
     let domain = args.find()?;
     let flight = target::describe(&domain);
     let namespace = domain.namespace();
-    ask(&domain, &Request::Stop)?;
+    ask(&domain, &ControlRequest::Stop)?;
     let deadline = Instant::now() + LIMIT;
     while domain.is_live() {
         if Instant::now() > deadline {

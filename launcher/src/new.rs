@@ -11,8 +11,8 @@ use contract::exit;
 use runtime::console::print;
 use settings::Scenario;
 
-use model::Model;
-use templates::{Language, Node, Template};
+use model::HoverModel;
+use templates::{Language, Template, TemplateNode};
 
 /// Arguments of `new`.
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ pub struct NewArgs {
     lang: Language,
     /// Node that it flies as
     #[arg(long, default_value = "attitude-mpc")]
-    node: Node,
+    node: TemplateNode,
 }
 
 /// Writes the controller, and prints its files and the command that flies it; returns the exit code.
@@ -45,7 +45,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
     if std::fs::read_dir(&args.dir).is_ok_and(|mut entries| entries.next().is_some()) {
         bail!("the folder {shown} is not empty: name a new one");
     }
-    for (path, text) in template.files(&node, &Model::of(&Scenario::default())) {
+    for (path, text) in template.files(&node, &HoverModel::of(&Scenario::default())) {
         write(&args.dir.join(path), &text).with_context(|| format!("cannot write {shown}/{path}"))?;
         print(&format!("{shown}/{path}\n"));
     }

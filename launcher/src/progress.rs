@@ -16,7 +16,7 @@ const PERIOD: Duration = Duration::from_millis(100);
 const CLEARING: Duration = Duration::from_millis(200);
 
 /// The progress line.
-pub struct Progress {
+pub struct ProgressLine {
     /// `None` if the line is not shown.
     thread: Option<Thread>,
     due: Cell<Instant>,
@@ -28,7 +28,7 @@ struct Thread {
     cleared: Receiver<()>,
 }
 
-impl Progress {
+impl ProgressLine {
     /// Begins with an empty line.
     pub fn start() -> Self {
         let thread = if stderr().is_terminal() { Thread::start() } else { None };

@@ -6,26 +6,26 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use contract::exit;
-use contract::topic::Topic;
+use contract::topic::{NODES, Topic};
 use flight::duration::seconds;
 use flight::provenance::status_of;
 use flight::{guarded, programs};
 use folder::files::write_whole;
-use replay::{Plan, Recording};
+use replay::{Recording, ReplayPlan};
 use runtime::console::{eprint_line, keep_stdout, print};
 use rustix::process::{Signal, getpid, kill_process};
 use settings::{Mode, Scenario, Swap, candidate};
 
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::run_folder::PartOfRun;
 use crate::web::{self, OpenPage, TokenArgs};
 use live::player::Player;
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use replay::explain::{Work, explain as explain_ticks};
 use replay::verdict::replay_and_judge;
 use serde_json::json;
 use view::comparison;
-use view::explain::Shown;
+use view::explain::ShownCosts;
 
 /// Arguments of `replay`.
 #[derive(clap::Args)]
@@ -109,13 +109,13 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     if !each {
         eprint_line("note: that is much; here is what all together cost, and --all flies without each of them too");
     }
-    let progress = Mutex::new(Progress::start());
+    let progress = Mutex::new(ProgressLine::start());
     let show = |done, of| progress.lock().iter().for_each(|line| line.show(|| format!("{done} of {of} flights")));
     let explained = explain_ticks(&recording, &script, &work, each, show);
-    progress.into_inner().into_iter().for_each(Progress::finish);
+    progress.into_inner().into_iter().for_each(ProgressLine::finish);
     let explained = explained?;
     let page = recorded.path.with_file_name("explain.html");
-    let shown = Shown { explained: &explained, happened: &recorded.run.happenings() };
+    let shown = ShownCosts { explained: &explained, happened: &recorded.run.happenings() };
     write_whole(&page, shown.page(missing.as_deref()).as_bytes())?;
     if args.json {
         let mut costs = shown.to_json();
@@ -179,7 +179,7 @@ fn in_child(loads: bool) -> anyhow::Result<Option<u8>> {
     Ok(if loads { guarded::command()? } else { None })
 }
 
-fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<Plan> {
+fn plan(args: &ReplayArgs, part: TimeSpan, recording: &Recording) -> anyhow::Result<ReplayPlan> {
     let only = args.node.as_deref().map(node).transpose()?;
     let changed = only.filter(|_| !args.set.is_empty() || args.exec.is_some());
     let settings = changed.map(|topic| anyhow::Ok((topic, Box::new(settings(recording, topic, args)?)))).transpose()?;
@@ -188,13 +188,13 @@ fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<
         bail!("--closed goes with --set or --exec: without them `trefoil replay` is the flight as it was");
     }
     let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
-    Ok(Plan { only: only.filter(|_| !args.closed), settings, from, until, before })
+    Ok(ReplayPlan { only: only.filter(|_| !args.closed), settings, from, until, before })
 }
 
 /// Returns the first tick of a part, and the last; `None` for the last if the part has no end.
-fn ticks(part: Part, recording: &Recording) -> (u64, Option<u64>) {
+fn ticks(part: TimeSpan, recording: &Recording) -> (u64, Option<u64>) {
     let (from, until) = part.ticks(recording.scenario.sample_s()).into_inner();
-    (from, Some(until).filter(|_| part.to_s < Part::ALL.to_s))
+    (from, Some(until).filter(|_| part.to_s < TimeSpan::ALL.to_s))
 }
 
 /// Parses `NODE@TIME`; returns topic and tick of that cycle, and the function to call before it.
@@ -225,13 +225,14 @@ const LOOK_FOR_DEBUGGER: Duration = Duration::from_millis(100);
 
 fn node(name: &str) -> anyhow::Result<Topic> {
     let known = Topic::of_node(name);
-    known.ok_or_else(|| anyhow!("no node is called '{name}'; there are plant, guidance, attitude-mpc and mixer"))
+    known.ok_or_else(|| anyhow!("no node is called '{name}'; there are {}", NODES.join(", ")))
 }
 
 fn settings(recording: &Recording, topic: Topic, args: &ReplayArgs) -> anyhow::Result<Scenario> {
     ensure!(
         topic != Topic::State,
-        "the plant is the vehicle of the run; `--set` and `--exec` are for guidance, attitude-mpc and mixer"
+        "the plant is the vehicle of the run; `--set` and `--exec` are for {}",
+        NODES[1..].join(", ")
     );
     let is_named = args.exec.is_some() || args.set.iter().any(|set| set.starts_with("node."));
     ensure!(

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{anyhow, bail};
 use flight::duration::seconds;
 use folder::files;
-use outcome::recorded::Part;
+use outcome::recorded::TimeSpan;
 use settings::file::MAX_LOG_BYTES;
 
 /// Arguments that name a run, and a part of it.
@@ -24,8 +24,9 @@ pub struct PartOfRun {
 
 impl PartOfRun {
     /// Returns the part of the flight between `--from` and `--to`; an error if it is empty.
-    pub fn part(&self) -> anyhow::Result<Part> {
-        let part = Part { from_s: self.from.unwrap_or(Part::ALL.from_s), to_s: self.to.unwrap_or(Part::ALL.to_s) };
+    pub fn part(&self) -> anyhow::Result<TimeSpan> {
+        let part =
+            TimeSpan { from_s: self.from.unwrap_or(TimeSpan::ALL.from_s), to_s: self.to.unwrap_or(TimeSpan::ALL.to_s) };
         if part.from_s >= part.to_s {
             bail!("--from {} is not before --to {}", part.from_s, part.to_s);
         }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use folder::shipped::{Kind, Shipped, advice};
+use folder::shipped::{Shipped, ShippedKind, advice};
 use runtime::console::{eprint_line, print};
 
 /// Arguments of `scenarios`.
@@ -20,15 +20,15 @@ pub struct ScenariosArgs {
 /// Prints the list, or the scenario or campaign that is named.
 pub fn scenarios(args: &ScenariosArgs) -> anyhow::Result<()> {
     let Some(name) = &args.name else {
-        print(&format!("{}\n{}", list("Scenarios", Kind::Scenario), list("Campaigns", Kind::Campaign)));
+        print(&format!("{}\n{}", list("Scenarios", ShippedKind::Scenario), list("Campaigns", ShippedKind::Campaign)));
         return Ok(());
     };
     // The list is of the program alone, so that a file of the same name is of no interest.
     let named =
         |kind| Shipped::all(kind).find(|shipped| [shipped.name(), shipped.path].map(Path::new).contains(&&**name));
-    let Some(shipped) = named(Kind::Scenario).or_else(|| named(Kind::Campaign)) else {
+    let Some(shipped) = named(ShippedKind::Scenario).or_else(|| named(ShippedKind::Campaign)) else {
         let nearest = |kind| advice(kind, name).filter(|advice| advice.starts_with("did you mean"));
-        let meant = nearest(Kind::Scenario).or_else(|| nearest(Kind::Campaign));
+        let meant = nearest(ShippedKind::Scenario).or_else(|| nearest(ShippedKind::Campaign));
         let meant = meant.map_or(String::new(), |advice| format!("{advice}? "));
         bail!("there is no scenario or campaign `{}`; {meant}`trefoil scenarios` lists them", name.display());
     };
@@ -37,7 +37,7 @@ pub fn scenarios(args: &ScenariosArgs) -> anyhow::Result<()> {
 }
 
 /// Lists the names of a kind, each with the first sentence of its comment.
-fn list(title: &str, kind: Kind) -> String {
+fn list(title: &str, kind: ShippedKind) -> String {
     let width = Shipped::all(kind).map(|shipped| shipped.name().len()).max().unwrap_or(0);
     let line = |shipped: Shipped| format!("  {:width$}  {}\n", shipped.name(), first_sentence(&shipped.comment()));
     Shipped::all(kind).map(line).fold(format!("{title}:\n"), |text, line| text + &line)
@@ -48,7 +48,7 @@ fn first_sentence(text: &str) -> &str {
 }
 
 /// Says on stderr that the shipped file is taken for `path`, if a file of the user may have been meant.
-pub fn tell(kind: Kind, path: &Path) {
+pub fn tell(kind: ShippedKind, path: &Path) {
     if let Some(shipped) = Shipped::find(kind, path).filter(|shipped| shipped.may_be_mistaken(path)) {
         eprint_line(&format!("note: no file `{}`; {} is part of the launcher", path.display(), shipped.path));
     }

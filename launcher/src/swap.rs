@@ -12,7 +12,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 use settings::{Swap, SwapBounds, suggest, swap_node};
 
-use flight::control::{Request, ask};
+use flight::control::{ControlRequest, ask};
 use flight::event::Event;
 use flight::programs::pin_swap;
 use flight::scenario::check_swap;
@@ -69,7 +69,7 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     pin_swap(&run, &mut swap)?;
     check_swap(&run, &swap)?; // here, where it holds up no flight
     let flight = target::describe(&domain);
-    let ordered = ask(&domain, &Request::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
+    let ordered = ask(&domain, &ControlRequest::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
     if !args.json {
         print(&format!("{} of {flight}\n", node.publisher()));
     }
@@ -99,7 +99,7 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
 
 /// Requests the events of the flight from number `since` on; `None` if the flight is over.
 fn news(domain: &Domain, since: usize) -> anyhow::Result<Option<Vec<Value>>> {
-    match ask(domain, &Request::Events { since }) {
+    match ask(domain, &ControlRequest::Events { since }) {
         Ok(events) => Ok(Some(serde_json::from_value(events).context("the launcher tells of no events")?)),
         Err(_) if !flies(domain) => Ok(None),
         Err(error) => Err(error),

@@ -8,10 +8,10 @@ use campaign::{Campaign, search};
 use clap::Args;
 use contract::exit;
 use flight::interrupts::catch_interrupts;
-use folder::shipped::Kind;
+use folder::shipped::ShippedKind;
 use runtime::console::{eprint_line, print};
 
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::scenarios;
 
 /// Arguments of `tune`.
@@ -44,12 +44,12 @@ fn lines(campaign: &Campaign) -> String {
 
 /// Searches and prints the gains; returns the exit code.
 pub fn tune(args: &TuneArgs) -> anyhow::Result<u8> {
-    scenarios::tell(Kind::Campaign, &args.file);
+    scenarios::tell(ShippedKind::Campaign, &args.file);
     let campaign = Campaign::load(&args.file)?;
     let file = args.file.display();
     let tune = campaign.tune().with_context(|| format!("{file} has no [tune]{}", lines(&campaign)))?;
     let interrupts = catch_interrupts()?;
-    let progress = Progress::start();
+    let progress = ProgressLine::start();
     let show = |name: &str, flights: u64, cost: f64| {
         progress.show(|| format!("{name}: {flights} flights   least cost {cost:.4}"));
     };

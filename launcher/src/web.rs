@@ -19,8 +19,8 @@ use anyhow::{Context, ensure};
 use contract::exit;
 use flight::interrupts::catch_interrupts;
 use flight::own_program;
-use live::Source;
-use live::access::Access;
+use live::FlightSource;
+use live::access::AccessRule;
 use live::document::Document;
 use live::player::Player;
 use runtime::console::eprint_line;
@@ -70,7 +70,7 @@ impl TokenArgs {
     fn open(&self, address: SocketAddr) -> anyhow::Result<OpenPage> {
         let taken = || format!("cannot open {address} for the page; give another address, for example {}", PORT + 1);
         let listener = TcpListener::bind(address).with_context(taken)?;
-        let access = Access::new(listener.local_addr()?, self.token.clone())?;
+        let access = AccessRule::new(listener.local_addr()?, self.token.clone())?;
         Ok(OpenPage { listener, access })
     }
 }
@@ -84,7 +84,7 @@ pub fn web(args: &WebArgs) -> anyhow::Result<u8> {
     eprint_line(&format!("live page: {}", page.access.url()));
     let interrupts = catch_interrupts()?;
     be_nice();
-    let source = Source::Flights { namespace: args.namespace.clone(), one_flight: false };
+    let source = FlightSource::Flights { namespace: args.namespace.clone(), one_flight: false };
     live::serve(page.listener, page.access, source, interrupts)?;
     Ok(exit::FLOWN)
 }
@@ -92,7 +92,7 @@ pub fn web(args: &WebArgs) -> anyhow::Result<u8> {
 /// Port that is open for a page.
 pub struct OpenPage {
     listener: TcpListener,
-    access: Access,
+    access: AccessRule,
 }
 
 /// Time between two versions of a page, at least; a version that took long is followed by a longer pause.
@@ -162,7 +162,7 @@ impl OpenPage {
     pub fn play(self, player: Player) -> anyhow::Result<()> {
         let interrupts = catch_interrupts()?;
         eprint_line(&format!("page of the flight, until Ctrl-C: {}", self.access.url()));
-        live::serve(self.listener, self.access, Source::Recorded(Arc::new(player)), interrupts)
+        live::serve(self.listener, self.access, FlightSource::Recorded(Arc::new(player)), interrupts)
     }
 
     /// Starts the process that serves the page of the flight in `namespace`, for which it waits.
@@ -202,8 +202,8 @@ pub fn serve_page() -> anyhow::Result<u8> {
         ends.fetch_add(1, Ordering::Relaxed);
     })?;
     be_nice();
-    let access = Access::new(address, Some(token))?;
-    live::serve(listener, access, Source::Flights { namespace: Some(namespace), one_flight: true }, interrupts)?;
+    let access = AccessRule::new(address, Some(token))?;
+    live::serve(listener, access, FlightSource::Flights { namespace: Some(namespace), one_flight: true }, interrupts)?;
     Ok(exit::FLOWN)
 }
 

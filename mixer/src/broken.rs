@@ -48,14 +48,14 @@
 //! whole, and only moments that no lift leaves whole are scaled down, together and no more than needed.
 
 use airframe::spin::{self, Spin};
-use airframe::{ActuatorLaw, Limits, MixingMatrix, Parameters, Trim, riccati};
+use airframe::{ActuatorLaw, ActuatorLimits, MixingMatrix, Parameters, Trim, riccati};
 use contract::actuation::Actuation;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 use settings::Scenario;
 
-use crate::ahead::{Body, Motion};
-use crate::damage::Part;
+use crate::ahead::{Body, DescentMotion};
+use crate::damage::BrokenPart;
 use crate::fallback::{CLIMB_BANDWIDTH_RADPS, DESCENT_MPS};
 
 /// Longest time in which the yawing moment of the rear rotors must be able to reach the spin \[s\].
@@ -95,7 +95,7 @@ const MIN_UPRIGHT: f64 = 0.3;
 pub struct Broken {
     on_rear_rotors: Option<OnRearRotors>,
     body: Body,
-    limits: Limits,
+    limits: ActuatorLimits,
     trim: Trim,
 }
 
@@ -118,10 +118,10 @@ impl Broken {
     }
 
     /// Returns whether the vehicle can descend without `part`.
-    pub fn descends_without(&self, part: Part) -> bool {
+    pub fn descends_without(&self, part: BrokenPart) -> bool {
         match part {
-            Part::Rotor(rotor) => rotor == 0 && self.on_rear_rotors.is_some(),
-            Part::Tilt(_) => true,
+            BrokenPart::Rotor(rotor) => rotor == 0 && self.on_rear_rotors.is_some(),
+            BrokenPart::Tilt(_) => true,
         }
     }
 
@@ -130,33 +130,34 @@ impl Broken {
     /// caller clips it. `None` if the vehicle cannot descend, or if a number overflows.
     pub fn command(
         &self,
-        part: Part,
+        part: BrokenPart,
         measured: &Kinematics,
         position: &Actuation,
         course: impl Iterator<Item = (Actuation, f64)>,
     ) -> Option<Actuation> {
         let (dead, tilt_rad) = match part {
-            Part::Rotor(rotor) => (Some(rotor), position.tilt_rad),
-            Part::Tilt(tilt_rad) => (None, tilt_rad),
+            BrokenPart::Rotor(rotor) => (Some(rotor), position.tilt_rad),
+            BrokenPart::Tilt(tilt_rad) => (None, tilt_rad),
         };
-        let now = Motion {
+        let now = DescentMotion {
             down: down_in_body(measured),
             rates_radps: measured.rates_radps.into(),
             velocity_mps: measured.velocity_mps.into(),
             sink_mps: measured.sink_mps(),
             position: Actuation { tilt_rad, ..*position },
         };
-        let Motion { down, rates_radps: rates, velocity_mps, sink_mps, position } = self.body.ahead(&now, course, dead);
+        let DescentMotion { down, rates_radps: rates, velocity_mps, sink_mps, position } =
+            self.body.ahead(&now, course, dead);
         let faster_mps = DESCENT_MPS - sink_mps;
         let command = match part {
-            Part::Rotor(0) => {
+            BrokenPart::Rotor(0) => {
                 let [_, right, left] = position.rotor_speed;
                 let axis = self.against_drift(&down, &velocity_mps);
                 let rear_speed = self.on_rear_rotors.as_ref()?.rear_speed(&axis, &rates, faster_mps, [right, left]);
                 Actuation { rotor_speed: [0.0, rear_speed[0], rear_speed[1]], ..self.trim.actuation }
             }
-            Part::Rotor(_) => return None,
-            Part::Tilt(tilt_rad) => {
+            BrokenPart::Rotor(_) => return None,
+            BrokenPart::Tilt(tilt_rad) => {
                 let fall_mps2 = (CLIMB_BANDWIDTH_RADPS * faster_mps).clamp(-MAX_CLIMB_MPS2, MAX_CLIMB_MPS2);
                 let [lat, lon] = self.level_spin(&down, &rates);
                 let remaining = Remaining::new(&self.body.mixing, &self.limits, tilt_rad)?;
@@ -233,7 +234,7 @@ pub struct Remaining {
 
 impl Remaining {
     /// Builds the set for a servo that is stuck at `tilt_rad`; `None` if rotor 1 then gives no lift.
-    pub fn new(mixing: &MixingMatrix, limits: &Limits, tilt_rad: f64) -> Option<Self> {
+    pub fn new(mixing: &MixingMatrix, limits: &ActuatorLimits, tilt_rad: f64) -> Option<Self> {
         let (sin, cos) = libm::sincos(tilt_rad);
         let front = mixing.forward.column(0) * sin + mixing.forward.column(1) * cos;
         let columns = [front.fixed_rows::<3>(0), mixing.forward.fixed_view(0, 2), mixing.forward.fixed_view(0, 3)];

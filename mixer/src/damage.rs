@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 /// Broken part of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Part {
+pub enum BrokenPart {
     /// Rotor without thrust, 0 to 2.
     Rotor(usize),
     /// Tilt servo that is stuck at this angle \[rad\].
@@ -26,20 +26,20 @@ const TILT: u64 = 4;
 
 impl Damage {
     /// Broken part; `None` for a sound vehicle.
-    pub fn part(&self) -> Option<Part> {
+    pub fn part(&self) -> Option<BrokenPart> {
         match self.part {
-            rotor @ 1..TILT => Some(Part::Rotor(rotor as usize - 1)),
-            TILT => Some(Part::Tilt(self.tilt_rad)),
+            rotor @ 1..TILT => Some(BrokenPart::Rotor(rotor as usize - 1)),
+            TILT => Some(BrokenPart::Tilt(self.tilt_rad)),
             _ => None,
         }
     }
 }
 
-impl From<Part> for Damage {
-    fn from(part: Part) -> Self {
+impl From<BrokenPart> for Damage {
+    fn from(part: BrokenPart) -> Self {
         match part {
-            Part::Rotor(rotor) => Self { part: rotor as u64 + 1, tilt_rad: 0.0 },
-            Part::Tilt(tilt_rad) => Self { part: TILT, tilt_rad },
+            BrokenPart::Rotor(rotor) => Self { part: rotor as u64 + 1, tilt_rad: 0.0 },
+            BrokenPart::Tilt(tilt_rad) => Self { part: TILT, tilt_rad },
         }
     }
 }

@@ -82,13 +82,13 @@ impl Rung {
 
 /// Control law of the middle rungs.
 #[derive(Debug, Clone)]
-pub struct Level {
+pub struct LevellingLaw {
     /// Inertia m, Iyy, Ixx, Izz: ratio of demand to acceleration.
     inertia: Vector4<f64>,
     roll_trim_rad: f64,
 }
 
-impl Level {
+impl LevellingLaw {
     /// Builds the law for a vehicle with a roll angle at trim.
     pub fn new(vehicle: &Parameters, roll_trim_rad: f64) -> Self {
         let inertia = vehicle.inertia();

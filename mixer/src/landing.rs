@@ -41,7 +41,7 @@ const CLIMBING_MPS: f64 = 0.3;
 /// State of the detector.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Landing {
+pub struct LandDetector {
     /// 1 once the vehicle has flown, else 0.
     has_flown: u64,
     /// Time for which the vehicle has not sunk though it should \[ns\], at most [`CONTACT_NS`].
@@ -54,7 +54,7 @@ pub struct Landing {
 
 /// Stage of a landing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum LandingStage {
     /// No contact detected.
     Free,
     /// The ground carries the vehicle.
@@ -63,7 +63,7 @@ pub enum Stage {
     Landed,
 }
 
-impl Landing {
+impl LandDetector {
     /// Starts the detector before the first sample of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let stands = scenario.initial.standing;
@@ -71,13 +71,13 @@ impl Landing {
     }
 
     /// Present stage.
-    pub fn stage(&self) -> Stage {
+    pub fn stage(&self) -> LandingStage {
         if self.rest.has_landed() {
-            Stage::Landed
+            LandingStage::Landed
         } else if self.held_up_ns == CONTACT_NS {
-            Stage::Contact
+            LandingStage::Contact
         } else {
-            Stage::Free
+            LandingStage::Free
         }
     }
 
@@ -90,19 +90,19 @@ impl Landing {
         let sunk_m = measured.position_m[2] - self.from_down_m;
         self.has_flown |= u64::from(sink_mps < -CLIMBING_MPS);
         match self.stage() {
-            Stage::Free => {
+            LandingStage::Free => {
                 let is_level = sink_mps.abs() < HELD_UP_MPS && sunk_m.abs() < LEVEL_M;
                 let is_held_up = self.has_flown != 0 && wanted_mps2 > INTENT_MPS2 && is_level;
                 self.held_up_ns =
                     if is_held_up { self.held_up_ns.saturating_add(elapsed_ns).min(CONTACT_NS) } else { 0 };
             }
-            Stage::Contact if wanted_mps2 < -INTENT_MPS2 => (self.held_up_ns, self.rest) = (0, Rest::default()),
-            Stage::Contact if self.has_flown == 0 => {} // it waits
-            Stage::Contact if sink_mps > FALLING_MPS || sunk_m > FALLEN_M => {
+            LandingStage::Contact if wanted_mps2 < -INTENT_MPS2 => (self.held_up_ns, self.rest) = (0, Rest::default()),
+            LandingStage::Contact if self.has_flown == 0 => {} // it waits
+            LandingStage::Contact if sink_mps > FALLING_MPS || sunk_m > FALLEN_M => {
                 (self.held_up_ns, self.rest) = (0, Rest::default());
             }
-            Stage::Contact => self.rest.observe(is_at_rest(measured), elapsed_ns),
-            Stage::Landed => {}
+            LandingStage::Contact => self.rest.observe(is_at_rest(measured), elapsed_ns),
+            LandingStage::Landed => {}
         }
     }
 }
@@ -113,12 +113,12 @@ mod tests {
 
     const TICK_NS: u64 = 10_000_000;
 
-    fn in_flight() -> Landing {
-        Landing::new(&Scenario::default())
+    fn in_flight() -> LandDetector {
+        LandDetector::new(&Scenario::default())
     }
 
     /// Stage after `ticks` of a level vehicle that sinks at `sink_mps` under the demand `wanted_mps2`.
-    fn go(landing: &mut Landing, ticks: u32, sink_mps: f64, wanted_mps2: f64) -> Stage {
+    fn go(landing: &mut LandDetector, ticks: u32, sink_mps: f64, wanted_mps2: f64) -> LandingStage {
         let measured = Kinematics { velocity_mps: [0.0, 0.0, sink_mps], ..Kinematics::default() };
         (0..ticks).for_each(|_| landing.observe(&measured, wanted_mps2, TICK_NS));
         landing.stage()
@@ -127,17 +127,17 @@ mod tests {
     #[test]
     fn a_vehicle_that_does_not_sink_when_asked_to_has_landed() {
         let mut landing = in_flight();
-        assert_eq!(go(&mut landing, 49, 0.0, 1.4), Stage::Free);
-        assert_eq!(go(&mut landing, 1, 0.0, 1.4), Stage::Contact);
-        assert_eq!(go(&mut landing, 99, 0.0, 1.4), Stage::Contact);
-        assert_eq!(go(&mut landing, 1, 0.0, 1.4), Stage::Landed);
-        assert_eq!(go(&mut landing, 100, -3.0, -9.0), Stage::Landed, "for good");
+        assert_eq!(go(&mut landing, 49, 0.0, 1.4), LandingStage::Free);
+        assert_eq!(go(&mut landing, 1, 0.0, 1.4), LandingStage::Contact);
+        assert_eq!(go(&mut landing, 99, 0.0, 1.4), LandingStage::Contact);
+        assert_eq!(go(&mut landing, 1, 0.0, 1.4), LandingStage::Landed);
+        assert_eq!(go(&mut landing, 100, -3.0, -9.0), LandingStage::Landed, "for good");
     }
 
     #[test]
     fn a_hover_a_descent_and_a_slow_start_of_one_are_no_contact() {
         for (ticks, sink_mps, wanted_mps2) in [(1000, 0.0, 0.1), (1000, 0.7, 1.4), (40, 0.1, 1.4), (1000, 0.0, -2.0)] {
-            assert_eq!(go(&mut in_flight(), ticks, sink_mps, wanted_mps2), Stage::Free);
+            assert_eq!(go(&mut in_flight(), ticks, sink_mps, wanted_mps2), LandingStage::Free);
         }
     }
 
@@ -145,9 +145,9 @@ mod tests {
     fn a_contact_ends_when_the_vehicle_sinks_or_is_to_climb() {
         for (sink_mps, wanted_mps2) in [(0.6, 1.4), (0.0, -2.0)] {
             let mut landing = in_flight();
-            assert_eq!(go(&mut landing, 60, 0.0, 1.4), Stage::Contact);
-            assert_eq!(go(&mut landing, 1, sink_mps, wanted_mps2), Stage::Free);
-            assert_eq!(go(&mut landing, 49, 0.0, 1.4), Stage::Free, "from the beginning");
+            assert_eq!(go(&mut landing, 60, 0.0, 1.4), LandingStage::Contact);
+            assert_eq!(go(&mut landing, 1, sink_mps, wanted_mps2), LandingStage::Free);
+            assert_eq!(go(&mut landing, 49, 0.0, 1.4), LandingStage::Free, "from the beginning");
         }
     }
 
@@ -157,7 +157,7 @@ mod tests {
         for tick in 0..1000 {
             let position_m = [0.0, 0.0, 0.007 * f64::from(tick)];
             landing.observe(&Kinematics { position_m, ..Kinematics::default() }, 1.4, TICK_NS);
-            assert_eq!(landing.stage(), Stage::Free, "tick {tick}");
+            assert_eq!(landing.stage(), LandingStage::Free, "tick {tick}");
         }
     }
 
@@ -167,7 +167,7 @@ mod tests {
             let mut landing = in_flight();
             let measured = Kinematics { velocity_mps, attitude_rad: [roll_rad, 0.0, 0.0], ..Kinematics::default() };
             (0..500).for_each(|_| landing.observe(&measured, 1.4, TICK_NS));
-            assert_eq!(landing.stage(), Stage::Contact);
+            assert_eq!(landing.stage(), LandingStage::Contact);
         }
     }
 
@@ -175,12 +175,12 @@ mod tests {
     fn a_vehicle_that_stands_idles_until_it_is_to_climb_and_does_not_disarm() {
         let mut scenario = Scenario::default();
         scenario.initial.standing = true;
-        let mut landing = Landing::new(&scenario);
-        assert_eq!(go(&mut landing, 60_000, 0.0, 5.0), Stage::Contact);
-        assert_eq!(go(&mut landing, 1000, 0.6, 0.0), Stage::Contact, "its sensors drift");
-        assert_eq!(go(&mut landing, 1, 0.0, -1.1), Stage::Free);
-        assert_eq!(go(&mut landing, 1000, 0.0, 5.0), Stage::Free, "it has not flown yet");
+        let mut landing = LandDetector::new(&scenario);
+        assert_eq!(go(&mut landing, 60_000, 0.0, 5.0), LandingStage::Contact);
+        assert_eq!(go(&mut landing, 1000, 0.6, 0.0), LandingStage::Contact, "its sensors drift");
+        assert_eq!(go(&mut landing, 1, 0.0, -1.1), LandingStage::Free);
+        assert_eq!(go(&mut landing, 1000, 0.0, 5.0), LandingStage::Free, "it has not flown yet");
         go(&mut landing, 10, -0.5, -1.0);
-        assert_eq!(go(&mut landing, 50, 0.0, 5.0), Stage::Contact);
+        assert_eq!(go(&mut landing, 50, 0.0, 5.0), LandingStage::Contact);
     }
 }

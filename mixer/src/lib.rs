@@ -26,42 +26,66 @@ pub mod damage;
 pub mod fallback;
 pub mod landing;
 pub mod memory;
-mod node;
 pub mod rotors;
 
 use airframe::envelope::Envelope;
 use airframe::projection::Projection;
-use airframe::{DemandSet, Limits, MixingMatrix, Trim};
+use airframe::{ActuatorLimits, DemandSet, MixingMatrix, Trim};
 use bytemuck::Zeroable;
 use contract::actuation::Actuation;
 use contract::message::{Actuators, Controls, SolveStatus, State, mixer_flags};
-use contract::snapshot::OptionalTick;
+use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::Vector4;
+use runtime::error::SessionError;
+use runtime::input::Input;
+use runtime::node::Core;
 use settings::{BrokenVehicle, Scenario};
 
 use broken::Broken;
-use damage::{Damage, Part};
-use fallback::{Level, Rung};
-use landing::{Landing, Stage};
-use memory::Memory;
-use rotors::Rotors;
+use damage::{BrokenPart, Damage};
+use fallback::{LevellingLaw, Rung};
+use landing::{LandDetector, LandingStage};
+use memory::MixerMemory;
+use rotors::RotorModel;
 
 /// Control allocation of one vehicle.
 pub struct Mixer {
     mixing: MixingMatrix,
-    limits: Limits,
+    limits: ActuatorLimits,
     trim: Actuation,
     /// Projection of demands; `None` if the scenario has none.
     projection: Option<Projection>,
-    level: Level,
-    rotors: Rotors,
+    level: LevellingLaw,
+    rotors: RotorModel,
     /// Laws of a broken vehicle; `None` if the scenario has its thrust cut.
     broken: Option<Broken>,
     /// Speed of rotors that idle on the ground; `None` without a ground.
     idle_speed: Option<f64>,
     mass_kg: f64,
     sample_ns: u64,
-    memory: Memory,
+    memory: MixerMemory,
+}
+
+impl Core for Mixer {
+    type Inputs = (Input<Controls>, Input<State>);
+    type Answer = Actuators;
+
+    fn build(scenario: &Scenario) -> Result<Self, SessionError> {
+        Ok(Self::new(scenario))
+    }
+
+    fn step(&mut self, tick: u64, (demands, states): &Self::Inputs) -> Result<Actuators, SessionError> {
+        Ok(self.step(tick, demands.known(), states.known()))
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        snapshot::pack(&self.memory)
+    }
+
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
+    fn restore(&mut self, snapshot: &Snapshot) -> bool {
+        snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
+    }
 }
 
 impl Mixer {
@@ -70,7 +94,7 @@ impl Mixer {
         let tilt_reaction = scenario.mixer.tilt_reaction;
         let mixing = MixingMatrix::new(&scenario.airframe, tilt_reaction);
         let trim = Trim::solve(&scenario.airframe, tilt_reaction);
-        let rotors = Rotors::new(scenario, mixing, &trim.actuation);
+        let rotors = RotorModel::new(scenario, mixing, &trim.actuation);
         Self {
             mixing,
             limits: scenario.limits(),
@@ -79,16 +103,16 @@ impl Mixer {
                 let envelope = Envelope::new(&scenario.airframe, tilt_reaction, scenario.limits());
                 Projection::new(DemandSet::exact(&envelope), &scenario.mixer.projection_weights)
             }),
-            level: Level::new(&scenario.airframe, trim.roll_rad),
+            level: LevellingLaw::new(&scenario.airframe, trim.roll_rad),
             broken: (scenario.mixer.broken_vehicle == BrokenVehicle::Descend)
                 .then(|| Broken::new(scenario, mixing, &scenario.actuator_law())),
             idle_speed: scenario.plant.ground.present.then(|| scenario.idle_speed()),
             mass_kg: scenario.airframe.mass_kg,
             sample_ns: scenario.sample_ns(),
-            memory: Memory {
+            memory: MixerMemory {
                 evidence: rotors.unknown(&trim.actuation),
-                landing: Landing::new(scenario),
-                ..Memory::zeroed()
+                landing: LandDetector::new(scenario),
+                ..MixerMemory::zeroed()
             },
             rotors,
         }
@@ -103,25 +127,25 @@ impl Mixer {
     pub fn step(&mut self, tick: u64, controls: &Controls, state: &State) -> Actuators {
         self.store_demand(controls);
         let elapsed_ns = self.store_state(state);
-        let Memory { demand_tick, demand, disturbance, state_tick, measured, damage, .. } = self.memory;
+        let MixerMemory { demand_tick, demand, disturbance, state_tick, measured, damage, .. } = self.memory;
         // A demand for a whole vehicle is none for a broken one.
         let demand_ns = if damage.part().is_some() { u64::MAX } else { self.age_ns(tick, demand_tick) };
         let rung = Rung::of(demand_ns, self.age_ns(tick, state_tick));
         let mut actuators = match (self.stage(rung, elapsed_ns), rung) {
             _ if damage.part().is_some_and(|part| !self.descends_without(part)) => self.cut(mixer_flags::TERMINATED),
-            (Stage::Landed, _) => self.stop(mixer_flags::DISARMED),
-            (Stage::Contact, _) => self.idle(mixer_flags::GROUND_CONTACT),
-            (Stage::Free, Rung::Used) => self.allocate(&demand, 0),
-            (Stage::Free, Rung::Held) => self.allocate(&demand, mixer_flags::HELD),
-            (Stage::Free, Rung::Levelled) => {
+            (LandingStage::Landed, _) => self.stop(mixer_flags::DISARMED),
+            (LandingStage::Contact, _) => self.idle(mixer_flags::GROUND_CONTACT),
+            (LandingStage::Free, Rung::Used) => self.allocate(&demand, 0),
+            (LandingStage::Free, Rung::Held) => self.allocate(&demand, mixer_flags::HELD),
+            (LandingStage::Free, Rung::Levelled) => {
                 self.allocate(&(self.level.demand(&measured, false) - disturbance), mixer_flags::LEVELLED)
             }
-            (Stage::Free, Rung::Descending) => match damage.part() {
+            (LandingStage::Free, Rung::Descending) => match damage.part() {
                 None => self.allocate(&(self.level.demand(&measured, true) - disturbance), mixer_flags::DESCENDING),
                 Some(part) => self.descend_without(part),
             },
-            (Stage::Free, Rung::TrimOnly) => self.trim(mixer_flags::TRIM_ONLY),
-            (Stage::Free, Rung::Cut) => self.cut(0),
+            (LandingStage::Free, Rung::TrimOnly) => self.trim(mixer_flags::TRIM_ONLY),
+            (LandingStage::Free, Rung::Cut) => self.cut(0),
         };
         if !is_finite(&controls.demand) {
             actuators.flags |= mixer_flags::BAD_INPUT;
@@ -171,22 +195,22 @@ impl Mixer {
 
     /// Notes the first damage that the evidence shows; a stuck servo only if a descent could follow.
     fn note_damage(&mut self) {
-        let Memory { evidence, damage, .. } = self.memory;
-        let stuck = || self.rotors.stuck_tilt(&evidence).filter(|_| self.broken.is_some()).map(Part::Tilt);
+        let MixerMemory { evidence, damage, .. } = self.memory;
+        let stuck = || self.rotors.stuck_tilt(&evidence).filter(|_| self.broken.is_some()).map(BrokenPart::Tilt);
         if damage.part().is_none()
-            && let Some(part) = evidence.dead_rotor().map(Part::Rotor).or_else(stuck)
+            && let Some(part) = evidence.dead_rotor().map(BrokenPart::Rotor).or_else(stuck)
         {
             self.memory.damage = Damage::from(part);
         }
     }
 
-    fn descends_without(&self, part: Part) -> bool {
+    fn descends_without(&self, part: BrokenPart) -> bool {
         self.broken.as_ref().is_some_and(|broken| broken.descends_without(part))
     }
 
     /// Updates the land detector, if there is a ground, by a sample `elapsed_ns` after the one before.
-    fn stage(&mut self, rung: Rung, elapsed_ns: u64) -> Stage {
-        let Memory { demand, disturbance, measured, .. } = self.memory;
+    fn stage(&mut self, rung: Rung, elapsed_ns: u64) -> LandingStage {
+        let MixerMemory { demand, disturbance, measured, .. } = self.memory;
         let wanted = match rung {
             Rung::Used | Rung::Held => demand + disturbance,
             Rung::Levelled => self.level.demand(&measured, false),
@@ -230,8 +254,8 @@ impl Mixer {
     }
 
     /// Command of a descent without a broken part.
-    fn descend_without(&self, part: Part) -> Actuators {
-        let Memory { measured, evidence, state_tick, delay, .. } = &self.memory;
+    fn descend_without(&self, part: BrokenPart) -> Actuators {
+        let MixerMemory { measured, evidence, state_tick, delay, .. } = &self.memory;
         let in_force = bytemuck::cast(delay.command);
         let course = delay.course(in_force, state_tick.get().unwrap_or_default(), self.sample_ns);
         let course = course.map(|(command, time_ns)| (bytemuck::cast(command), time_ns * 1e-9));
@@ -241,7 +265,7 @@ impl Mixer {
         let mut command = self.limits.clip(&wanted);
         let mut flags = mixer_flags::DESCENDING | mixer_flags::YAW_GIVEN_UP;
         for (rotor, (got, asked)) in command.rotor_speed.iter_mut().zip(wanted.rotor_speed).enumerate() {
-            if part == Part::Rotor(rotor) {
+            if part == BrokenPart::Rotor(rotor) {
                 *got = 0.0;
             } else if *got != asked {
                 flags |= mixer_flags::ROTOR_SATURATED << rotor;

@@ -3,17 +3,17 @@
 use bytemuck::{Pod, Zeroable};
 use contract::delay::Delay;
 use contract::message::Kinematics;
-use contract::snapshot::{Layout, OptionalTick};
+use contract::snapshot::{MemoryLayout, OptionalTick};
 use nalgebra::Vector4;
 
 use crate::damage::Damage;
-use crate::landing::Landing;
-use crate::rotors::Evidence;
+use crate::landing::LandDetector;
+use crate::rotors::RotorEvidence;
 
 /// Whole memory of the mixer: a mixer that restores a copy continues the same flight.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Memory {
+pub struct MixerMemory {
     /// Tick of the newest usable demand.
     pub demand_tick: OptionalTick,
     /// Newest usable demand: col, lon, lat, ped \[N, N m, N m, N m\].
@@ -25,15 +25,15 @@ pub struct Memory {
     /// Measurements of the newest usable state.
     pub measured: Kinematics,
     /// Evidence on dead rotors and a stuck tilt servo.
-    pub evidence: Evidence,
+    pub evidence: RotorEvidence,
     /// First damage, which lasts.
     pub damage: Damage,
     /// State of the land detector.
-    pub landing: Landing,
+    pub landing: LandDetector,
     /// Commands sent, and their delay.
     pub delay: Delay,
 }
 
-impl Layout for Memory {
+impl MemoryLayout for MixerMemory {
     const NAME: [u8; 8] = *b"mixer  8";
 }

@@ -66,7 +66,7 @@ const MAX_GAP_S: f64 = 0.05;
 
 /// Model of the accelerations that the rotors should cause.
 #[derive(Debug, Clone)]
-pub struct Rotors {
+pub struct RotorModel {
     mixing: MixingMatrix,
     law: ActuatorLaw,
     /// Moments of inertia Ixx, Iyy, Izz \[kg m2\].
@@ -82,7 +82,7 @@ pub struct Rotors {
 /// Evidence for dead rotors, from the samples so far.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Evidence {
+pub struct RotorEvidence {
     /// Expected actuator positions at the newest sample.
     pub actuation: Actuation,
     /// Average of `e` \[m/s2, rad/s2\].
@@ -95,7 +95,7 @@ pub struct Evidence {
     pub stuck_s: f64,
 }
 
-impl Rotors {
+impl RotorModel {
     /// Builds the model of `scenario`'s sound rotors, with the hover `trim`.
     pub fn new(scenario: &Scenario, mixing: MixingMatrix, trim: &Actuation) -> Self {
         let vehicle = &scenario.airframe;
@@ -111,19 +111,19 @@ impl Rotors {
     }
 
     /// Evidence without any sample, with the actuators at the clipped `command`.
-    pub fn unknown(&self, command: &Actuation) -> Evidence {
-        Evidence { actuation: self.law.limits.clip(command), ..Evidence::zeroed() }
+    pub fn unknown(&self, command: &Actuation) -> RotorEvidence {
+        RotorEvidence { actuation: self.law.limits.clip(command), ..RotorEvidence::zeroed() }
     }
 
     /// Updates the evidence by a sample `elapsed_s` after the one before, from the measurements at both and the command
     /// in force between them. A gap that is too long, or numbers that overflow, reset the evidence.
     pub fn observe(
         &self,
-        before: &Evidence,
+        before: &RotorEvidence,
         measured: [&Kinematics; 2],
         command: &Actuation,
         elapsed_s: f64,
-    ) -> Evidence {
+    ) -> RotorEvidence {
         if elapsed_s <= 0.0 {
             return *before;
         }
@@ -132,7 +132,7 @@ impl Rotors {
         let unexplained = self.acceleration(measured, elapsed_s) - expected.column_sum();
 
         let share = 1.0 - libm::exp(-elapsed_s / AVERAGE_S);
-        let mut evidence = Evidence {
+        let mut evidence = RotorEvidence {
             actuation,
             unexplained: before.unexplained + (unexplained - before.unexplained) * share,
             expected: before.expected + (expected - before.expected) * share,
@@ -152,19 +152,19 @@ impl Rotors {
     }
 
     /// Angle of the servo \[rad\], once it is declared stuck.
-    pub fn stuck_tilt(&self, evidence: &Evidence) -> Option<f64> {
+    pub fn stuck_tilt(&self, evidence: &RotorEvidence) -> Option<f64> {
         (evidence.stuck_s >= MIN_STUCK_S).then(|| self.apparent_tilt(evidence))
     }
 
     /// Angle of the servo that explains the yaw acceleration, at most a quarter turn from trim \[rad\].
-    fn apparent_tilt(&self, evidence: &Evidence) -> f64 {
+    fn apparent_tilt(&self, evidence: &RotorEvidence) -> f64 {
         let (trim_rad, moment) = self.yaw;
         let square = evidence.actuation.rotor_speed[0] * evidence.actuation.rotor_speed[0];
         let yaw_nm = self.inertia_kgm2.z * (evidence.expected[(3, 0)] + evidence.unexplained[3]);
         trim_rad + libm::asin((yaw_nm / (moment * square)).clamp(-1.0, 1.0))
     }
 
-    fn seems_stuck(&self, evidence: &Evidence) -> bool {
+    fn seems_stuck(&self, evidence: &RotorEvidence) -> bool {
         let [_, roll, _, yaw]: [f64; 4] = evidence.unexplained.into();
         let has_moment =
             evidence.expected.fixed_view::<3, 1>(1, 0).norm_squared() >= MIN_MOMENT * MIN_MOMENT * self.hover[0];
@@ -174,7 +174,7 @@ impl Rotors {
             && self.inertia_kgm2.z * yaw.abs() >= self.inertia_kgm2.x * roll.abs()
     }
 
-    fn seems_dead(&self, evidence: &Evidence, rotor: usize) -> bool {
+    fn seems_dead(&self, evidence: &RotorEvidence, rotor: usize) -> bool {
         let (missing, expected) = (-evidence.unexplained, evidence.expected.column(rotor));
         let (missing_m, expected_m) = (missing.fixed_rows::<3>(1), expected.fixed_rows::<3>(1));
         let (size, along) = (expected_m.norm_squared(), missing_m.dot(&expected_m));
@@ -215,7 +215,7 @@ impl Rotors {
     }
 }
 
-impl Evidence {
+impl RotorEvidence {
     /// Rotor that is declared dead, 0 to 2.
     pub fn dead_rotor(&self) -> Option<usize> {
         (self.dead_s.max() >= MIN_DEAD_S).then(|| self.dead_s.imax())

@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
 use crate::Aiding;
 use crate::filter::MIN_HORIZONTAL;
-use crate::noise::{Constants, Noise, Wander};
+use crate::noise::{Constants, ExpectedNoise, Wander};
 use crate::state::{
     ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, HARD_IRON, Imu, POSITION, RATES_BIAS,
     State, VELOCITY,
@@ -72,7 +72,7 @@ impl Standstill {
         &self,
         position_m: Vector3<f64>,
         time_s: f64,
-        noise: &Noise,
+        noise: &ExpectedNoise,
         constants: &Constants,
         g_mps2: f64,
     ) -> Option<(State, Covariance)> {

@@ -19,10 +19,10 @@ use libm::hypot;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, Vector2, Vector3};
 
 use crate::memory::{Visit, plain};
-use crate::noise::{Constants, Noise};
-use crate::source::{Measured, Record, SOURCES, Source, direct, scalar};
+use crate::noise::{Constants, ExpectedNoise};
+use crate::source::{Measured, SOURCES, Source, SourceRecord, direct, scalar};
 use crate::state::{
-    ACCELERATION_BIAS, ATTITUDE, Covariance, DECLINATION, DRIFT, ERRORS, Error, HARD_IRON, Imu, RATES_BIAS, State,
+    ACCELERATION_BIAS, ATTITUDE, Covariance, DECLINATION, DRIFT, ERRORS, HARD_IRON, Imu, RATES_BIAS, State, StateError,
     VELOCITY, turn,
 };
 use crate::yaw::YawCheck;
@@ -46,24 +46,24 @@ pub struct Filter {
     pub state: State,
     /// Covariance of its error.
     pub covariance: Covariance,
-    noise: Noise,
+    noise: ExpectedNoise,
     g_mps2: f64,
     /// Rates and acceleration in the last sample of the IMU \[rad/s, m/s2\].
     pace: [f64; 2],
-    records: [Record; SOURCES],
+    records: [SourceRecord; SOURCES],
     yaw: YawCheck,
 }
 
 impl Filter {
     /// Builds a filter that starts at `state` with an error of `covariance`.
-    pub fn new(state: State, covariance: Covariance, noise: Noise, g_mps2: f64) -> Self {
+    pub fn new(state: State, covariance: Covariance, noise: ExpectedNoise, g_mps2: f64) -> Self {
         Self {
             state,
             covariance,
             noise,
             g_mps2,
             pace: [0.0; 2],
-            records: [Record::default(); SOURCES],
+            records: [SourceRecord::default(); SOURCES],
             yaw: YawCheck::default(),
         }
     }
@@ -74,7 +74,7 @@ impl Filter {
     }
 
     /// Returns the record of `source`.
-    pub fn record(&self, source: Source) -> Record {
+    pub fn record(&self, source: Source) -> SourceRecord {
         self.records[source as usize]
     }
 
@@ -105,8 +105,8 @@ impl Filter {
         }
         (self.pace, self.yaw) = (other.pace, other.yaw);
         for (record, from) in self.records.iter_mut().zip(&other.records) {
-            let Record { silent_s, spell, outage_s, nis, .. } = *from;
-            *record = Record { silent_s, spell, outage_s, nis, ..*record };
+            let SourceRecord { silent_s, spell, outage_s, nis, .. } = *from;
+            *record = SourceRecord { silent_s, spell, outage_s, nis, ..*record };
         }
     }
 
@@ -154,7 +154,7 @@ impl Filter {
     /// Fuses a position, NED \[m\].
     pub fn fuse_position(&mut self, position_m: Vector3<f64>) {
         let off = |state: &State| position_m - state.position_m - state.drift_m;
-        let Noise { antenna_m, clock_s, .. } = self.noise;
+        let ExpectedNoise { antenna_m, clock_s, .. } = self.noise;
         let turned_m = antenna_m * (self.pace[0] * LASTS_S).min(1.0);
         let late_m = hypot(turned_m, clock_s * self.state.velocity_mps.norm());
         let noise = self.noise.position_m.map(|white| hypot(white, late_m));
@@ -166,7 +166,7 @@ impl Filter {
     pub fn fuse_velocity(&mut self, velocity_mps: Vector3<f64>) {
         self.yaw.fix(&velocity_mps.xy());
         let off = |state: &State| velocity_mps - state.velocity_mps;
-        let Noise { antenna_m, clock_s, .. } = self.noise;
+        let ExpectedNoise { antenna_m, clock_s, .. } = self.noise;
         let late_mps = hypot(antenna_m * self.pace[0], clock_s * self.pace[1]);
         let noise = self.noise.velocity_mps.map(|white| hypot(white, late_mps));
         self.check_heading(&velocity_mps.xy());
@@ -338,7 +338,7 @@ impl Filter {
     }
 
     /// Adds an `error` to the state, and turns the covariance into the axes of the new attitude.
-    fn inject(&mut self, error: &Error) {
+    fn inject(&mut self, error: &StateError) {
         let turn = error.fixed_rows::<3>(ATTITUDE).into_owned();
         let reset = Matrix3::identity() - (turn / 2.0).cross_matrix();
         let rows = reset * self.covariance.fixed_rows::<3>(ATTITUDE);

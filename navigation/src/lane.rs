@@ -37,7 +37,7 @@ const ANEW_S: f64 = 1.0;
 
 /// IMU with its filter.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Lane {
+pub(crate) struct ImuLane {
     /// Filter at the horizon.
     pub filter: Filter,
     /// Last sample that was taken.
@@ -50,7 +50,7 @@ pub(crate) struct Lane {
     worse_s: f64,
 }
 
-impl Lane {
+impl ImuLane {
     /// Builds the lane of an IMU that has been well.
     pub fn new(filter: Filter) -> Self {
         let last = Imu { specific_force_mps2: Vector3::new(0.0, 0.0, -filter.g_mps2()), ..Imu::default() };
@@ -93,7 +93,7 @@ fn in_range(values: &Vector3<f64>, last: &Vector3<f64>, range: f64) -> (Vector3<
 
 /// Chooses among `lanes` after a sample, where `flown` flies, and returns the one that flies now. The others begin anew
 /// from it when their IMU is well again, or when they are much worse; their IMUs have biases of `constants`.
-pub(crate) fn choose(lanes: &mut [Lane], flown: usize, constants: &Constants, period_s: f64) -> usize {
+pub(crate) fn choose(lanes: &mut [ImuLane], flown: usize, constants: &Constants, period_s: f64) -> usize {
     let of_flown = lanes[flown].filter.surprise();
     for lane in &mut *lanes {
         let worse = lane.filter.surprise() - of_flown;
@@ -101,7 +101,7 @@ pub(crate) fn choose(lanes: &mut [Lane], flown: usize, constants: &Constants, pe
         let worse_s = (lane.worse_s * (1.0 - period_s / FORGET_S) + tells).min(ANEW_S);
         lane.worse_s = if lane.is_ill() { ANEW_S } else { worse_s };
     }
-    let is_better = |lane: &Lane| !lane.is_ill() && (lanes[flown].is_ill() || lane.worse_s < -CHANGE_S);
+    let is_better = |lane: &ImuLane| !lane.is_ill() && (lanes[flown].is_ill() || lane.worse_s < -CHANGE_S);
     let chosen = lanes.iter().position(is_better).unwrap_or(flown);
     if chosen != flown {
         for lane in &mut *lanes {

@@ -43,10 +43,10 @@ pub mod state;
 mod yaw;
 
 pub use filter::Filter;
-use lane::Lane;
+use lane::ImuLane;
 use memory::{Visit, optional, plain};
-pub use noise::{Constants, Noise, Start, Wander};
-pub use source::{Record, Source};
+pub use noise::{Constants, ExpectedNoise, InitialErrors, Wander};
+pub use source::{Source, SourceRecord};
 pub use state::{Covariance, Imu, State};
 
 /// Most IMUs of a unit.
@@ -108,7 +108,7 @@ type Frame = ([Imu; IMUS], Aiding);
 #[derive(Debug, Clone, PartialEq)]
 pub struct Navigation {
     /// One for each IMU.
-    lanes: Vec<Lane>,
+    lanes: Vec<ImuLane>,
     /// Lane that flies.
     flown: usize,
     /// Constant errors of the IMUs.
@@ -126,7 +126,7 @@ impl Navigation {
     /// Builds an estimator from filters at the start, one for each IMU, at most [`IMUS`]; the first one flies. Samples
     /// of the IMUs, which have errors of `constants`, are `period_s` apart. The horizon is `delay` samples ago.
     pub fn new(filters: impl IntoIterator<Item = Filter>, constants: Constants, period_s: f64, delay: usize) -> Self {
-        let lanes = filters.into_iter().take(IMUS).map(Lane::new).collect();
+        let lanes = filters.into_iter().take(IMUS).map(ImuLane::new).collect();
         let frames = VecDeque::with_capacity(delay + 1);
         Self { lanes, flown: 0, constants, last: Aiding::default(), frames, delay, period_s }
     }
@@ -146,7 +146,7 @@ impl Navigation {
         self.lanes.iter().filter(|lane| !lane.is_ill() && !lane.filter.is_contradicted()).count()
     }
 
-    fn lane(&self) -> &Lane {
+    fn lane(&self) -> &ImuLane {
         &self.lanes[self.flown]
     }
 
@@ -173,7 +173,7 @@ impl Navigation {
 
     /// Estimates the state `ahead_s` after the last sample of the IMU, and the body rates \[rad/s\].
     pub fn estimate(&self, ahead_s: f64) -> (State, Vector3<f64>) {
-        let Lane { filter, last, .. } = self.lane();
+        let ImuLane { filter, last, .. } = self.lane();
         let moved = |state: State, imu: &Imu, dt_s| state.moved(imu, dt_s, filter.g_mps2());
         let newest = self.samples().fold(filter.state, |state, imu| moved(state, imu, self.period_s));
         let state = if ahead_s > 0.0 { moved(newest, last, ahead_s) } else { newest };
@@ -182,7 +182,7 @@ impl Navigation {
 
     /// Covariance of the error of [`estimate`](Self::estimate).
     pub fn covariance(&self, ahead_s: f64) -> Covariance {
-        let Lane { filter, last, .. } = self.lane();
+        let ImuLane { filter, last, .. } = self.lane();
         let samples = self.frames.len() as f64;
         let mean = |of: fn(&Imu) -> Vector3<f64>| {
             let sum = self.samples().fold(Vector3::zeros(), |sum, imu| sum + of(imu));

@@ -7,8 +7,8 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::state::{
-    ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, Error, HARD_IRON, POSITION,
-    RATES_BIAS, VELOCITY,
+    ACCELERATION_BIAS, ATTITUDE, BAROMETER_BIAS, Covariance, DECLINATION, DRIFT, HARD_IRON, POSITION, RATES_BIAS,
+    StateError, VELOCITY,
 };
 
 /// First-order Gauss-Markov process: `dx = -x / time dt + walk dW`.
@@ -36,7 +36,7 @@ impl Wander {
 
 /// Standard deviations of the errors that the filter expects.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Noise {
+pub struct ExpectedNoise {
     /// Specific force of one sample \[m/s2\].
     pub specific_force_mps2: f64,
     /// Body rates of one sample \[rad/s\].
@@ -71,7 +71,7 @@ pub struct Noise {
     pub hard_iron: Wander,
 }
 
-impl Noise {
+impl ExpectedNoise {
     /// Processes of the error states from [`DRIFT`] on.
     pub(crate) fn wandering(&self) -> [Wander; DECLINATION - DRIFT] {
         let Self { drift: [north, east, down], barometer, hard_iron, .. } = *self;
@@ -79,9 +79,9 @@ impl Noise {
     }
 }
 
-/// Standard deviations of the error at the start; those of what wanders are in [`Noise`].
+/// Standard deviations of the error at the start; those of what wanders are in [`ExpectedNoise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Start {
+pub struct InitialErrors {
     /// Position, each axis \[m\].
     pub position_m: f64,
     /// Velocity, each axis \[m/s\].
@@ -105,9 +105,9 @@ pub struct Constants {
     pub declination_rad: f64,
 }
 
-impl Start {
+impl InitialErrors {
     /// Covariance of the error about an `attitude`.
-    pub fn covariance(&self, attitude: &UnitQuaternion<f64>, noise: &Noise) -> Covariance {
+    pub fn covariance(&self, attitude: &UnitQuaternion<f64>, noise: &ExpectedNoise) -> Covariance {
         let Self { position_m, velocity_mps, tilt_rad, heading_rad, constants } = self;
         let axes = *attitude.to_rotation_matrix().matrix();
         let level = Matrix3::from_diagonal(&Vector3::new(*tilt_rad, *tilt_rad, *heading_rad));
@@ -124,9 +124,9 @@ impl Start {
 
 impl Constants {
     /// Covariance of a filter that knows the motion, and of the sensors' errors how large they are.
-    pub(crate) fn covariance(&self, noise: &Noise) -> Covariance {
+    pub(crate) fn covariance(&self, noise: &ExpectedNoise) -> Covariance {
         let Self { acceleration_bias_mps2, rates_bias_radps, declination_rad } = self;
-        let mut deviations = Error::zeros();
+        let mut deviations = StateError::zeros();
         for (from, part) in [
             (ACCELERATION_BIAS, *acceleration_bias_mps2),
             (RATES_BIAS, *rates_bias_radps),

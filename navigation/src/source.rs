@@ -74,7 +74,7 @@ pub const SOURCES: usize = 7;
 /// Record of one source.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
-pub struct Record {
+pub struct SourceRecord {
     /// Measurements that were fused, those of a reset too.
     pub accepted: f64,
     /// Measurements that the gate refused.
@@ -91,7 +91,7 @@ pub struct Record {
     pub nis: f64,
 }
 
-impl Record {
+impl SourceRecord {
     /// Time for which every measurement was refused \[s\].
     pub(crate) fn disputed_s(&self) -> f64 {
         if self.spell > 0.0 { self.silent_s - self.outage_s } else { 0.0 }

@@ -33,7 +33,7 @@ pub const HARD_IRON: usize = 19;
 pub const DECLINATION: usize = 22;
 
 /// Error of a [`State`]: position and velocity NED, attitude as a rotation vector in body axes, biases of the sensors.
-pub type Error = SVector<f64, ERRORS>;
+pub type StateError = SVector<f64, ERRORS>;
 /// Covariance of the error.
 pub type Covariance = SMatrix<f64, ERRORS, ERRORS>;
 
@@ -102,7 +102,7 @@ impl State {
 
     /// Adds an error (eq. 283).
     #[must_use]
-    pub fn plus(&self, error: &Error) -> Self {
+    pub fn plus(&self, error: &StateError) -> Self {
         let part = |from: usize| error.fixed_rows::<3>(from).into_owned();
         Self {
             position_m: self.position_m + part(POSITION),
@@ -118,8 +118,8 @@ impl State {
     }
 
     /// Error that [`plus`](Self::plus) needs to reach `truth`.
-    pub fn error_to(&self, truth: &Self) -> Error {
-        let mut error = Error::zeros();
+    pub fn error_to(&self, truth: &Self) -> StateError {
+        let mut error = StateError::zeros();
         for (from, part) in [
             (POSITION, truth.position_m - self.position_m),
             (VELOCITY, truth.velocity_mps - self.velocity_mps),

@@ -5,7 +5,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
 use crate::source::{Measured, SOURCES};
-use crate::state::{ACCELERATION_BIAS, Covariance, DRIFT, ERRORS, Error, POSITION, RATES_BIAS, VELOCITY, turn};
+use crate::state::{ACCELERATION_BIAS, Covariance, DRIFT, ERRORS, POSITION, RATES_BIAS, StateError, VELOCITY, turn};
 
 pub(crate) const G_MPS2: f64 = 9.81;
 pub(crate) const DT_S: f64 = 0.005;
@@ -14,7 +14,7 @@ const FIX: u64 = 20;
 const SLOW: u64 = 10;
 pub(crate) const DELAY: usize = 20;
 
-pub(crate) const NOISE: Noise = Noise {
+pub(crate) const NOISE: ExpectedNoise = ExpectedNoise {
     specific_force_mps2: 0.3,
     rates_radps: 0.001,
     acceleration_bias_walk: 0.002,
@@ -37,7 +37,7 @@ pub(crate) const NOISE: Noise = Noise {
     hard_iron: Wander { start: 0.02, walk: 0.004, time_s: 40.0 },
 };
 /// Deviations at the start.
-pub(crate) const START: Start = Start {
+pub(crate) const START: InitialErrors = InitialErrors {
     position_m: 0.1,
     velocity_mps: 0.05,
     tilt_rad: 0.01,
@@ -76,9 +76,9 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
-    pub fn new(seed: u64, path: fn(f64) -> State, start: Start) -> Self {
+    pub fn new(seed: u64, path: fn(f64) -> State, start: InitialErrors) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let Start { position_m, velocity_mps, tilt_rad, heading_rad, constants } = start;
+        let InitialErrors { position_m, velocity_mps, tilt_rad, heading_rad, constants } = start;
         let path_0 = path(0.0);
         let drift = Vector3::from(NOISE.drift.map(|wander| wander.start));
         let flown = State {
@@ -157,7 +157,7 @@ impl Flight {
     }
 
     /// Error of the filter at its horizon.
-    pub fn error(&self) -> Error {
+    pub fn error(&self) -> StateError {
         self.navigation.filter().state.error_to(self.flown.front().expect("the horizon"))
     }
 }
@@ -186,9 +186,9 @@ fn some_state() -> (State, Imu) {
 }
 
 /// Columns of the derivative of `f` by the error of a state.
-fn differences<const N: usize>(f: impl Fn(&Error) -> SVector<f64, N>) -> nalgebra::SMatrix<f64, N, ERRORS> {
+fn differences<const N: usize>(f: impl Fn(&StateError) -> SVector<f64, N>) -> nalgebra::SMatrix<f64, N, ERRORS> {
     let size = 1e-6;
-    let unit = |i: usize| Error::from_fn(|j, _| if i == j { size } else { 0.0 });
+    let unit = |i: usize| StateError::from_fn(|j, _| if i == j { size } else { 0.0 });
     nalgebra::SMatrix::from_columns(&std::array::from_fn::<_, ERRORS, _>(|i| {
         (f(&unit(i)) - f(&-unit(i))) / (2.0 * size)
     }))
@@ -214,14 +214,14 @@ fn val_the_transition_is_the_derivative_of_the_motion_to_first_order() {
 fn val_jacobians_of_measurements_are_derivatives() {
     let (state, _) = some_state();
     let covariance = START.covariance(&state.attitude, &NOISE);
-    let at = |error: &Error| Filter::new(state.plus(error), covariance, NOISE, G_MPS2);
+    let at = |error: &StateError| Filter::new(state.plus(error), covariance, NOISE, G_MPS2);
     let map = Vector3::new(NOISE.inclination_rad.cos(), 0.0, NOISE.inclination_rad.sin());
     let north_of_map = turn(Vector3::z() * state.declination_rad) * map;
     let expected = state.attitude.inverse() * north_of_map + state.hard_iron;
     let field = state.attitude.inverse() * Vector3::new(0.42, 0.02, 0.91);
     let velocity = Vector2::new(3.0, 1.0);
-    let heading = |error: &Error| at(error).heading(&expected).expect("a horizontal field");
-    let Measured { jacobian, .. } = heading(&Error::zeros());
+    let heading = |error: &StateError| at(error).heading(&expected).expect("a horizontal field");
+    let Measured { jacobian, .. } = heading(&StateError::zeros());
     assert!((jacobian + differences(|error| heading(error).innovation)).abs().max() < 1e-6, "{jacobian}");
     let plain = State { hard_iron: Vector3::zeros(), declination_rad: 0.0, ..state };
     let Measured { innovation, .. } =
@@ -231,13 +231,13 @@ fn val_jacobians_of_measurements_are_derivatives() {
         "a field turned to the east is a heading too low"
     );
     let flow = -differences(|error| at(error).flow(&velocity).innovation);
-    assert!((at(&Error::zeros()).flow(&velocity).jacobian - flow).abs().max() < 1e-6);
+    assert!((at(&StateError::zeros()).flow(&velocity).jacobian - flow).abs().max() < 1e-6);
 }
 
 #[test]
 fn an_error_that_is_added_is_found_again() {
     let (state, _) = some_state();
-    let error = Error::from_fn(|i, _| 0.01 * i as f64 - 0.05);
+    let error = StateError::from_fn(|i, _| 0.01 * i as f64 - 0.05);
     assert!((state.error_to(&state.plus(&error)) - error).norm() < 1e-12);
 }
 
@@ -316,7 +316,7 @@ fn val_errors_and_innovations_are_as_large_as_the_covariance_says() {
 #[test]
 fn val_in_hover_the_variance_of_the_height_is_that_of_a_riccati_equation_of_two_states() {
     let none = Wander::stationary(0.0, f64::INFINITY);
-    let noise = Noise {
+    let noise = ExpectedNoise {
         acceleration_bias_walk: 0.0,
         rates_bias_walk: 0.0,
         rates_radps: 0.0,
@@ -326,7 +326,7 @@ fn val_in_hover_the_variance_of_the_height_is_that_of_a_riccati_equation_of_two_
     };
     let [acceleration_bias_mps2, rates_bias_radps] = [Vector3::repeat(1e-6); 2];
     let constants = Constants { acceleration_bias_mps2, rates_bias_radps, ..START.constants };
-    let start = Start { tilt_rad: 1e-6, heading_rad: 1e-6, constants, ..START };
+    let start = InitialErrors { tilt_rad: 1e-6, heading_rad: 1e-6, constants, ..START };
     let covariance = start.covariance(&UnitQuaternion::identity(), &noise);
     let mut filter = Filter::new(State::default(), covariance, noise, G_MPS2);
     let still = Imu { specific_force_mps2: Vector3::new(0.0, 0.0, -G_MPS2), ..Imu::default() };

@@ -9,7 +9,7 @@ use crate::dynamics::{self, StateVector, Surroundings};
 use crate::faults::environment::EnvironmentFaults;
 use crate::memory::Tape;
 use crate::schedule::Schedule;
-use crate::turbulence::{self, Moment, Turbulence};
+use crate::turbulence::{self, GustConditions, Turbulence};
 
 /// Surroundings over one flight.
 #[derive(Debug, Clone)]
@@ -41,7 +41,7 @@ impl Air {
         let (mut calm, reference_mps) = self.mean(from_ns, x[2]);
         if let Some(turbulence) = &mut self.turbulence {
             let airspeed_mps = (dynamics::velocity_ned_mps(x) - calm.wind_mps).norm();
-            let moment = Moment { height_m: self.height_zero_m - x[2], wind_mps: reference_mps, airspeed_mps };
+            let moment = GustConditions { height_m: self.height_zero_m - x[2], wind_mps: reference_mps, airspeed_mps };
             calm.wind_mps += turbulence.at(from_ns / self.sample_ns, &moment);
         }
         calm

@@ -22,7 +22,7 @@
 
 use contract::message::PlantStatus;
 use nalgebra::{Matrix3, Vector2, Vector3};
-use settings::{Ground as Settings, Scenario};
+use settings::{GroundSettings, Scenario};
 
 use crate::landing::Footing;
 use crate::memory::Tape;
@@ -46,7 +46,7 @@ const FOOT_MASS_KG: f64 = 1.1;
 /// Ground plane, and the vehicle's points that can touch it.
 #[derive(Debug, Clone)]
 pub struct Ground {
-    settings: Settings,
+    settings: GroundSettings,
     /// Stiffness of one foot \[N/m\].
     stiffness_npm: f64,
     /// Damping of one foot \[N s/m\].
@@ -189,7 +189,7 @@ mod tests {
 
     /// Level motion at `velocity_mps` with the feet at `depth_m`.
     fn level(depth_m: f64, velocity_mps: [f64; 3]) -> Motion {
-        let Settings { leg_m, down_m, .. } = Settings::default();
+        let GroundSettings { leg_m, down_m, .. } = GroundSettings::default();
         Motion {
             position_m: Vector3::new(0.0, 0.0, down_m - leg_m + depth_m),
             velocity_mps: velocity_mps.into(),
@@ -224,7 +224,7 @@ mod tests {
     fn friction_brakes_and_is_no_larger_than_its_share_of_the_load() {
         let friction = |v: f64| ground().push(&level(0.01, [v, 0.0, 0.0]));
         let load_n = -friction(0.0).0.z;
-        let share = Settings::default().friction;
+        let share = GroundSettings::default().friction;
         assert!(
             (friction(2.0).0.x + share * load_n).abs() < 1e-9 && (friction(-2.0).0.x - share * load_n).abs() < 1e-9
         );
@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn feet_at_rest_are_held_by_less_than_friction_and_slide_beyond_it() {
-        let ([stiffness_npm, _], friction) = (FOOT, Settings::default().friction);
+        let ([stiffness_npm, _], friction) = (FOOT, GroundSettings::default().friction);
         let reach_m = friction * 0.01;
         let mut ground = ground();
         let at = |north_m: f64| {

@@ -19,17 +19,17 @@ use contract::message::Kinematics;
 use libm::hypot;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use navigation::alignment::Standstill;
-use navigation::{Aiding, Constants, IMUS, Imu, Noise, State, Wander, state::turn};
+use navigation::{Aiding, Constants, ExpectedNoise, IMUS, Imu, State, Wander, state::turn};
 use rand_chacha::ChaCha8Rng;
-use settings::{Gyros, Magnetometer, Scenario, Sensor as Settings};
+use settings::{Gyros, Magnetometer, Scenario, SensorSettings};
 
 use crate::faults::memory::{ACCELERATION, FIELD, FLOW, HEIGHT, POSITION, RATES, Readings, SENSORS, VELOCITY};
 use crate::memory::Tape;
 use crate::random::normal;
 use crate::sensor::Sensor;
 
-/// Smallest deviation that the estimator is told, in the units of [`Noise`]: a sensor without errors has no variance to
-/// divide by.
+/// Smallest deviation that the estimator is told, in the units of [`ExpectedNoise`]: a sensor without errors has no
+/// variance to divide by.
 const MIN_DEVIATION: f64 = 1e-4;
 
 /// Airspeed, share of the thrust, and time over which the filter is told that they change: with them do the wind's
@@ -87,13 +87,13 @@ impl Instruments {
     pub fn new(scenario: &Scenario, motion: &Kinematics, period_ns: u64, random: &mut ChaCha8Rng) -> Self {
         let (settings, white) = (&scenario.plant.sensors, &scenario.plant.noise);
         let degree = 1_f64.to_radians();
-        let sensor = |settings: &Settings, noise: f64, unit: f64| Sensor::new(settings, noise, unit, period_ns);
+        let sensor = |settings: &SensorSettings, noise: f64, unit: f64| Sensor::new(settings, noise, unit, period_ns);
         let plain = |rate_hz: f64, density: f64, bias: f64, walk: f64| {
             let [noise_density, bias, bias_walk] = [density, bias, walk].map(|error| [error; 3]);
-            sensor(&Settings { noise_density, bias, bias_walk, rate_hz, ..Settings::default() }, 0.0, 1.0)
+            sensor(&SensorSettings { noise_density, bias, bias_walk, rate_hz, ..SensorSettings::default() }, 0.0, 1.0)
         };
         let Gyros { noise_density, bias, bias_walk, quantum } = settings.rates;
-        let gyros = Settings { noise_density, bias, bias_walk, quantum, ..Settings::default() };
+        let gyros = SensorSettings { noise_density, bias, bias_walk, quantum, ..SensorSettings::default() };
         let optional = |rate_hz: f64, density, walk| (rate_hz > 0.0).then(|| plain(rate_hz, density, 0.0, walk));
         let (imu, barometer, flow) = (&settings.imu, &settings.barometer, &settings.flow);
         let receiver = &settings.receiver;
@@ -128,7 +128,7 @@ impl Instruments {
         Self {
             imus,
             position: sensor(&settings.position, white.position_m, 1.0),
-            velocity: sensor(&Settings::from(&settings.velocity), white.velocity_mps, 1.0),
+            velocity: sensor(&SensorSettings::from(&settings.velocity), white.velocity_mps, 1.0),
             barometer: optional(barometer.rate_hz, barometer.noise_density, barometer.bias_walk),
             magnetometer: optional(rate_hz, noise_density, 0.0),
             flow: optional(flow.rate_hz, flow.noise_density, 0.0),
@@ -148,7 +148,7 @@ impl Instruments {
     }
 
     /// Errors that an estimator of this `scenario` expects: those of the settings, at trim, and not those drawn.
-    pub fn noise(&self, scenario: &Scenario) -> Noise {
+    pub fn noise(&self, scenario: &Scenario) -> ExpectedNoise {
         let settings = &scenario.plant.sensors;
         let (imu, barometer, receiver) = (&settings.imu, &settings.barometer, &settings.receiver);
         let least = |deviation: f64| deviation.max(MIN_DEVIATION);
@@ -157,10 +157,10 @@ impl Instruments {
         let line = imu.vibration_line_mps2 * mean_of_sine(0.0, trim_speed(scenario) * self.period_s).abs();
         let vibration = hypot(imu.vibration_mps2, line / 2_f64.sqrt());
         let turned = imu.misalignment_deg.to_radians() * THRUST_SHARE * self.g_mps2;
-        let Settings { bias, bias_walk, bias_s, .. } = settings.position;
+        let SensorSettings { bias, bias_walk, bias_s, .. } = settings.position;
         let time_s = if bias_s > 0.0 { bias_s } else { f64::INFINITY };
         let wind_m = barometer.wind_pressure * AIRSPEED_MPS * AIRSPEED_MPS / (2.0 * self.g_mps2);
-        Noise {
+        ExpectedNoise {
             specific_force_mps2: least(hypot(along(&self.imus[0].accelerometer).max(), vibration)),
             rates_radps: least(along(&self.imus[0].gyros).max()),
             acceleration_bias_walk: least(hypot(imu.acceleration_bias_walk, turned * (2.0 / LEG_S).sqrt())),

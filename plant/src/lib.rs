@@ -15,7 +15,7 @@
 //! | [`schedule`] | wind and disturbance as steps in time | |
 //! | [`turbulence`] | continuous gusts, and the mean wind over the height | |
 //! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
-//! | [`navigation_unit`], [`instruments`] | the EKF in place of that filter, and its sensors | |
+//! | [`navigation_unit`], [`instruments`] | the navigation unit with its filter (EKF), and its sensors | |
 //! | [`telemetry`] | rotor speeds and tilt as sensed | |
 //! | [`sampler`], `process` | the plant behind its ports, in every mode, and as a process | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |

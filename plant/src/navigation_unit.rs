@@ -14,9 +14,9 @@ use contract::message::{Kinematics, Navigation as Account};
 use nalgebra::Vector3;
 use navigation::alignment::Standstill;
 use navigation::state::{ATTITUDE, Covariance, POSITION, VELOCITY, turn};
-use navigation::{Constants, Filter, Navigation, Noise, Source, Start, State};
+use navigation::{Constants, ExpectedNoise, Filter, InitialErrors, Navigation, Source, State};
 use rand_chacha::ChaCha8Rng;
-use settings::{Filter as Choice, Scenario, Sensors};
+use settings::{FilterName, Scenario, SensorsSettings};
 
 use crate::faults::memory::Readings;
 use crate::faults::sensors::SensorFaults;
@@ -53,7 +53,7 @@ impl NavigationUnit {
     /// Builds the unit of a vehicle that starts with `motion`; `None` if `scenario` has no EKF.
     pub fn new(scenario: &Scenario, motion: &Kinematics) -> Option<Self> {
         let settings = &scenario.plant.sensors;
-        if settings.filter != Choice::Ekf {
+        if settings.filter != FilterName::Ekf {
             return None;
         }
         let period_ns = (1e9 / settings.imu.rate_hz).round() as u64;
@@ -169,8 +169,8 @@ impl NavigationUnit {
 /// Draws a start near the true `motion`, by the deviations of the settings, with its covariance.
 fn near(
     motion: &Kinematics,
-    settings: &Sensors,
-    noise: &Noise,
+    settings: &SensorsSettings,
+    noise: &ExpectedNoise,
     constants: Constants,
     random: &mut ChaCha8Rng,
 ) -> (State, Covariance) {
@@ -185,7 +185,7 @@ fn near(
     };
     let [position_m, velocity_mps, tilt_rad, heading_rad] =
         [start.position_m, start.velocity_mps, tilt, heading].map(|deviation| deviation.max(MIN_DEVIATION));
-    let start = Start { position_m, velocity_mps, tilt_rad, heading_rad, constants };
+    let start = InitialErrors { position_m, velocity_mps, tilt_rad, heading_rad, constants };
     (state, start.covariance(&state.attitude, noise))
 }
 

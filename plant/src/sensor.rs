@@ -9,7 +9,7 @@
 //! walks from there, or back to 0 by its time constant (first-order Gauss-Markov).
 
 use rand_chacha::ChaCha8Rng;
-use settings::Sensor as Settings;
+use settings::SensorSettings;
 
 use crate::memory::Tape;
 use crate::random::normal;
@@ -35,7 +35,7 @@ pub struct Sensor {
 impl Sensor {
     /// Builds a sensor that is read every `sample_ns`, with `noise` as the deviation of each measurement and the errors
     /// of `settings`; `unit` converts the units of the settings to those of the reader.
-    pub fn new(settings: &Settings, noise: f64, unit: f64, sample_ns: u64) -> Self {
+    pub fn new(settings: &SensorSettings, noise: f64, unit: f64, sample_ns: u64) -> Self {
         let own_ns = if settings.rate_hz > 0.0 { (1e9 / settings.rate_hz).round() as u64 } else { sample_ns };
         let period_ns = own_ns.max(sample_ns);
         let bandwidth = (1e9 / period_ns as f64 / 2.0).sqrt();

@@ -4,7 +4,7 @@
 
 use contract::message::Kinematics;
 use rand_chacha::ChaCha8Rng;
-use settings::{Scenario, Sensor as Settings};
+use settings::{Scenario, SensorSettings};
 
 use crate::memory::Tape;
 use crate::random::Stream;
@@ -23,7 +23,7 @@ impl Sensors {
     /// Builds the sensors of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let (noise, degree) = (&scenario.plant.noise, 1_f64.to_radians());
-        let sensor = |noise, unit| Sensor::new(&Settings::default(), noise, unit, scenario.sample_ns());
+        let sensor = |noise, unit| Sensor::new(&SensorSettings::default(), noise, unit, scenario.sample_ns());
         let each = [
             sensor(noise.position_m, 1.0),
             sensor(noise.velocity_mps, 1.0),

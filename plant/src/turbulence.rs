@@ -41,7 +41,7 @@ const MIN_AIRSPEED_MPS: f64 = 0.1;
 
 /// Quantities that determine the gusts at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct GustConditions {
     /// Height above the ground \[m\].
     pub height_m: f64,
     /// Mean wind at 20 feet, NED \[m/s\].
@@ -178,7 +178,7 @@ impl Turbulence {
 
     /// Gust of sample `tick`, NED \[m/s\]; must be called in the order of samples. With `from_wind` the `moment` of the
     /// first call for a sample determines it.
-    pub fn at(&mut self, tick: u64, moment: &Moment) -> Vector3<f64> {
+    pub fn at(&mut self, tick: u64, moment: &GustConditions) -> Vector3<f64> {
         let before = match self.newest {
             Some((newest, gust)) if newest == tick => return gust,
             newest => newest.map_or(0, |(newest, _)| newest),
@@ -197,7 +197,7 @@ impl Turbulence {
     }
 
     /// Sets deviations, time scales and direction by the `moment`.
-    fn tune(&mut self, moment: &Moment) {
+    fn tune(&mut self, moment: &GustConditions) {
         let (north, east) = (moment.wind_mps.x, moment.wind_mps.y);
         let wind_mps = libm::hypot(north, east);
         let height_m = moment.height_m.clamp(HEIGHTS_M[0], HEIGHTS_M[1]);
@@ -245,12 +245,13 @@ mod tests {
     }
 
     /// Moment that differs from the settings.
-    const OTHER: Moment = Moment { height_m: 50.0, wind_mps: Vector3::new(0.0, -3.0, 0.0), airspeed_mps: 9.0 };
+    const OTHER: GustConditions =
+        GustConditions { height_m: 50.0, wind_mps: Vector3::new(0.0, -3.0, 0.0), airspeed_mps: 9.0 };
 
     /// Gusts with `from_wind` of a vehicle at the `moment`.
-    fn from_wind(seed: u64, samples: u64, moment: &Moment) -> Vec<Vector3<f64>> {
+    fn from_wind(seed: u64, samples: u64, moment: &GustConditions) -> Vec<Vector3<f64>> {
         let mut scenario = scenario(seed);
-        scenario.plant.turbulence = settings::Turbulence { from_wind: true, ..Default::default() };
+        scenario.plant.turbulence = settings::TurbulenceSettings { from_wind: true, ..Default::default() };
         let mut turbulence = Turbulence::new(&scenario).expect("there is some");
         (0..samples).map(|tick| turbulence.at(tick, moment)).collect()
     }
@@ -259,19 +260,20 @@ mod tests {
     fn a_moment_with_the_values_of_the_settings_gives_the_same_gusts() {
         let settings = scenario(3).plant.turbulence;
         let (height_m, airspeed_mps) = (settings.height_m, settings.airspeed_mps);
-        let moment = Moment { height_m, wind_mps: Vector3::new(8.0, 0.0, 1.0), airspeed_mps };
+        let moment = GustConditions { height_m, wind_mps: Vector3::new(8.0, 0.0, 1.0), airspeed_mps };
         for (theirs, ours) in gusts(3, 500).into_iter().zip(from_wind(3, 500, &moment)) {
             assert!((theirs - ours).norm() < 1e-12, "{theirs} and {ours}");
         }
-        let east = Moment { wind_mps: Vector3::new(0.0, 8.0, 0.0), ..moment };
+        let east = GustConditions { wind_mps: Vector3::new(0.0, 8.0, 0.0), ..moment };
         let (east, north) = (from_wind(3, 50, &east)[49], gusts(3, 50)[49]);
         assert!((east - Vector3::new(-north.y, north.x, north.z)).norm() < 1e-12);
     }
 
     #[test]
     fn gusts_follow_the_wind_and_the_height_of_the_moment() {
-        let moment = |height_m, wind_mps| Moment { height_m, wind_mps: Vector3::x() * wind_mps, airspeed_mps: 5.0 };
-        let first = |moment: Moment| from_wind(3, 1, &moment)[0];
+        let moment =
+            |height_m, wind_mps| GustConditions { height_m, wind_mps: Vector3::x() * wind_mps, airspeed_mps: 5.0 };
+        let first = |moment: GustConditions| from_wind(3, 1, &moment)[0];
         assert_eq!(first(moment(8.0, 0.0)), Vector3::zeros(), "no wind, no gusts");
         assert!((first(moment(8.0, 6.0)) - first(moment(8.0, 3.0)) * 2.0).norm() < 1e-12);
         // Higher up the gusts along the wind are weaker, and the vertical ones as strong but slower.
@@ -285,7 +287,7 @@ mod tests {
         assert!(step(5.0) > 5.0 * step(50.0));
         // Heights beyond the standard are clamped; an airspeed of 0 gives a finite gust, not NaN.
         assert_eq!(first(moment(-1.0, 6.0)), first(moment(3.048, 6.0)));
-        assert!(first(Moment { airspeed_mps: 0.0, ..moment(8.0, 6.0) }).iter().all(|gust| gust.is_finite()));
+        assert!(first(GustConditions { airspeed_mps: 0.0, ..moment(8.0, 6.0) }).iter().all(|gust| gust.is_finite()));
     }
 
     /// Deviations and time scales along, across and down, by the standard at the default height and airspeed.

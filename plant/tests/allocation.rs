@@ -2,7 +2,7 @@
 
 use contract::message::{Actuators, Stamp};
 use plant::Plant;
-use settings::{Fault, FaultTarget, Scenario, SensorPreset, Sensors};
+use settings::{Fault, FaultTarget, Scenario, SensorPreset, SensorsSettings};
 
 #[test]
 fn a_flight_with_every_fault_allocates_nothing() {
@@ -30,7 +30,7 @@ fn a_flight_with_every_fault_allocates_nothing() {
     let given = std::mem::take(&mut scenario.fault);
     for (live, preset) in [(false, SensorPreset::Ideal), (true, SensorPreset::Ideal), (false, SensorPreset::Typical)] {
         scenario.fault = if live { vec![] } else { given.clone() };
-        scenario.plant.sensors = Sensors::from(preset);
+        scenario.plant.sensors = SensorsSettings::from(preset);
         check_allocates_nothing(&scenario, if live { &given } else { &[] });
     }
 }

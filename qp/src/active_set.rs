@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 
 use crate::basis::{Basis, Combination};
-use crate::factor::Factor;
-use crate::working_set::{Member, WorkingSet};
+use crate::factor::CholeskyFactor;
+use crate::working_set::{HeldConstraint, WorkingSet};
 
 /// Accepted violation, in units of the slacks.
 const TOLERANCE: f64 = 5e-10;
@@ -40,7 +40,7 @@ pub struct ActiveSet {
     /// Multipliers of the members, never negative.
     multipliers: Vec<f64>,
     /// Factor of the members' Gram matrix.
-    factor: Factor,
+    factor: CholeskyFactor,
     /// Step of the multipliers.
     step: Vec<[f64; 4]>,
     /// Flags of the held rows, then of the held discs.
@@ -56,7 +56,7 @@ pub struct ActiveSet {
     /// Indices of the held tangents that turn.
     turning: Vec<usize>,
     /// Tangents that have turned and join again, with their multipliers.
-    turned: Vec<(Member, f64)>,
+    turned: Vec<(HeldConstraint, f64)>,
 }
 
 /// Result of a solve.
@@ -106,7 +106,7 @@ impl ActiveSet {
             working_set: WorkingSet { members: Vec::with_capacity(members) },
             held: Vec::with_capacity(capacity),
             multipliers: Vec::with_capacity(capacity),
-            factor: Factor::new(capacity),
+            factor: CholeskyFactor::new(capacity),
             step: vec![[0.0; 4]; capacity.div_ceil(4)],
             is_held: vec![false; basis.rows + basis.discs],
             centre: vec![[0.0; 4]; basis.blocks],
@@ -184,8 +184,10 @@ impl ActiveSet {
             self.check_rise(before, first);
             let possible = match self.worst() {
                 None => return (Termination::Optimal, iteration),
-                Some((Member::Cut { disc, .. }, _)) if self.is_held[self.basis.rows + disc] => self.turn(offsets),
-                Some((Member::Row(row), _)) if self.is_held[row] => true, // rounding: the next step corrects it
+                Some((HeldConstraint::Cut { disc, .. }, _)) if self.is_held[self.basis.rows + disc] => {
+                    self.turn(offsets)
+                }
+                Some((HeldConstraint::Row(row), _)) if self.is_held[row] => true, // rounding: the next step corrects it
                 Some((member, _)) => self.join(member, 0.0, offsets),
             };
             if !possible {
@@ -197,18 +199,18 @@ impl ActiveSet {
 
     /// Constraint violated most, in the norm of `H^-1`, and its violation; `None` if all hold. A disc is represented by
     /// its tangent towards the present point.
-    fn worst(&self) -> Option<(Member, f64)> {
+    fn worst(&self) -> Option<(HeldConstraint, f64)> {
         let (rows, pairs) = self.slacks.as_flattened()[..self.basis.len()].split_at(self.basis.rows);
         let (mut worst, mut most) = (None, 0.0);
         for (row, (slack, scale)) in rows.iter().zip(&self.basis.scale).enumerate() {
             if *slack < -TOLERANCE && -slack * scale > most {
-                (worst, most) = (Some(Member::Row(row)), -slack * scale);
+                (worst, most) = (Some(HeldConstraint::Row(row)), -slack * scale);
             }
         }
         for (disc, pair) in pairs.chunks_exact(2).enumerate() {
             let length = (pair[0] * pair[0] + pair[1] * pair[1]).sqrt();
             if length - 1.0 > TOLERANCE {
-                let member = Member::Cut { disc, towards: [pair[0] / length, pair[1] / length] };
+                let member = HeldConstraint::Cut { disc, towards: [pair[0] / length, pair[1] / length] };
                 let size = (length - 1.0) / self.basis.square(&self.basis.constraint(member)).sqrt();
                 if size > most {
                     (worst, most) = (Some(member), size);
@@ -286,7 +288,7 @@ impl ActiveSet {
     fn observe(&mut self, offsets: &[f64]) {
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
         for ((member, held), multiplier) in self.working_set.members.iter().zip(&self.held).zip(&self.multipliers) {
-            if let Member::Row(row) = member {
+            if let HeldConstraint::Row(row) = member {
                 self.slacks.as_flattened_mut()[*row] += held.softness * multiplier;
             }
         }
@@ -297,7 +299,7 @@ impl ActiveSet {
     /// A constraint that depends on held ones replaces one of them: its multiplier grows while theirs shrink, until the
     /// first of theirs is zero and is dropped. A dependent constraint that is satisfied gives its multiplier to the
     /// held ones in the same way, because without it the dual would fall.
-    fn join(&mut self, member: Member, mut multiplier: f64, offsets: &[f64]) -> bool {
+    fn join(&mut self, member: HeldConstraint, mut multiplier: f64, offsets: &[f64]) -> bool {
         let constraint = self.basis.constraint(member);
         let size = self.basis.square(&constraint);
         let mut moved = false;
@@ -395,10 +397,10 @@ impl ActiveSet {
     }
 
     /// Index of a member in `is_held`.
-    fn place(&self, member: Member) -> usize {
+    fn place(&self, member: HeldConstraint) -> usize {
         match member {
-            Member::Row(row) => row,
-            Member::Cut { disc, .. } => self.basis.rows + disc,
+            HeldConstraint::Row(row) => row,
+            HeldConstraint::Cut { disc, .. } => self.basis.rows + disc,
         }
     }
 
@@ -446,7 +448,7 @@ impl ActiveSet {
     fn hold_angles(&mut self) {
         self.turning.clear();
         for j in 0..self.held.len() {
-            if let Member::Cut { disc, towards } = self.working_set.members[j] {
+            if let HeldConstraint::Cut { disc, towards } = self.working_set.members[j] {
                 let row = self.basis.turning(disc, towards, self.multipliers[j]);
                 let Self { factor, basis, held, .. } = self;
                 let entry = basis.entries(&row);
@@ -466,7 +468,7 @@ impl ActiveSet {
         let steps = self.step.as_flattened();
         let (mut share, mut blocking) = (1.0, None);
         for (j, member) in self.working_set.members[..count].iter().enumerate() {
-            if matches!(member, Member::Row(_)) && self.multipliers[j] + share * steps[j] < 0.0 {
+            if matches!(member, HeldConstraint::Row(_)) && self.multipliers[j] + share * steps[j] < 0.0 {
                 (share, blocking) = (-self.multipliers[j] / steps[j], Some(j));
             }
         }
@@ -485,12 +487,12 @@ impl ActiveSet {
     fn read_angles(&mut self, count: usize) {
         for (sideways, cut) in (count..).zip(&self.turning) {
             let (along, across) = (self.multipliers[*cut], self.multipliers[sideways]);
-            let Member::Cut { disc, towards: [cos, sin] } = self.working_set.members[*cut] else { continue };
+            let HeldConstraint::Cut { disc, towards: [cos, sin] } = self.working_set.members[*cut] else { continue };
             let length = (along * along + across * across).sqrt();
             if length > 0.0 {
                 let towards = [(along * cos - across * sin) / length, (along * sin + across * cos) / length];
                 self.multipliers[*cut] = length;
-                self.working_set.members[*cut] = Member::Cut { disc, towards };
+                self.working_set.members[*cut] = HeldConstraint::Cut { disc, towards };
             }
         }
     }

@@ -4,7 +4,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::working_set::Member;
+use crate::working_set::HeldConstraint;
 
 /// Matrices `G`, `K = H^-1 G'` and the Gram matrix `G K` of all basis rows.
 pub struct Basis {
@@ -121,12 +121,12 @@ impl Basis {
     }
 
     /// Constraint of a member of the working set.
-    pub fn constraint(&self, member: Member) -> Combination {
+    pub fn constraint(&self, member: HeldConstraint) -> Combination {
         match member {
-            Member::Row(row) => {
+            HeldConstraint::Row(row) => {
                 Combination { basis: [row; 2], weights: [1.0, 0.0], constant: 0.0, softness: self.softness[row] }
             }
-            Member::Cut { disc, towards: [cos, sin] } => {
+            HeldConstraint::Cut { disc, towards: [cos, sin] } => {
                 Combination { basis: self.pair(disc), weights: [-cos, -sin], constant: 1.0, softness: 0.0 }
             }
         }

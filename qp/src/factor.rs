@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 /// Factor `L` with `L L' = M`, in tiles of four rows by four columns.
-pub struct Factor {
+pub struct CholeskyFactor {
     len: usize,
     /// Tiles on and below the diagonal, one column of tiles after the other, each `stride` long; a tile is four
     /// columns. Left of the diagonal they have `L`, on it 0, elsewhere undefined numbers.
@@ -15,7 +15,7 @@ pub struct Factor {
     row: Vec<[f64; 4]>,
 }
 
-impl Factor {
+impl CholeskyFactor {
     /// Allocates room for `capacity` rows.
     pub fn new(capacity: usize) -> Self {
         let stride = capacity.div_ceil(4);

@@ -87,7 +87,7 @@ mod factor;
 mod working_set;
 
 pub use active_set::{ActiveSet, Outcome, Termination};
-pub use working_set::{Member, WorkingSet};
+pub use working_set::{HeldConstraint, WorkingSet};
 
 #[cfg(test)]
 mod tests;

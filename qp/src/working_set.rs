@@ -4,12 +4,12 @@
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorkingSet {
     /// Members in the order in which they joined.
-    pub members: Vec<Member>,
+    pub members: Vec<HeldConstraint>,
 }
 
 /// Constraint held as an equation.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Member {
+pub enum HeldConstraint {
     /// A linear row, by its index.
     Row(usize),
     /// A tangent of a disc.

@@ -30,7 +30,7 @@ use crate::workers::{Ring, Workers};
 
 /// Result of a flight in one thread, except its messages.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Flown {
+pub struct SteppedResult {
     pub ended: Ended,
     pub events: Vec<Event>,
     pub refused: Refused,
@@ -106,7 +106,7 @@ impl Stepped {
         mut self,
         mut watch: impl FnMut(&Record) -> bool,
         mut remember: impl FnMut(&Memory),
-    ) -> Result<Flown, SessionError> {
+    ) -> Result<SteppedResult, SessionError> {
         while self.begin()? {
             self.answer(&Topic::OF_CONTROLLERS);
             self.memories().iter().for_each(&mut remember);
@@ -205,10 +205,10 @@ impl Stepped {
     }
 
     /// Returns the result; a flight that is not over is interrupted.
-    pub fn over(self) -> Flown {
+    pub fn over(self) -> SteppedResult {
         let refused = refused_by_listener(&self.ring.page);
         let ended = self.ended.unwrap_or(Ended::Interrupted);
-        Flown { ended, events: self.roles.events, refused, failures: self.failures }
+        SteppedResult { ended, events: self.roles.events, refused, failures: self.failures }
     }
 
     fn workers(&mut self, topic: Topic) -> &mut Workers {

@@ -14,19 +14,19 @@ use crate::session::NodeSession;
 use crate::shared_role::Assignment;
 use contract::message::Message;
 use contract::topic::Topic;
-use settings::{Mode, Policy, Scenario};
+use settings::{Mode, Scenario, SchedulingPolicy};
 
-pub struct Ring {
+pub struct TestRing {
     pub page: Arc<ControlPage>,
     pub queues: Queues,
     pub run: Scenario,
 }
 
-impl Ring {
+impl TestRing {
     pub fn new(mode: Mode) -> Self {
         let mut run = Scenario::default();
         run.run.mode = mode;
-        run.realtime.policy = Policy::Other;
+        run.realtime.policy = SchedulingPolicy::Other;
         run.realtime.lock_memory = false;
         run.realtime.rttime_ms = 0.0;
         Self { page: Arc::new(ControlPage::private().expect("memory")), queues: Queues::default(), run }

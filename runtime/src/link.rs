@@ -11,7 +11,7 @@
 //! ```
 
 use crate::limits::HELD_MESSAGES;
-use contract::message::field::{HasShape, Mark};
+use contract::message::field::{FieldMark, HasShape};
 use contract::message::{Message, Stamp};
 use contract::stamp::delivery;
 use settings::fault_schedule::{Entry, FaultSchedule};
@@ -120,7 +120,7 @@ fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
 
 /// Changes the numbers that the receiver acts on, as the fault's `how` and `value` say; the checksum fits.
 fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
-    for demanded in M::FIELDS.iter().filter(|field| field.mark == Some(Mark::Demand)) {
+    for demanded in M::FIELDS.iter().filter(|field| field.mark == Some(FieldMark::Demand)) {
         for word in &mut words(message)[demanded.words.clone()] {
             let value = f64::from_bits(*word);
             let wrong = match fault.wrong() {

@@ -117,14 +117,14 @@ impl TruthOutput {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::Ring;
+    use crate::fixture::TestRing;
     use contract::Topic;
     use contract::message::PlantStatus;
     use settings::{Fault, FaultKind, FaultTarget, Mode};
 
     #[test]
     fn truth_is_sent_as_it_is_whatever_a_fault_makes_of_state() {
-        let mut ring = Ring::flying(Mode::Lockstep);
+        let mut ring = TestRing::flying(Mode::Lockstep);
         let drop = Fault::new(FaultTarget::State, FaultKind::Drop, 0.0, None);
         ring.run.fault = vec![Fault { probability: Some(1.0), ..drop }];
         let mut session = ring.session(Topic::State, 1);
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn the_last_state_is_sent_however_late_it_is() {
-        let mut ring = Ring::flying(Mode::Realtime);
+        let mut ring = TestRing::flying(Mode::Realtime);
         ring.run.deadline.late = Late::Skip;
         let mut output = ring.session(Topic::State, 1).output::<State>().unwrap();
         let receiver = ring.queues.receiver::<State>(4).unwrap();

@@ -98,7 +98,7 @@ impl NodeSession {
         Ok(SampleLoop::new(self.member, release))
     }
 
-    /// Enters the real-time class, tests the ports and says that this process is ready. A process in lockstep does not
+    /// Enters the real-time class, tests the ports (before the run only) and says that this process is ready. A process in lockstep does not
     /// enter the real-time class: it has no deadline, and a ring that never sleeps would starve its observers. The
     /// launcher chose its CPU, unless the scenario names others.
     fn become_ready(&mut self) -> Result<Release, SessionError> {
@@ -120,7 +120,7 @@ impl NodeSession {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::Ring;
+    use crate::fixture::TestRing;
     use crate::ports::Transport;
     use crate::realtime::phase;
     use crate::shared_role::Assignment;
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn a_place_goes_to_the_process_that_it_was_offered_to() {
-        let ring = Ring::new(Mode::Lockstep);
+        let ring = TestRing::new(Mode::Lockstep);
         let mut session = ring.session(Topic::Controls, 2);
         assert!(matches!(session.output::<Controls>(), Err(SessionError::Taken { node: "attitude-mpc", epoch: 2 })));
         ring.page.role(Topic::Controls).offer(2);
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn a_process_is_ready_when_all_its_ports_work() {
-        let ring = Ring::new(Mode::Lockstep);
+        let ring = TestRing::new(Mode::Lockstep);
         let mut mpc = ring.session(Topic::Controls, 1);
         for topic in Topic::ALL {
             ring.page.role(topic).offer(1);
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn the_first_process_begins_with_nothing_and_the_next_with_its_memory() {
-        let ring = Ring::new(Mode::Lockstep);
+        let ring = TestRing::new(Mode::Lockstep);
         let memory = [7; contract::snapshot::SNAPSHOT_WORDS];
         let origin = Origin { epoch: 1, done: 5 };
         ring.page.role(Topic::Controls).memory.write(origin, &memory);
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn in_lockstep_a_process_acts_out_the_exits_of_its_own_settings_only() {
-        let mut ring = Ring::new(Mode::Lockstep);
+        let mut ring = TestRing::new(Mode::Lockstep);
         let exit = Fault::new(FaultTarget::Mixer, FaultKind::Exit, 0.1, None);
         ring.run.fault = vec![exit];
         assert!(!ring.session(Topic::Actuators, 1).member.faults.leaves(10, 10), "the launcher does it");

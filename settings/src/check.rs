@@ -23,9 +23,9 @@ use self::swaps::LoadCandidate;
 use crate::table::control::{Law, Model, StateConstraints};
 use crate::table::mission::{Mission, Ramp};
 use crate::table::run::Scenario;
-use crate::table::sensors::Sensor;
+use crate::table::sensors::SensorSettings;
 use crate::table::timing::Late;
-use crate::table::vehicle::{Plant, Turbulence};
+use crate::table::vehicle::{PlantSettings, TurbulenceSettings};
 
 /// Returns every rule that `scenario` breaks. `merged` is the same as a table: those `given`, on top of `defaults`.
 pub fn violations(
@@ -117,7 +117,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
         "`plant.sensors.alignment.standing_s` without a magnetometer that tells the heading".into(),
         "`plant.sensors.magnetometer.rate_hz` above 0, and an `inclination_deg` of at most 80 with it",
     );
-    let Sensor { bias, bias_walk, bias_s, .. } = &plant.sensors.position;
+    let SensorSettings { bias, bias_walk, bias_s, .. } = &plant.sensors.position;
     found.require(
         *bias_s == 0.0 || [bias, bias_walk].into_iter().flatten().any(|bias| *bias > 0.0),
         &["plant.sensors.position.bias_s"],
@@ -154,7 +154,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
 }
 
 /// Requires with `from_wind` a horizontal wind, and no settings of the gusts besides it.
-fn check_turbulence(plant: &Plant, found: &mut Found) {
+fn check_turbulence(plant: &PlantSettings, found: &mut Found) {
     let turbulence = &plant.turbulence;
     let horizontal = plant.wind_ned_mps.iter().any(|(_, [north, east, _])| [*north, *east] != [0.0; 2]);
     found.require(
@@ -163,7 +163,7 @@ fn check_turbulence(plant: &Plant, found: &mut Found) {
         "`plant.turbulence.from_wind` where no wind blows along the ground".into(),
         "a wind with it, for instance `plant.wind_ned_mps` = [[0.0, [6.0, 0.0, 0.0]]]",
     );
-    let unused = Turbulence { from_wind: true, ..Turbulence::default() };
+    let unused = TurbulenceSettings { from_wind: true, ..TurbulenceSettings::default() };
     found.require(
         !turbulence.from_wind || *turbulence == unused,
         &["plant.turbulence", "plant.turbulence.from_wind"],

@@ -8,7 +8,7 @@ use crate::load::{candidate, defaults_of, given, lay, sources, with_defaults, wi
 use crate::shape;
 use crate::table::program::NodeSettings;
 use crate::table::run::Scenario;
-use crate::text::report::{Problem, ScenarioError, Source};
+use crate::text::report::{Problem, ScenarioError, SettingsText};
 use crate::{check, moved};
 
 /// Given settings of a scenario. [`scenario`](Self::scenario) adds the defaults of profile and presets below them.
@@ -18,11 +18,11 @@ pub struct Given(Table);
 impl Given {
     /// Loads the settings of `file`, with `overrides` (`key=value`) on top.
     pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Self, ScenarioError> {
-        Self::load_from(file.map(Source::read).transpose()?, overrides)
+        Self::load_from(file.map(SettingsText::read).transpose()?, overrides)
     }
 
     /// Loads like [`load`](Self::load), from the text of a file that was read before.
-    pub fn load_from(file: Option<Source>, overrides: &[String]) -> Result<Self, ScenarioError> {
+    pub fn load_from(file: Option<SettingsText>, overrides: &[String]) -> Result<Self, ScenarioError> {
         given(&sources(file, overrides)).map(Self)
     }
 
@@ -69,7 +69,7 @@ impl Given {
         let mut given = self.0.clone();
         lay(&mut given, put_all(Table::new(), &whole)?);
         let wrong_type = |error: toml::de::Error| {
-            let is_old = |key: &str| moved::find(moved::Kind::Key, key).is_some();
+            let is_old = |key: &str| moved::find(moved::NameKind::Key, key).is_some();
             let shapes = settings.iter().filter(|(key, _)| !is_element(key) || is_old(key));
             let shape = shapes.map(|(key, value)| check_shape(&format!("{key} = {value}"), "")).find_map(Result::err);
             shape.unwrap_or_else(|| ScenarioError::of(error.message().to_owned(), String::new()))
@@ -119,7 +119,7 @@ fn put(place: &mut Value, key: &str, value: &Value) -> Result<(), String> {
 
 /// Checks that `text` has the shape of settings; `origin` names their place in errors.
 fn check_shape(text: &str, origin: &str) -> Result<(), ScenarioError> {
-    let source = Source { path: Some(origin.into()), text: text.into() };
+    let source = SettingsText { path: Some(origin.into()), text: text.into() };
     let Err(problems) = shape::read(&source) else { return Ok(()) };
     let place = if origin.is_empty() { String::new() } else { format!("{origin}: ") };
     let without_place = |problem: &Problem| Problem {

@@ -49,5 +49,5 @@ pub use table::swap::*;
 pub use table::timing::*;
 pub use table::vehicle::*;
 pub use text::file;
-pub use text::report::{ScenarioError, Source};
+pub use text::report::{ScenarioError, SettingsText};
 pub use words::{nearest, suggest, word};

@@ -13,29 +13,29 @@ use crate::table::fault::Fault;
 use crate::table::profile;
 use crate::table::program::{drop_replaced_programs, find_programs};
 use crate::table::run::{Profile, Scenario};
-use crate::table::sensors::Sensors;
+use crate::table::sensors::SensorsSettings;
 use crate::table::swap::Swap;
-use crate::text::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
+use crate::text::report::{MAX_PROBLEMS, Problem, ScenarioError, SettingsText};
 
 /// Loads the scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the
 /// defaults of the profile they choose. Without a file the overrides are laid on the defaults alone.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-    load_from(file.map(Source::read).transpose()?, overrides)
+    load_from(file.map(SettingsText::read).transpose()?, overrides)
 }
 
 /// Loads like [`load`], from the text of a file that was read before.
-pub fn load_from(file: Option<Source>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+pub fn load_from(file: Option<SettingsText>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     resolve(&sources(file, overrides))
 }
 
 /// Collects the sources to merge, lowest first: the text of `file`, then the `overrides`.
-pub(super) fn sources(file: Option<Source>, overrides: &[String]) -> Vec<Source> {
+pub(super) fn sources(file: Option<SettingsText>, overrides: &[String]) -> Vec<SettingsText> {
     file.into_iter().chain(overrides.iter().map(|text| set(text))).collect()
 }
 
 /// Loads like [`load`] the scenario `text`; `origin` names it in errors.
 pub fn load_text(text: &str, origin: &str, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-    load_from(Some(Source { path: Some(origin.into()), text: text.into() }), overrides)
+    load_from(Some(SettingsText { path: Some(origin.into()), text: text.into() }), overrides)
 }
 
 /// Reads the scenario that [`to_toml`] wrote as `text`, and checks it again; `origin` names the text in errors.
@@ -84,11 +84,11 @@ pub fn to_toml(scenario: &Scenario) -> String {
 /// settings.
 pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
-    let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
+    let base = SettingsText { path: Some("the run's settings".into()), text: to_toml(&base) };
     let exec =
         swap.exec.as_ref().map(|exec| format!("node.{}.exec={}", swap.node.publisher(), Value::from(exec.as_str())));
     let own = exec.iter().chain(&swap.set).map(|text| set(text));
-    let sources: Vec<Source> = std::iter::once(base).chain(own).collect();
+    let sources: Vec<SettingsText> = std::iter::once(base).chain(own).collect();
     let own = resolve(&sources)?;
     let fault = if own.fault.is_empty() { run.fault.clone() } else { own.fault };
     Ok(Scenario { fault, ..own })
@@ -96,7 +96,7 @@ pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError>
 
 /// Reads the settings of a [`candidate`] that [`to_toml`] wrote as `text`; `origin` names the text in errors.
 pub fn candidate_from(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
-    let given = given(&[Source { path: Some(origin.into()), text: text.into() }])?;
+    let given = given(&[SettingsText { path: Some(origin.into()), text: text.into() }])?;
     Ok(with_defaults(given).and_then(Table::try_into).expect(READ))
 }
 
@@ -130,7 +130,7 @@ pub(super) fn without_place(violations: Vec<Violation>) -> Result<(), ScenarioEr
 }
 
 /// Merges the sources, later ones on top, and checks the result.
-fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
+fn resolve(sources: &[SettingsText]) -> Result<Scenario, ScenarioError> {
     let given = given(sources)?;
     let merged = with_defaults(given.clone()).expect(READ);
     let scenario: Scenario = merged.clone().try_into().expect(READ);
@@ -157,7 +157,7 @@ const HAS_FORM: &str = "settings have a form in TOML";
 const READ: &str = "every source was read as a scenario by itself";
 
 /// Merges the sources, later ones on top, without the defaults.
-pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
+pub(super) fn given(sources: &[SettingsText]) -> Result<Table, ScenarioError> {
     let mut given = Table::new();
     let mut problems = vec![];
     for source in sources {
@@ -192,7 +192,7 @@ pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
 /// Returns the defaults of the profile, the presets, the vehicle, the law and the rate of `chosen`.
 pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
     let mut defaults = profile::for_choice(chosen);
-    defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
+    defaults.plant.sensors = SensorsSettings::from(chosen.plant.sensors.preset);
     defaults
 }
 
@@ -222,14 +222,14 @@ pub(super) fn overlay(below: &mut Table, above: Table) {
 
 /// Reads the argument of one `--set`. A value that begins as a word or a path and is no TOML is a string without
 /// quotes.
-fn set(argument: &str) -> Source {
+fn set(argument: &str) -> SettingsText {
     let text = match argument.split_once('=') {
         Some((key, word)) if is_word(word.trim_start()) && argument.parse::<Table>().is_err() => {
             format!("{key}={}", Value::from(word.trim()))
         }
         _ => argument.into(),
     };
-    Source { path: None, text }
+    SettingsText { path: None, text }
 }
 
 fn is_word(value: &str) -> bool {

@@ -1,12 +1,12 @@
 //! Names of earlier versions. Each is refused with what takes its place; docs/names.md lists them. The table leaves
 //! with the first release.
 
-use Kind::{Column, Command, Field, Key, Value};
-use Now::{Gone, Name, Seconds};
+use NameKind::{Column, Command, Field, Key, Value};
+use Replacement::{Gone, Name, Seconds};
 
 /// Kind of thing that has a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum NameKind {
     /// Setting of a scenario; or a table of settings, for every key in it without a row of its own.
     Key,
     /// Value of a setting, `key = "word"`.
@@ -21,7 +21,7 @@ pub enum Kind {
 
 /// Replacement of a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Now {
+pub enum Replacement {
     /// Another name of the same.
     Name(&'static str),
     /// Key in seconds where the old one was in samples.
@@ -31,7 +31,7 @@ pub enum Now {
 }
 
 /// Old names: what has the name, the name, its replacement.
-pub const MOVED: &[(Kind, &str, Now)] = &[
+pub const MOVED: &[(NameKind, &str, Replacement)] = &[
     (Key, "mission.waypoints_m", Gone(WAYPOINTS)),
     (Key, "mission.times_s", Gone(WAYPOINTS)),
     (Key, "mission.radius_m", Gone(CIRCLE)),
@@ -164,11 +164,11 @@ pub struct Moved {
     /// New name, if there is one.
     pub name: Option<String>,
     /// The row.
-    pub now: Now,
+    pub now: Replacement,
 }
 
 /// Finds what takes the place of `name`; `None` if it is no old name. Of a key the longest row counts.
-pub fn find(kind: Kind, name: &str) -> Option<Moved> {
+pub fn find(kind: NameKind, name: &str) -> Option<Moved> {
     let rest =
         |old: &str| name.strip_prefix(old).filter(|rest| rest.is_empty() || kind == Key && rest.starts_with('.'));
     let rows = MOVED.iter().filter(|(of, old, _)| *of == kind && rest(old).is_some());

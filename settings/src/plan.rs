@@ -17,10 +17,10 @@ use curves::heading::Rule;
 pub use curves::limits::Demand;
 use curves::plan::{Least, Start};
 pub use curves::stray::{Offer, Stray, range_m};
-use curves::{Limits, Motion, Plan, figure, named};
+use curves::{MissionPlan, PartMotion, VehicleLimits, figure, named};
 
 use crate::table::mission::{Ramp, RampName, TrajectoryKind};
-use crate::table::part::{CurveKind, HeadingRule, Part, PartHeading, PartKind};
+use crate::table::part::{CurveKind, HeadingRule, MissionPart, PartHeading, PartKind};
 use crate::table::run::Scenario;
 
 /// Sink rate of a landing that gives none \[m/s\]: the default of PX4, `MPC_LAND_SPEED`.
@@ -29,12 +29,12 @@ const SINK_MPS: f64 = 0.7;
 const DIRECTION_DEG: f64 = 90.0;
 
 /// Limits of the vehicle on the curves of a mission, and those that `mission.limits` sets.
-pub fn limits(scenario: &Scenario) -> Limits {
+pub fn limits(scenario: &Scenario) -> VehicleLimits {
     let (vehicle, plant, own) = (&scenario.airframe, &scenario.plant, &scenario.mission.limits);
     let trim = Trim::solve(vehicle, plant.tilt_reaction).actuation;
     let drag_nspm = plant.drag_linear_nspm.into_iter().fold(0.0, f64::max);
     let [roll_dps, pitch_dps, _] = scenario.attitude.mpc.rates_limit_dps;
-    Limits {
+    VehicleLimits {
         g_mps2: vehicle.g_mps2,
         drag_linear_1ps: drag_nspm / vehicle.mass_kg,
         drag_quadratic_1pm: plant.drag_quadratic_ns2pm2 / vehicle.mass_kg,
@@ -50,11 +50,11 @@ pub fn limits(scenario: &Scenario) -> Limits {
 }
 
 /// Builds the plan of the mission.
-pub fn build(scenario: &Scenario) -> Plan {
+pub fn build(scenario: &Scenario) -> MissionPlan {
     let mission = &scenario.mission;
     let named = |motion| {
         let heading = Rule::Steps(vec![(0.0, mission.heading_deg.to_radians())]);
-        ([0.0; 3], vec![curves::Part { motion, heading }])
+        ([0.0; 3], vec![curves::PlanPart { motion, heading }])
     };
     let (position_m, parts) = match mission.trajectory {
         TrajectoryKind::Survey => named(named::survey(match mission.ramp_s {
@@ -72,21 +72,21 @@ pub fn build(scenario: &Scenario) -> Plan {
         heading_rate_radps: scenario.guidance.heading_rate_limit_dps.to_radians(),
         limits: limits(scenario).share(mission.limits.share),
     };
-    Plan::new(&start, &parts)
+    MissionPlan::new(&start, &parts)
 }
 
 /// Finds out whether a smooth curve of `part` goes beyond the box of its points by more than the longest leg.
-pub fn stray(scenario: &Scenario, part: &Part, planned: &Planned) -> Option<Stray> {
-    let Motion::Through { points_m, least, .. } = read(part, scenario).motion else { return None };
+pub fn stray(scenario: &Scenario, part: &MissionPart, planned: &Planned) -> Option<Stray> {
+    let PartMotion::Through { points_m, least, .. } = read(part, scenario).motion else { return None };
     let points_m = [vec![planned.curve.at(0.0).position_m], points_m].concat();
     Stray::find(&planned.curve, &points_m, least, &limits(scenario).share(scenario.mission.limits.share))
 }
 
 /// Reads the keys of a part; missing ones, which the check refuses, are 0.
-fn read(part: &Part, scenario: &Scenario) -> curves::Part {
+fn read(part: &MissionPart, scenario: &Scenario) -> curves::PlanPart {
     let [height_m, radius_m, climb_m, duration_s] =
         [part.height_m, part.radius_m, part.climb_m, part.duration_s].map(Option::unwrap_or_default);
-    let figure = |shape| Motion::Figure {
+    let figure = |shape| PartMotion::Figure {
         shape,
         radius_m,
         period_s: part.period_s,
@@ -95,11 +95,11 @@ fn read(part: &Part, scenario: &Scenario) -> curves::Part {
         direction_rad: part.direction_deg.unwrap_or(DIRECTION_DEG).to_radians(),
     };
     let points_m = || part.points_m.clone().unwrap_or_default();
-    let smooth = |least| Motion::Through { points_m: points_m(), times_s: part.times_s.clone(), least };
+    let smooth = |least| PartMotion::Through { points_m: points_m(), times_s: part.times_s.clone(), least };
     let straight =
-        |ramp_s| Motion::Legs { points_m: points_m(), times_s: part.times_s.clone().unwrap_or_default(), ramp_s };
+        |ramp_s| PartMotion::Legs { points_m: points_m(), times_s: part.times_s.clone().unwrap_or_default(), ramp_s };
     let motion = match part.kind {
-        PartKind::Takeoff => Motion::Climb(height_m, part.duration_s),
+        PartKind::Takeoff => PartMotion::Climb(height_m, part.duration_s),
         PartKind::Waypoints => match part.curve.unwrap_or_default() {
             CurveKind::MinSnap => smooth(Least::Snap),
             CurveKind::Quintic | CurveKind::Spline => smooth(Least::Jerk),
@@ -107,11 +107,11 @@ fn read(part: &Part, scenario: &Scenario) -> curves::Part {
             CurveKind::Trapezoid => straight(Some(part.ramp_s.unwrap_or_default())),
             CurveKind::MinJerk => straight(None),
         },
-        PartKind::Jump => Motion::Rest { at_m: part.point_m, duration_s },
-        PartKind::Circle | PartKind::Helix => figure(figure::Shape::Circle),
-        PartKind::FigureEight => figure(figure::Shape::Eight),
-        PartKind::Loiter => Motion::Rest { at_m: None, duration_s },
-        PartKind::Landing => Motion::Land {
+        PartKind::Jump => PartMotion::Rest { at_m: part.point_m, duration_s },
+        PartKind::Circle | PartKind::Helix => figure(figure::FigureShape::Circle),
+        PartKind::FigureEight => figure(figure::FigureShape::Eight),
+        PartKind::Loiter => PartMotion::Rest { at_m: None, duration_s },
+        PartKind::Landing => PartMotion::Land {
             standing_down_m: scenario.plant.ground.standing_down_m(),
             sink_mps: part.sink_mps.unwrap_or(SINK_MPS),
         },
@@ -124,5 +124,5 @@ fn read(part: &Part, scenario: &Scenario) -> curves::Part {
         Some(PartHeading::Named(HeadingRule::AlongTrack)) => Rule::Track,
         Some(PartHeading::Named(HeadingRule::Centre)) => Rule::Centre,
     };
-    curves::Part { motion, heading }
+    curves::PlanPart { motion, heading }
 }

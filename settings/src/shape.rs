@@ -8,10 +8,10 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use crate::moved;
-use crate::moved::{Kind, Moved, Now};
+use crate::moved::{Moved, NameKind, Replacement};
 use crate::schema::schema;
 use crate::table::run::Scenario;
-use crate::text::report::{MAX_PROBLEMS, Problem, Source};
+use crate::text::report::{MAX_PROBLEMS, Problem, SettingsText};
 use crate::words::{at, nearest, shortened, suggest};
 
 const ALL_NAMES: &str = "docs/names.md has all old names with the new ones";
@@ -19,7 +19,7 @@ const ALL_NAMES: &str = "docs/names.md has all old names with the new ones";
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
 
 /// Reads the settings of `source`, or returns the problems with their shape.
-pub fn read(source: &Source) -> Result<Table, Vec<Problem<'_>>> {
+pub fn read(source: &SettingsText) -> Result<Table, Vec<Problem<'_>>> {
     let settings: Table = source.text.parse().map_err(|error| vec![not_toml(source, &error)])?;
     let tree = DeTable::parse(&source.text).map_err(|error| vec![not_toml(source, &error)])?.into_inner();
     let mut problems = vec![];
@@ -44,7 +44,7 @@ pub fn read(source: &Source) -> Result<Table, Vec<Problem<'_>>> {
 }
 
 /// Finds the place where `key` got its value: the last source that sets it, and the bytes there.
-pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<usize>)> {
+pub fn find<'a>(sources: &'a [SettingsText], key: &str) -> Option<(&'a SettingsText, Range<usize>)> {
     sources.iter().rev().find_map(|source| {
         let tree = DeTable::parse(&source.text).ok()?;
         Some((source, span_of(tree.get_ref(), key)?))
@@ -85,7 +85,7 @@ fn example_of(schema: &Json) -> Value {
     }
 }
 
-fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
+fn not_toml<'a>(source: &'a SettingsText, error: &toml::de::Error) -> Problem<'a> {
     let help = match source.path {
         Some(_) => "a scenario is a TOML file: tables `[run]`, settings `key = value`",
         None => SET_HELP,
@@ -96,7 +96,7 @@ fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
 
 /// Keys of one source, and the first problems with them.
 struct Keys<'a> {
-    source: &'a Source,
+    source: &'a SettingsText,
     problems: Vec<Problem<'a>>,
 }
 
@@ -139,14 +139,14 @@ impl Keys<'_> {
     fn unknown(&self, path: &str, name: &str, known: &Table) -> (String, String) {
         let key = join(path, name);
         let is_known = |moved: &Moved| moved.name.as_ref().is_none_or(|new| at(example(), new).is_some());
-        if let Some(Moved { title, name, now }) = moved::find(Kind::Key, &key).filter(is_known) {
+        if let Some(Moved { title, name, now }) = moved::find(NameKind::Key, &key).filter(is_known) {
             let help = match (now, name) {
-                (Now::Seconds(_), Some(new)) => self.in_seconds(&key, &new),
+                (Replacement::Seconds(_), Some(new)) => self.in_seconds(&key, &new),
                 _ => ALL_NAMES.into(),
             };
             return (title, help);
         }
-        let new = moved::find(Kind::Key, path).and_then(|moved| moved.name);
+        let new = moved::find(NameKind::Key, path).and_then(|moved| moved.name);
         let table = new.as_ref().and_then(|new| at(example(), new)?.as_table());
         let help = match (&new, table) {
             (Some(new), Some(table)) => help_on(new, name, table),
@@ -193,7 +193,7 @@ fn has_any_keys(key: &str) -> bool {
     matches!(key.split('.').collect::<Vec<_>>()[..], ["node", _, "settings" | "env" | "files"])
 }
 
-fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Option<Range<usize>>) -> Problem<'a> {
+fn wrong_type<'a>(source: &'a SettingsText, tree: &DeTable, message: &str, span: Option<Range<usize>>) -> Problem<'a> {
     let span = span.unwrap_or_default();
     let key = key_at(tree, "", span.start).unwrap_or_default();
     let value = at(example(), &key);

@@ -15,7 +15,7 @@ fn set_wins_over_file_over_profile() {
     let overrides = ["plant.servo_lag_s=0.06", "run.seed=8", "run.seed=9"].map(String::from);
     let scenario = load(Some(&path), &overrides).unwrap();
     assert_eq!((scenario.plant.rotor_lag_s, scenario.plant.servo_lag_s, scenario.run.seed), (0.04, 0.06, 9));
-    let rest = Plant { rotor_lag_s: 0.03, servo_lag_s: 0.03, ..scenario.plant };
+    let rest = PlantSettings { rotor_lag_s: 0.03, servo_lag_s: 0.03, ..scenario.plant };
     assert_eq!(rest, Scenario::default().plant, "what is not set keeps its default");
 }
 
@@ -351,11 +351,11 @@ fn a_law_by_its_name_alone_has_defaults_that_it_uses() {
         let written = to_toml(&named);
         assert_eq!(from_merged(&written, "written").unwrap_or_else(|error| panic!("{law}: {error}")), named);
         // What does not depend on the law is as ever.
-        let Mpc { model, constraints, .. } = all.attitude.mpc;
+        let MpcSettings { model, constraints, .. } = all.attitude.mpc;
         let others = Attitude {
             law: all.attitude.law,
             disturbance_gain: all.attitude.disturbance_gain,
-            mpc: Mpc { model, constraints, ..named.attitude.mpc },
+            mpc: MpcSettings { model, constraints, ..named.attitude.mpc },
             ..named.attitude
         };
         assert_eq!(others, all.attitude, "{law}");

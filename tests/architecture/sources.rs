@@ -26,6 +26,8 @@ pub struct Source {
     uses: Vec<Use>,
     /// Paths in expressions, types and patterns.
     mentions: BTreeSet<Vec<String>>,
+    /// Public types and traits that are defined here.
+    pub types: BTreeSet<String>,
     /// Types that have methods here.
     implemented: BTreeSet<String>,
 }
@@ -198,6 +200,16 @@ impl<'ast> Visit<'ast> for Source {
             return;
         }
         self.items.extend(name.map(ToString::to_string));
+        let visibility = match item {
+            Item::Enum(i) => &i.vis,
+            Item::Struct(i) => &i.vis,
+            Item::Trait(i) => &i.vis,
+            Item::Type(i) => &i.vis,
+            _ => &Visibility::Inherited,
+        };
+        if !matches!(visibility, Visibility::Inherited) {
+            self.types.extend(name.map(ToString::to_string));
+        }
         visit::visit_item(self, item);
     }
 

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use contract::message::Message;
 use flight::log::{self, Log, LogWriter, Record};
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     if let Some(run) = run {
         fs::write(folder.path().join("run.json"), run).expect("can be written");
     }
-    let page = report::write(folder.path(), Part::ALL, replay::explain::costs);
+    let page = report::write(folder.path(), TimeSpan::ALL, replay::explain::costs);
     assert_eq!(page.is_ok(), folder.path().join("report.html").exists());
     let Ok(Recorded { scenario, run, .. }) = Recorded::read(&path) else { return };
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {

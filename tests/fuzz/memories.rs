@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use contract::exit;
 use flight::log::{self, Log, LogWriter, Memory};
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use replay::verdict::replay_and_judge;
-use replay::{Plan, Recording};
+use replay::{Recording, ReplayPlan};
 use tempfile::TempDir;
 
 use super::cases;
@@ -128,10 +128,11 @@ fn folder(memories: &[Memory]) -> TempDir {
 /// Returns exit code and words of a replay of the flight from 10.2 s on.
 fn replayed(memories: &[Memory]) -> anyhow::Result<(u8, String)> {
     let folder = folder(memories);
-    let part = Part { from_s: 10.2, ..Part::ALL };
+    let part = TimeSpan { from_s: 10.2, ..TimeSpan::ALL };
     let recorded = Recorded::read_each(folder.path(), part, |_, _| {})?;
     let recording = Recording::of(&recorded)?;
-    let verdict = replay_and_judge(&recorded, &recording, &Plan { from: 1020, ..Plan::default() }, |_, _| {})?;
+    let verdict =
+        replay_and_judge(&recorded, &recording, &ReplayPlan { from: 1020, ..ReplayPlan::default() }, |_, _| {})?;
     Ok((verdict.exit_code, verdict.text))
 }
 

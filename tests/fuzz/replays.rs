@@ -14,7 +14,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use replay::verdict::{ReplayVerdict, replay_and_judge};
-use replay::{Plan, Recording};
+use replay::{Recording, ReplayPlan};
 
 use super::cases;
 use crate::harness::fly;
@@ -158,7 +158,7 @@ fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayV
     }
     let recorded = Recorded::read(folder.path()).ok()?;
     let recording = Recording::of(&recorded).ok()?;
-    let verdict = replay_and_judge(&recorded, &recording, &Plan::default(), |_, _| {}).ok()?;
+    let verdict = replay_and_judge(&recorded, &recording, &ReplayPlan::default(), |_, _| {}).ok()?;
     Some((log::read_parts(&recorded.path).ok()?, verdict))
 }
 

@@ -29,7 +29,7 @@ fn val_envelope_membership() {
 #[test]
 fn the_bounding_box_is_the_smallest_with_idle_and_a_narrow_wedge() {
     for (idle, tilt_deg) in [(0.0, 90.0), (0.0, 40.0), (200.0, 60.0), (900.0, 60.0), (900.0, 80.0)] {
-        let limits = Limits::new(&Parameters::default(), idle, 2.0, f64::to_radians(tilt_deg));
+        let limits = ActuatorLimits::new(&Parameters::default(), idle, 2.0, f64::to_radians(tilt_deg));
         for tilt_reaction in [false, true] {
             let envelope = Envelope::new(&Parameters::default(), tilt_reaction, limits);
             let (lower, upper) = envelope.bounding_box();
@@ -50,7 +50,7 @@ fn the_bounding_box_is_the_smallest_with_idle_and_a_narrow_wedge() {
 
 /// Demands all over the set: a fine grid of rotor 1's speed and tilt with the extreme speeds of rotors 2 and 3.
 fn members(envelope: &Envelope) -> impl Iterator<Item = Vector4<f64>> {
-    let Limits { rotor_speed_min: idle, rotor_speed_max: max, tilt_max_rad } = envelope.limits;
+    let ActuatorLimits { rotor_speed_min: idle, rotor_speed_max: max, tilt_max_rad } = envelope.limits;
     let n = 800;
     let share = move |i: i32| f64::from(i) / f64::from(n);
     let front = (0..=n).flat_map(move |i| (0..=n).map(move |j| (share(i) * max[0] * max[0], share(j) * 2.0 - 1.0)));
@@ -70,7 +70,7 @@ proptest! {
     fn the_envelope_is_exactly_the_limits(
         rotor_speed in prop::array::uniform3(0.0..4000.0f64), tilt_rad in -1.6..1.6f64, tilt_reaction: bool,
     ) {
-        let limits = Limits::new(&Parameters::default(), 0.0, 2.0, 1.0);
+        let limits = ActuatorLimits::new(&Parameters::default(), 0.0, 2.0, 1.0);
         let envelope = Envelope::new(&Parameters::default(), tilt_reaction, limits);
         let position = Actuation { rotor_speed, tilt_rad };
         let inside = limits.clip(&position) == position;
@@ -83,7 +83,7 @@ proptest! {
     /// The segment between two members lies in the set, also at the idle cut.
     #[test]
     fn the_envelope_is_convex(a in actuation(), b in actuation(), t in 0.0..1.0f64) {
-        let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
+        let limits = ActuatorLimits::new(&Parameters::default(), 200.0, 2.0, 1.0);
         let envelope = Envelope::new(&Parameters::default(), false, limits);
         let [a, b] = [intermediate(&limits.clip(&a)), intermediate(&limits.clip(&b))];
         let farthest = envelope.violation(&a).max(envelope.violation(&b));

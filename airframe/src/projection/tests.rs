@@ -8,11 +8,11 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::envelope::Envelope;
-use crate::{Limits, Parameters};
+use crate::{ActuatorLimits, Parameters};
 
 fn envelope(idle: f64, ratio: f64, tilt_max_deg: f64, tilt_reaction: bool) -> Envelope {
     let vehicle = Parameters::default();
-    Envelope::new(&vehicle, tilt_reaction, Limits::new(&vehicle, idle, ratio, tilt_max_deg.to_radians()))
+    Envelope::new(&vehicle, tilt_reaction, ActuatorLimits::new(&vehicle, idle, ratio, tilt_max_deg.to_radians()))
 }
 
 /// Vehicles of different strength, with and without idle speed and tilt reaction.

@@ -7,9 +7,9 @@
 //! plan       the demand
 //! ```
 //!
-//! All that a law remembers from tick to tick is in [`Memory`], which has one layout for all of them: so a process with
-//! another law continues the flight. A law writes to the memory of the tick, which the controller keeps if the demand
-//! is sent.
+//! All that a law remembers from tick to tick is in [`AttitudeMemory`], which has one layout for all of them: so a
+//! process with another law continues the flight. A law writes to the memory of the tick, which the controller keeps if
+//! the demand is sent.
 
 use airframe::linear::STATES;
 use contract::actuation::Actuation;
@@ -18,7 +18,7 @@ use nalgebra::{DVector, DVectorView, Vector4};
 use settings::Fault;
 
 use crate::goal::Goal;
-use crate::memory::{Memory, WarmStart};
+use crate::memory::{AttitudeMemory, WarmStart};
 use crate::model::PredictionModel;
 
 /// Bound on the demands of a plan \[N, N m\]: the solvers compute up to its fourth power, which is still finite.
@@ -35,7 +35,7 @@ pub trait AttitudeLaw {
     }
 
     /// Updates the law's own estimate of the disturbance in `memory`, which has the state of the sample before.
-    fn estimate(&self, _sample: &Sample, _memory: &mut Memory) {}
+    fn estimate(&self, _sample: &EstimateInput, _memory: &mut AttitudeMemory) {}
 
     /// Returns the change of w by coupling as a disturbance on the inputs, which the estimate must not contain.
     fn coupling(&self) -> Vector4<f64> {
@@ -56,7 +56,7 @@ pub trait AttitudeLaw {
 
     /// Computes the demand for `aim` under the disturbance in `memory`, and updates the integrals there; `None` if its
     /// numbers would overflow.
-    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision>;
+    fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision>;
 
     /// Returns the unconstrained plan of the newest tick, 4Nu, and the one that is followed, of which the first move
     /// counts where that is all that was computed; `None` under a law that does not plan ahead.
@@ -82,7 +82,7 @@ pub trait AttitudeLaw {
 }
 
 /// Sample, as an estimate needs it.
-pub struct Sample<'a> {
+pub struct EstimateInput<'a> {
     /// Number of the sample.
     pub tick: u64,
     /// Measured motion, and the actuators by telemetry.
@@ -119,7 +119,7 @@ pub struct Decision {
     /// Status of the plan.
     pub status: SolveStatus,
     /// Effort of the plan, and the limits it touches.
-    pub account: Account,
+    pub account: PlanEffort,
 }
 
 impl Decision {
@@ -128,14 +128,14 @@ impl Decision {
         is_computable(demand.as_slice()).then_some(Self {
             demand,
             status: SolveStatus::Explicit,
-            account: Account::default(),
+            account: PlanEffort::default(),
         })
     }
 }
 
 /// Effort of a plan, and the limits it touches.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Account {
+pub struct PlanEffort {
     /// Iterations of the solver.
     pub iterations: u64,
     /// Time in the solver \[ns\].

@@ -17,9 +17,9 @@ use nalgebra::{DVector, Vector4};
 use settings::PidGains;
 
 use super::attitude_law::{Aim, AttitudeLaw, Decision};
-use super::level::Level;
+use super::level::RigidBody;
 use super::pid::Pid;
-use crate::memory::Memory;
+use crate::memory::AttitudeMemory;
 
 /// Law of each axis as accelerations per error, for the errors of the level frame.
 #[derive(Debug, Clone)]
@@ -51,18 +51,18 @@ impl Axes {
 #[derive(Debug, Clone)]
 pub struct Geometric {
     axes: Axes,
-    level: Level,
+    level: RigidBody,
 }
 
 impl Geometric {
     /// Builds the law of a vehicle with `gains` and a sample time \[s\].
-    pub fn new(level: Level, gains: &PidGains, sample_s: f64) -> Self {
+    pub fn new(level: RigidBody, gains: &PidGains, sample_s: f64) -> Self {
         Self { axes: Axes::new(gains, sample_s), level }
     }
 }
 
 impl AttitudeLaw for Geometric {
-    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+    fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision> {
         let (x, r) = (&aim.start.as_view(), &aim.reference);
         let unfollowed = self.level.accelerations(x, &aim.unfollowed);
         let wanted = self.axes.accelerations(&self.level.errors(x, r), &unfollowed, &mut memory.integral);

@@ -31,16 +31,16 @@ use contract::snapshot::OptionalTick;
 use nalgebra::Vector4;
 use settings::{IndiActuators, IndiGains, PidGains};
 
-use super::attitude_law::{Aim, AttitudeLaw, Decision, Sample};
+use super::attitude_law::{Aim, AttitudeLaw, Decision, EstimateInput};
 use super::geometric::Axes;
-use super::level::Level;
-use crate::memory::{Memory, Stage};
+use super::level::RigidBody;
+use crate::memory::{AttitudeMemory, FilterStage};
 
 /// INDI law. The controller stores its filter.
 #[derive(Debug, Clone)]
 pub struct Indi {
     axes: Axes,
-    level: Level,
+    level: RigidBody,
     actuators: IndiActuators,
     sample_s: f64,
     /// Share of its error that a low-pass takes in at each sample.
@@ -49,7 +49,7 @@ pub struct Indi {
 
 impl Indi {
     /// Builds the law of a vehicle with `gains` and a sample time \[s\].
-    pub fn new(level: Level, gains: &IndiGains, sample_s: f64) -> Self {
+    pub fn new(level: RigidBody, gains: &IndiGains, sample_s: f64) -> Self {
         let IndiGains { kp, kd, filter_radps, actuators } = *gains;
         let axes = Axes::new(&PidGains { kp, ki: [0.0; 4], kd }, sample_s);
         Self { axes, level, actuators, sample_s, share: -libm::expm1(-filter_radps * sample_s) }
@@ -67,12 +67,12 @@ impl AttitudeLaw for Indi {
     }
 
     /// Updates the filter. A gap between the samples leaves the disturbance `d` unchanged.
-    fn estimate(&self, sample: &Sample, memory: &mut Memory) {
-        let Sample { tick, state, modelled, x: now } = *sample;
+    fn estimate(&self, sample: &EstimateInput, memory: &mut AttitudeMemory) {
+        let EstimateInput { tick, state, modelled, x: now } = *sample;
         let (now, sink_mps) = (now.as_view(), state.measured.sink_mps());
         let produced = self.level.produced(&now, &self.actuators(state.sensed.into(), modelled));
         let last = memory.stage;
-        memory.stage = Stage { tick: OptionalTick::some(tick), sink_mps, produced, ..last };
+        memory.stage = FilterStage { tick: OptionalTick::some(tick), sink_mps, produced, ..last };
         if last.tick.get().is_none_or(|last| last.checked_add(1) != Some(tick)) {
             return;
         }
@@ -81,12 +81,12 @@ impl AttitudeLaw for Indi {
         let measured = Vector4::new((sink_mps - last.sink_mps) / self.sample_s, faster(5), faster(4), faster(6));
         let produced = (last.produced + produced) * 0.5;
         let beyond = measured - produced.component_div(&self.level.inertia());
-        let Memory { stage, disturbance: d, .. } = memory;
+        let AttitudeMemory { stage, disturbance: d, .. } = memory;
         stage.first += (self.level.inputs(&now, &beyond) - stage.first) * self.share;
         *d += (stage.first - *d) * self.share;
     }
 
-    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+    fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision> {
         let (x, none) = (&aim.start.as_view(), Vector4::zeros());
         let wanted = self.axes.accelerations(&self.level.errors(x, &aim.reference), &none, &mut none.clone());
         Decision::explicit(self.level.demand(x, &wanted, &-memory.disturbance))

@@ -33,7 +33,7 @@ const INVERTED: f64 = 1e-9;
 
 /// Vehicle as a rigid body about its trim.
 #[derive(Debug, Clone)]
-pub struct Level {
+pub struct RigidBody {
     g_mps2: f64,
     mass_kg: f64,
     /// Moments of inertia Ixx, Iyy, Izz \[kg m2\].
@@ -45,7 +45,7 @@ pub struct Level {
     mixing: MixingMatrix,
 }
 
-impl Level {
+impl RigidBody {
     /// Builds the rigid body of `vehicle` about its `trim`, with the map `mixing` of its actuators.
     pub fn new(vehicle: &Parameters, trim: &Trim, mixing: &MixingMatrix) -> Self {
         Self {
@@ -176,9 +176,9 @@ mod tests {
 
     use super::*;
 
-    fn level() -> Level {
+    fn level() -> RigidBody {
         let vehicle = Parameters::default();
-        Level::new(&vehicle, &Trim::solve(&vehicle, false), &MixingMatrix::new(&vehicle, false))
+        RigidBody::new(&vehicle, &Trim::solve(&vehicle, false), &MixingMatrix::new(&vehicle, false))
     }
 
     fn about(axis: [f64; 3], angle_rad: f64) -> UnitQuaternion<f64> {

@@ -9,7 +9,7 @@ use settings::{Scenario, ScenarioError};
 use super::attitude_law::{Aim, AttitudeLaw, Decision};
 use super::coupling::Coupling;
 use super::mpc::condensed::{self, GIVEN, Gain};
-use crate::memory::Memory;
+use crate::memory::AttitudeMemory;
 use crate::model::PredictionModel;
 
 /// Regulator.
@@ -48,7 +48,7 @@ impl AttitudeLaw for Lqr {
         self.coupling.as_ref().map_or_else(Vector4::zeros, Coupling::on_inputs)
     }
 
-    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+    fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision> {
         condensed::write_given(aim, memory, &mut self.given);
         self.gain.write_plan(&self.given, &self.unchanged, self.demand.as_view_mut());
         Decision::explicit(self.demand.fixed_rows::<INPUTS>(0).into_owned())

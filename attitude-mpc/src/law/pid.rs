@@ -21,7 +21,7 @@ use nalgebra::{DVector, Vector4};
 use settings::PidGains;
 
 use super::attitude_law::{Aim, AttitudeLaw, Decision};
-use crate::memory::Memory;
+use crate::memory::AttitudeMemory;
 
 /// PID law. The controller stores its integrals.
 #[derive(Debug, Clone)]
@@ -70,7 +70,7 @@ impl Pid {
 }
 
 impl AttitudeLaw for Pid {
-    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+    fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision> {
         Decision::explicit(self.step(aim.start, &aim.reference, &aim.unfollowed, &mut memory.integral))
     }
 }

@@ -5,7 +5,7 @@ use settings::{Law, Scenario, ScenarioError};
 use super::attitude_law::AttitudeLaw;
 use super::geometric::Geometric;
 use super::indi::Indi;
-use super::level::Level;
+use super::level::RigidBody;
 use super::lqr::Lqr;
 use super::mpc::controller::Mpc;
 use super::pid::Pid;
@@ -17,7 +17,7 @@ use crate::model::PredictionModel;
 /// Settings for which the problem of the law is singular or infeasible.
 pub fn build(scenario: &Scenario, model: &PredictionModel) -> Result<Box<dyn AttitudeLaw>, ScenarioError> {
     let (settings, sample_s) = (&scenario.attitude, scenario.sample_s());
-    let level = || Level::new(&scenario.airframe, &model.trim, &model.mixing);
+    let level = || RigidBody::new(&scenario.airframe, &model.trim, &model.mixing);
     Ok(match settings.law {
         Law::Mpc => Box::new(Mpc::new(scenario, model)?),
         Law::Lqr => Box::new(Lqr::new(scenario, model)?),

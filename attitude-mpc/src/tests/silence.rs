@@ -4,7 +4,7 @@ use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags}
 use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
 use runtime::node::Core;
-use settings::{Constraints, DelayCompensation, DelayName, Law, Profile, Scenario, Solver, StateConstraints};
+use settings::{Constraints, DelayCompensation, DelayName, Law, Profile, Scenario, SolverName, StateConstraints};
 
 use super::{hover, violent_turn};
 use crate::memory::{MAX_DISCS, WarmStart, Whole};
@@ -115,7 +115,7 @@ fn a_bad_snapshot_changes_nothing() {
 #[test]
 fn a_warm_start_with_unknown_or_repeated_constraints_is_refused() {
     let mut scenario = fixture::constrained();
-    scenario.attitude.mpc.solver = Solver::ActiveSet;
+    scenario.attitude.mpc.solver = SolverName::ActiveSet;
     let mut mpc = AttitudeMpc::new(&scenario);
     let mut restore = |count: u64, places: [u16; 2]| {
         let mut warm_start = WarmStart { count, ..WarmStart::default() };
@@ -184,7 +184,7 @@ fn a_plan_of_many_moves_at_its_limits_is_continued_bit_by_bit() {
         let mut scenario = fixture::constrained();
         let horizon_s = f64::from(moves) * scenario.sample_s();
         (scenario.attitude.mpc.prediction_horizon_s, scenario.attitude.mpc.control_horizon_s) = (horizon_s, horizon_s);
-        (scenario.attitude.mpc.solver, scenario.attitude.mpc.max_iterations) = (Solver::ActiveSet, 1000);
+        (scenario.attitude.mpc.solver, scenario.attitude.mpc.max_iterations) = (SolverName::ActiveSet, 1000);
         let tumbling = |tick: u32| ([20.0 - f64::from(tick), 1.2, -1.2, 10.0, 10.0, 10.0, 3.0], 0);
         let path: Vec<_> = (0..8).map(tumbling).collect();
         for [one, other] in continued(&scenario, &path, 4) {
@@ -211,7 +211,7 @@ proptest! {
         law in prop::sample::select(&[Law::Mpc, Law::Mpc, Law::Mpc, Law::Pid, Law::Geometric, Law::Indi][..]),
     ) {
         let mut scenario = Scenario::from(if paper { Profile::Paper } else { Profile::Robust });
-        scenario.attitude.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
+        scenario.attitude.mpc.solver = if own { SolverName::ActiveSet } else { SolverName::Clarabel };
         scenario.attitude.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         scenario.attitude.mpc.constraints = Constraints::Cone;
         scenario.attitude.disturbance_gain = 0.1;

@@ -10,14 +10,14 @@ pub struct Field {
     /// Place in the message or part \[words of 8 bytes\].
     pub words: Range<usize>,
     /// Format.
-    pub shape: Shape,
+    pub shape: FieldShape,
     /// Treatment that differs from that of other fields.
-    pub mark: Option<Mark>,
+    pub mark: Option<FieldMark>,
 }
 
 /// Mark of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mark {
+pub enum FieldMark {
     /// Value that depends on the machine and not on the flight.
     Clock,
     /// Value that the receiver acts on.
@@ -26,18 +26,18 @@ pub enum Mark {
 
 /// Format of a field; every word is a number or a count.
 #[derive(Debug)]
-pub enum Shape {
+pub enum FieldShape {
     /// An `f64`.
     Number,
     /// A `u64`.
     Count,
     /// Elements of one shape, and how many.
-    Array(&'static Shape, usize),
+    Array(&'static FieldShape, usize),
     /// Fields of a part.
     Part(&'static [Field]),
 }
 
-impl Shape {
+impl FieldShape {
     /// Returns the number of words.
     #[expect(clippy::len_without_is_empty, reason = "no shape is empty")]
     pub fn len(&self) -> usize {
@@ -52,17 +52,17 @@ impl Shape {
 /// Type that a field can have.
 pub trait HasShape {
     /// Format of a value.
-    const SHAPE: Shape;
+    const SHAPE: FieldShape;
 }
 
 impl HasShape for f64 {
-    const SHAPE: Shape = Shape::Number;
+    const SHAPE: FieldShape = FieldShape::Number;
 }
 
 impl HasShape for u64 {
-    const SHAPE: Shape = Shape::Count;
+    const SHAPE: FieldShape = FieldShape::Count;
 }
 
 impl<T: HasShape, const N: usize> HasShape for [T; N] {
-    const SHAPE: Shape = Shape::Array(&T::SHAPE, N);
+    const SHAPE: FieldShape = FieldShape::Array(&T::SHAPE, N);
 }

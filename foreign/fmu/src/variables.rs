@@ -14,7 +14,7 @@ pub const TILT: u32 = 3;
 pub const FIRST_OUTPUT: u32 = 10;
 
 /// Output of the plant.
-pub struct Output {
+pub struct PlantOutput {
     pub name: &'static str,
     pub unit: &'static str,
     pub about: &'static str,
@@ -26,12 +26,12 @@ pub const ROTOR_UNIT: &str = "rotor speed unit";
 
 macro_rules! output {
     ($name:literal, $unit:expr, $about:literal, $($field:ident).+) => {
-        Output { name: $name, unit: $unit, about: $about, values: |of| bytemuck::cast_slice(bytemuck::bytes_of(&of.$($field).+)) }
+        PlantOutput { name: $name, unit: $unit, about: $about, values: |of| bytemuck::cast_slice(bytemuck::bytes_of(&of.$($field).+)) }
     };
 }
 
 /// All outputs, from [`FIRST_OUTPUT`] on.
-pub const OUTPUTS: [Output; 10] = [
+pub const OUTPUTS: [PlantOutput; 10] = [
     output!("position_m", "m", "true position north, east, down", truth.actual.position_m),
     output!("velocity_mps", "m/s", "true velocity u, v, w in the body frame", truth.actual.velocity_mps),
     output!("attitude_rad", "rad", "true Euler angles roll, pitch, yaw", truth.actual.attitude_rad),

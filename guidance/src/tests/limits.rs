@@ -6,11 +6,11 @@ use settings::{Profile, Scenario, TrajectoryKind};
 
 use super::{hovering, roll_trim, scenario};
 use crate::Guidance;
-use crate::memory::Memory;
+use crate::memory::GuidanceMemory;
 use crate::observer::HeadingFrame;
 
 /// Memory after every tick of a flight that reaches the limits, turned by `turn_rad` about the origin.
-fn turned(turn_rad: f64) -> Vec<Memory> {
+fn turned(turn_rad: f64) -> Vec<GuidanceMemory> {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
     s.mission.heading_deg = turn_rad.to_degrees();
     s.initial.attitude_deg[2] = turn_rad.to_degrees();

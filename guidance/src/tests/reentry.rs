@@ -5,7 +5,7 @@ use settings::{Profile, TrajectoryKind};
 
 use super::{hovering, roll_trim, scenario};
 use crate::Guidance;
-use crate::reentry::Limits;
+use crate::limits::ReferenceLimits;
 
 /// Answers from the first state after a silence on, in which the vehicle has drifted far ahead and down.
 fn after(profile: Profile, silent: u64, answers: u64) -> Vec<Reference> {
@@ -63,11 +63,11 @@ fn states_without_thrust_leave_integrals_and_observer_alone() {
 
 #[test]
 fn the_limits_of_the_settings_hold_during_reentry() {
-    let tight = Limits { angle_rad: 0.1, climb_mps: 0.5 };
+    let tight = ReferenceLimits { angle_rad: 0.1, climb_mps: 0.5 };
     for since_s in [None, Some(0.0), Some(1.0), Some(2.99), Some(3.0), Some(1e9)] {
         assert_eq!(tight.after_silence(since_s), tight);
     }
-    let wide = Limits { angle_rad: 1.0, climb_mps: 1e9 };
+    let wide = ReferenceLimits { angle_rad: 1.0, climb_mps: 1e9 };
     assert!(wide.after_silence(Some(2.99)).angle_rad < 0.53 && wide.after_silence(Some(2.99)).climb_mps < 4.0);
     assert_eq!(wide.after_silence(Some(3.0)), wide);
 }

@@ -7,36 +7,36 @@ use serde_json::Value;
 use settings::moved::Moved;
 use settings::{moved, nearest};
 
-use crate::table::Kind;
+use crate::table::ColumnType;
 
 /// Columns of the outcome: verdict, cause of a failure, outcome in words, time of the failure, time flown, every metric
 /// of run.json, counts of the solver, and the hash.
-pub fn of_the_outcome() -> Vec<(String, Kind)> {
+pub fn of_the_outcome() -> Vec<(String, ColumnType)> {
     let own = [
-        ("verdict", Kind::Text),
-        ("cause", Kind::Text),
-        ("outcome", Kind::Text),
-        ("failed_at_s", Kind::Real),
-        ("flown_s", Kind::Real),
+        ("verdict", ColumnType::Text),
+        ("cause", ColumnType::Text),
+        ("outcome", ColumnType::Text),
+        ("failed_at_s", ColumnType::Real),
+        ("flown_s", ColumnType::Real),
     ];
-    let mut columns: Vec<(String, Kind)> = own.map(|(name, kind)| (name.to_owned(), kind)).into();
+    let mut columns: Vec<(String, ColumnType)> = own.map(|(name, kind)| (name.to_owned(), kind)).into();
     columns.extend(measured(&Metrics::default(), &SolverRecord::default()).into_iter().map(|(name, value)| {
-        let kind = if value.is_u64() { Kind::Int } else { Kind::Real };
+        let kind = if value.is_u64() { ColumnType::Int } else { ColumnType::Real };
         (name, kind)
     }));
-    columns.push(("hash".to_owned(), Kind::Text));
+    columns.push(("hash".to_owned(), ColumnType::Text));
     columns
 }
 
 /// Columns of the outcome that are numbers.
 pub fn metrics() -> Vec<String> {
-    let is_number = |(name, kind)| matches!(kind, Kind::Real | Kind::Int).then_some(name);
+    let is_number = |(name, kind)| matches!(kind, ColumnType::Real | ColumnType::Int).then_some(name);
     of_the_outcome().into_iter().filter_map(is_number).collect()
 }
 
 /// Checks that the table of flights has a column `metric` of numbers, for `who`.
 pub fn require_metric(who: &str, metric: &str) -> anyhow::Result<()> {
-    if let Some(Moved { title, .. }) = moved::find(moved::Kind::Column, metric) {
+    if let Some(Moved { title, .. }) = moved::find(moved::NameKind::Column, metric) {
         bail!("{who}: {title}");
     }
     let known = metrics();

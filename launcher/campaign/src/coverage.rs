@@ -8,10 +8,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::evidence::{Draws, Evidence, FEW};
-use crate::plan::Axis;
+use crate::plan::PlanAxis;
 use crate::sampling::{Points, Sampling};
-use crate::table::{Cell, Kind, Table};
-use crate::{Campaign, Plan, Rate};
+use crate::table::{Cell, ColumnType, FlightTable};
+use crate::{Campaign, CampaignPlan, Rate};
 
 const CAMPAIGNS: u32 = 2000;
 /// True shares that two controllers pass.
@@ -22,9 +22,9 @@ const HYPERCUBE: u64 = 500;
 const KEYS: [&str; 5] = ["a", "b", "c", "d", "e"];
 
 /// Evidence of a campaign in which no flight is a copy.
-fn evidence_of(plan: &Plan) -> Evidence {
-    let columns = [("flight", Kind::Int), ("hash", Kind::Text), ("verdict", Kind::Text)];
-    let mut table = Table::new(&columns.map(|(name, kind)| (name.to_owned(), kind)));
+fn evidence_of(plan: &CampaignPlan) -> Evidence {
+    let columns = [("flight", ColumnType::Int), ("hash", ColumnType::Text), ("verdict", ColumnType::Text)];
+    let mut table = FlightTable::new(&columns.map(|(name, kind)| (name.to_owned(), kind)));
     for number in 0..plan.flights() {
         table.push(vec![Cell::Int(number as i64), Cell::Text(number.to_string()), Cell::Text("passed".into())]);
     }
@@ -40,7 +40,7 @@ struct Covered {
 }
 
 /// Counts the intervals of one campaign. `cases`: which of two controllers pass; `listed`: an axis of listed values.
-fn look(covered: &mut Covered, evidence: &Evidence, laws: u64, cases: &[[bool; 2]], listed: Option<Axis>) {
+fn look(covered: &mut Covered, evidence: &Evidence, laws: u64, cases: &[[bool; 2]], listed: Option<PlanAxis>) {
     let first = || cases.iter().enumerate().map(|(case, passed)| (case as u64 * laws, passed[0]));
     let covers = |low: f64, high: f64, truth: f64| u32::from((low..=high).contains(&truth));
     let pooled = evidence.rate(first());
@@ -98,7 +98,7 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
         if campaign.sampling() == Sampling::LatinHypercube {
             campaign = campaign.drawn_anew(1, HYPERCUBE);
         }
-        let plan = Plan::new(campaign).expect("a plan");
+        let plan = CampaignPlan::new(campaign).expect("a plan");
         let evidence = evidence_of(&plan);
         if !matches!(evidence.draws, Draws::LatinHypercube | Draws::Independent) || evidence.all_draws() < FEW {
             continue; // the page has no interval, or says that its draws are too few

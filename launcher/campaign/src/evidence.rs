@@ -14,10 +14,10 @@ use std::fmt::Write as _;
 
 use crate::difference::{Difference, MetricDifference};
 use crate::file::SEED;
-use crate::plan::{Axis, Plan};
+use crate::plan::{CampaignPlan, PlanAxis};
 use crate::rate::Rate;
 use crate::sampling::Sampling;
-use crate::table::{Cell, Table};
+use crate::table::{Cell, FlightTable};
 
 /// Draws below which the page says that they are too few.
 pub const FEW: u64 = 20;
@@ -44,7 +44,7 @@ pub enum Draws {
 pub struct Evidence {
     pub draws: Draws,
     /// Axis along which the draws lie, if there are any.
-    axis: Option<Axis>,
+    axis: Option<PlanAxis>,
     /// Index of the first controller that flew every flight alike, by controller.
     pub same_as: Vec<usize>,
     /// Keys of listed values without effect, and the controllers for which no flight changed.
@@ -56,7 +56,7 @@ pub struct Evidence {
 
 impl Evidence {
     /// Evaluates the flights of a plan that are in `flights`.
-    pub fn of(plan: &Plan, flights: &Table) -> Self {
+    pub fn of(plan: &CampaignPlan, flights: &FlightTable) -> Self {
         let flown = fingerprints(flights);
         let controllers = plan.campaign.controllers.len();
         let axis = draws_axis(plan);
@@ -211,9 +211,9 @@ impl Evidence {
 }
 
 /// Returns the axis along which the draws of a plan lie.
-fn draws_axis(plan: &Plan) -> Option<Axis> {
+fn draws_axis(plan: &CampaignPlan) -> Option<PlanAxis> {
     match plan.campaign.samples() {
-        Some(samples) => Some(Axis { values: samples, step: plan.flights() / samples }),
+        Some(samples) => Some(PlanAxis { values: samples, step: plan.flights() / samples }),
         None => plan.listed_axes().into_iter().find(|(key, _)| *key == SEED).map(|(_, axis)| axis),
     }
 }
@@ -221,7 +221,7 @@ fn draws_axis(plan: &Plan) -> Option<Axis> {
 /// Hash and verdict of each flown flight, by number.
 type Fingerprints<'a> = HashMap<u64, [&'a str; 2]>;
 
-fn fingerprints(flights: &Table) -> Fingerprints<'_> {
+fn fingerprints(flights: &FlightTable) -> Fingerprints<'_> {
     let columns = ["flight", "hash", "verdict"].map(|name| flights.column(name));
     let [Some(numbers), Some(hashes), Some(verdicts)] = columns else { return HashMap::new() };
     let one = |row: usize| match (numbers.cell(row), hashes.text(row)) {
@@ -232,7 +232,7 @@ fn fingerprints(flights: &Table) -> Fingerprints<'_> {
 }
 
 /// Returns whether flights that differ only along `axis` are equal, among numbers with `meant`; `false` without a pair.
-fn is_idle(flown: &Fingerprints, axis: Axis, meant: impl Fn(u64) -> bool) -> bool {
+fn is_idle(flown: &Fingerprints, axis: PlanAxis, meant: impl Fn(u64) -> bool) -> bool {
     let mut compared = false;
     for (number, is) in flown.iter().filter(|(number, _)| meant(**number) && axis.place(**number) > 0) {
         match flown.get(&(number - axis.place(*number) * axis.step)) {

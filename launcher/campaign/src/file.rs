@@ -18,7 +18,7 @@ use crate::promise::Promise;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
 use crate::tune::Tune;
-use crate::variation::{Factor, Values, Wanted};
+use crate::variation::{Factor, RequestedValues, Values};
 
 /// Largest number of flights of a campaign.
 const MAX_FLIGHTS: u64 = 10_000_000;
@@ -130,12 +130,12 @@ impl Campaign {
         if is_in_order {
             file.vary.put_in_order(text).with_context(|| origin.to_owned())?;
         }
-        let mut wanted = Wanted::all(&file.vary).with_context(|| origin.to_owned())?;
+        let mut wanted = RequestedValues::all(&file.vary).with_context(|| origin.to_owned())?;
         wanted.extend(file.seeds.as_ref().map(seeds).transpose().with_context(|| origin.to_owned())?);
         let names: Vec<Value> = cases.iter().map(|(name, _)| Value::String(name.clone())).collect();
-        wanted.extend((!names.is_empty()).then(|| Wanted::listed(CASE, names)));
+        wanted.extend((!names.is_empty()).then(|| RequestedValues::listed(CASE, names)));
         check_flights(&wanted, file.samples.unwrap_or(1), controllers.len()).with_context(|| origin.to_owned())?;
-        let factors = wanted.into_iter().map(Wanted::factor).collect::<anyhow::Result<_>>();
+        let factors = wanted.into_iter().map(RequestedValues::factor).collect::<anyhow::Result<_>>();
         let mut factors: Vec<Factor> = factors.with_context(|| origin.to_owned())?;
         if !is_in_order {
             factors.sort_by(|a, b| a.key.cmp(&b.key));
@@ -327,18 +327,20 @@ impl Campaign {
 }
 
 /// Returns `seeds` as a list of values of [`SEED`].
-fn seeds(seeds: &Seeds) -> anyhow::Result<Wanted> {
+fn seeds(seeds: &Seeds) -> anyhow::Result<RequestedValues> {
     let wanted = match seeds {
-        Seeds::Count(count) => Wanted::up_to(SEED, *count),
-        Seeds::List(list) => Wanted::listed(SEED, list.iter().map(|seed| Value::Integer((*seed).into())).collect()),
+        Seeds::Count(count) => RequestedValues::up_to(SEED, *count),
+        Seeds::List(list) => {
+            RequestedValues::listed(SEED, list.iter().map(|seed| Value::Integer((*seed).into())).collect())
+        }
     };
     ensure!(wanted.count() > 0, "`seeds` is empty: give how many seeds, 1 or more, or a list of them");
     Ok(wanted)
 }
 
 /// Refuses too many flights before any value is made, because billions of values would fill the memory.
-fn check_flights(wanted: &[Wanted], samples: u64, controllers: usize) -> anyhow::Result<()> {
-    let counts = wanted.iter().map(Wanted::count).chain([samples, controllers as u64]);
+fn check_flights(wanted: &[RequestedValues], samples: u64, controllers: usize) -> anyhow::Result<()> {
+    let counts = wanted.iter().map(RequestedValues::count).chain([samples, controllers as u64]);
     let flights = counts.fold(1, u64::saturating_mul);
     let most = wanted.iter().max_by_key(|wanted| wanted.count());
     let most = most.map_or(String::new(), |most| format!("; `{}` alone has {} values", most.key, most.count()));

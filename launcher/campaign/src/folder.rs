@@ -9,7 +9,7 @@
 //!     campaign.html     the page
 //!     flight-N/         a flight that was flown again
 //!     slurm/            the submitted script, and the logs of the tasks
-//!     lock              held while a campaign flies: exclusive by `trefoil campaign`, shared by shards
+//!     lock              held while a campaign flies: exclusive by a campaign of this machine, shared by shards
 //! ```
 
 use std::collections::HashSet;
@@ -21,10 +21,10 @@ use anyhow::{Context, ensure};
 use folder::dir::Dir;
 use rustix::fs::FlockOperation;
 
-use crate::layout::{LAYOUT, LAYOUT_VERSION, Layout, MAX_SHARDS};
-use crate::plan::Plan;
+use crate::layout::{CampaignLayout, LAYOUT, LAYOUT_VERSION, MAX_SHARDS};
+use crate::plan::CampaignPlan;
 use crate::shard;
-use crate::table::Table;
+use crate::table::FlightTable;
 
 /// Flights of a shard by default: so many are lost at most if a machine dies.
 const SHARD: u64 = 100;
@@ -45,7 +45,7 @@ pub enum Access {
 #[derive(Debug)]
 pub struct CampaignFolder {
     pub dir: Dir,
-    pub layout: Layout,
+    pub layout: CampaignLayout,
     shards: Dir,
     /// Open lock file; the lock is held as long as it is open.
     _hold: Option<File>,
@@ -56,9 +56,9 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// The folder belongs to another campaign, program or layout, or another process flies a campaign into it.
-    pub fn open(path: &Path, plan: &Plan, shards: Option<u64>, access: Access) -> anyhow::Result<Self> {
+    pub fn open(path: &Path, plan: &CampaignPlan, shards: Option<u64>, access: Access) -> anyhow::Result<Self> {
         let cannot = || format!("cannot use the folder {}", path.display());
-        let wanted = Layout {
+        let wanted = CampaignLayout {
             version: LAYOUT_VERSION,
             program: shard::program().to_owned(),
             campaign: plan.campaign.hash(),
@@ -78,7 +78,7 @@ impl CampaignFolder {
             dir.write_new("campaign.toml", plan.campaign.merged().as_bytes())?;
             dir.write_new(LAYOUT, toml::to_string(&wanted)?.as_bytes())?;
         }
-        let layout = Layout::read(&dir)?;
+        let layout = CampaignLayout::read(&dir)?;
         let elsewhere = "give this one another folder with --out, or remove the old one";
         let other = |what: &str| format!("the folder {} holds {what}; {elsewhere}", path.display());
         let changed = "another campaign, or this one by another name or before it was changed: see its campaign.toml";
@@ -107,7 +107,7 @@ impl CampaignFolder {
     }
 
     /// Writes the rows of a shard, completely or not at all.
-    pub fn write(&self, index: u64, rows: &Table) -> anyhow::Result<()> {
+    pub fn write(&self, index: u64, rows: &FlightTable) -> anyhow::Result<()> {
         shard::write(&self.shards, &self.layout, index, rows)
     }
 
@@ -115,7 +115,7 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// The shard is there but damaged, or belongs to another plan.
-    pub fn read(&self, plan: &Plan, index: u64) -> anyhow::Result<Option<Table>> {
+    pub fn read(&self, plan: &CampaignPlan, index: u64) -> anyhow::Result<Option<FlightTable>> {
         let is_there = self.shards.has(&shard::name(index));
         is_there.then(|| shard::read(&self.shards, plan, &self.layout, index)).transpose()
     }
@@ -124,7 +124,7 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// The shard is there but damaged, or belongs to another plan.
-    pub fn shard_with(&self, plan: &Plan, flight: u64) -> anyhow::Result<Option<(Table, usize)>> {
+    pub fn shard_with(&self, plan: &CampaignPlan, flight: u64) -> anyhow::Result<Option<(FlightTable, usize)>> {
         let range = |index| shard::range(self.layout.flights, index, self.layout.shards);
         let Some(index) = (0..self.layout.shards).find(|index| range(*index).contains(&flight)) else {
             return Ok(None);
@@ -136,10 +136,10 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// A shard is there but damaged, or belongs to another plan.
-    pub fn collect(&self, plan: &Plan) -> anyhow::Result<(Table, Vec<u64>)> {
+    pub fn collect(&self, plan: &CampaignPlan) -> anyhow::Result<(FlightTable, Vec<u64>)> {
         let missing = self.missing()?;
         let is_missing: HashSet<&u64> = missing.iter().collect();
-        let mut all = Table::new(&shard::columns_of(plan));
+        let mut all = FlightTable::new(&shard::columns_of(plan));
         for index in (0..self.layout.shards).filter(|index| !is_missing.contains(index)) {
             all.append(shard::read(&self.shards, plan, &self.layout, index)?)?;
         }
@@ -183,8 +183,8 @@ mod tests {
     use super::*;
     use crate::Campaign;
 
-    fn plan(text: &str) -> Plan {
-        Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
+    fn plan(text: &str) -> CampaignPlan {
+        CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
     }
 
     #[test]
@@ -192,8 +192,8 @@ mod tests {
         let top = tempfile::tempdir().unwrap();
         let path = top.path().join("a/b");
         let ours = plan("seeds = 10");
-        let open = |plan: &Plan, shards, access| CampaignFolder::open(&path, plan, shards, access);
-        let said = |plan: &Plan, shards| format!("{:#}", open(plan, shards, Access::Alone).unwrap_err());
+        let open = |plan: &CampaignPlan, shards, access| CampaignFolder::open(&path, plan, shards, access);
+        let said = |plan: &CampaignPlan, shards| format!("{:#}", open(plan, shards, Access::Alone).unwrap_err());
         assert!(open(&ours, None, Access::Reading).is_err() && !path.exists(), "nothing is made by looking");
         let folder = open(&ours, Some(4), Access::Alone).unwrap();
         assert_eq!((folder.layout.shards, folder.missing().unwrap()), (4, vec![0, 1, 2, 3]));

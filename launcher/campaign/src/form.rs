@@ -39,7 +39,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
-use folder::shipped::{Kind, Shipped, advice, kind_of};
+use folder::shipped::{Shipped, ShippedKind, advice, kind_of};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use settings::file::{MAX_TEXT_BYTES, read_text};
@@ -161,11 +161,11 @@ impl File {
 
 /// Returns path and text of the campaign at `path`, or of the shipped one of that name.
 pub fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
-    if let Some(shipped) = Shipped::find(Kind::Campaign, path) {
+    if let Some(shipped) = Shipped::find(ShippedKind::Campaign, path) {
         return Ok((shipped.origin().into(), shipped.text().into()));
     }
     let text = read_text(path, MAX_TEXT_BYTES).with_context(|| {
-        let meant = advice(Kind::Campaign, path).map_or(String::new(), |advice| format!("{advice}? Or "));
+        let meant = advice(ShippedKind::Campaign, path).map_or(String::new(), |advice| format!("{advice}? Or "));
         let path = path.display();
         format!(
             "cannot read the campaign {path}; {meant}give the path of a campaign file, or the name of a shipped one: \
@@ -177,7 +177,7 @@ pub fn text_of(path: &Path) -> anyhow::Result<(PathBuf, String)> {
 
 /// Returns the error for a text that is no campaign, with the place.
 pub fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::Error {
-    if kind_of(text) == Some(Kind::Scenario) {
+    if kind_of(text) == Some(ShippedKind::Scenario) {
         return anyhow::anyhow!(
             "{origin} is a scenario, which `trefoil fly {origin}` flies once. A campaign is a file of its own that names the \
              scenario, `scenario = \"PATH\"`, and says what varies: campaigns/ has some, docs/campaigns.md has the form"

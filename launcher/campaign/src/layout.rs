@@ -15,7 +15,7 @@ pub const LAYOUT_VERSION: u32 = 1;
 /// Contents of `layout.toml`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Layout {
+pub struct CampaignLayout {
     pub version: u32,
     /// Program that flies the shards, from [`program`](crate::shard::program).
     pub program: String,
@@ -25,7 +25,7 @@ pub struct Layout {
     pub shards: u64,
 }
 
-impl Layout {
+impl CampaignLayout {
     /// Reads the layout of a folder.
     ///
     /// # Errors

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 use view::draw::short;
 
-use crate::table::{Cell, Kind};
+use crate::table::{Cell, ColumnType};
 
 /// Column of the limit.
 pub const LIMIT: &str = "limit";
@@ -57,15 +57,15 @@ fn eight() -> u32 {
 }
 
 /// Steps from `from` to a limit; `None` if the flight fails already there. Less is worse.
-pub type Steps = Option<u64>;
+pub type LimitSteps = Option<u64>;
 
 /// Result of a search; values are given by their steps from `from`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Found {
+pub struct FoundLimit {
     /// Last value that passes before the first failure.
-    pub limit: Steps,
+    pub limit: LimitSteps,
     /// First value that fails; `None` if all of the grid pass.
-    pub fails_at: Steps,
+    pub fails_at: LimitSteps,
     /// Values of the grid that pass beyond the first failure, in the order of the range.
     pub islands: Vec<u64>,
     pub flights: u64,
@@ -126,17 +126,17 @@ impl Limit {
     }
 
     /// Searches the limit; `passes` flies a value given by its steps. `None` as soon as it returns `None`.
-    pub fn search(&self, mut passes: impl FnMut(u64) -> Option<bool>) -> Option<Found> {
+    pub fn search(&self, mut passes: impl FnMut(u64) -> Option<bool>) -> Option<FoundLimit> {
         let grid = self.grid();
         let passed = grid.iter().map(|step| passes(*step)).collect::<Option<Vec<bool>>>()?;
         let mut flights = grid.len() as u64;
         let Some(first) = passed.iter().position(|passed| !passed) else {
-            return Some(Found { limit: grid.last().copied(), fails_at: None, islands: vec![], flights });
+            return Some(FoundLimit { limit: grid.last().copied(), fails_at: None, islands: vec![], flights });
         };
         let beyond = grid.iter().zip(&passed).skip(first);
         let islands = beyond.filter_map(|(step, passed)| passed.then_some(*step)).collect();
         let Some(before) = first.checked_sub(1) else {
-            return Some(Found { limit: None, fails_at: Some(0), islands, flights });
+            return Some(FoundLimit { limit: None, fails_at: Some(0), islands, flights });
         };
         let (mut pass, mut failure) = (grid[before], grid[first]);
         while failure - pass > 1 {
@@ -144,11 +144,11 @@ impl Limit {
             flights += 1;
             if passes(middle)? { pass = middle } else { failure = middle }
         }
-        Some(Found { limit: Some(pass), fails_at: Some(failure), islands, flights })
+        Some(FoundLimit { limit: Some(pass), fails_at: Some(failure), islands, flights })
     }
 
     /// Least and largest value that the limit of an unlimited search may have; they differ at the ends of the range.
-    pub fn between(&self, limit: Steps) -> [f64; 2] {
+    pub fn between(&self, limit: LimitSteps) -> [f64; 2] {
         let beyond = f64::INFINITY.copysign(self.to - self.from);
         let mut ends = match limit {
             None => [-beyond, self.from - self.resolution.copysign(self.to - self.from)],
@@ -160,12 +160,12 @@ impl Limit {
     }
 
     /// Returns whether a limit lies nearer to the safe end than `value`.
-    pub fn is_before(&self, limit: Steps, value: f64) -> bool {
+    pub fn is_before(&self, limit: LimitSteps, value: f64) -> bool {
         limit.is_none_or(|step| (value - self.value(step)) * (self.to - self.from) > 0.0)
     }
 
     /// Formats a limit with its unit; a limit that lies beyond an end of the range is said to.
-    pub fn words(&self, limit: Steps, unit: &str) -> String {
+    pub fn words(&self, limit: LimitSteps, unit: &str) -> String {
         let more = if self.to > self.from { "more" } else { "less" };
         let words = match limit {
             None => format!("fails at {} {unit}", short(self.from)),
@@ -176,8 +176,8 @@ impl Limit {
     }
 
     /// Cells of a search, for [`columns`].
-    pub fn cells(&self, found: &Found) -> Vec<Cell> {
-        let real = |step: Steps| step.map_or(Cell::None, |step| Cell::Real(self.value(step)));
+    pub fn cells(&self, found: &FoundLimit) -> Vec<Cell> {
+        let real = |step: LimitSteps| step.map_or(Cell::None, |step| Cell::Real(self.value(step)));
         let end = match (found.limit, found.fails_at) {
             (None, _) => "below",
             (_, None) => "or_more",
@@ -196,13 +196,13 @@ impl Limit {
 
 /// Columns that a search adds to the table: the limit, if it lies within the range, the first value that fails, the
 /// number of flights, the islands.
-pub fn columns() -> Vec<(String, Kind)> {
+pub fn columns() -> Vec<(String, ColumnType)> {
     let columns = [
-        (LIMIT, Kind::Real),
-        ("limit_end", Kind::Text),
-        ("limit_fails_at", Kind::Real),
-        (FLIGHTS, Kind::Int),
-        (ISLANDS, Kind::Text),
+        (LIMIT, ColumnType::Real),
+        ("limit_end", ColumnType::Text),
+        ("limit_fails_at", ColumnType::Real),
+        (FLIGHTS, ColumnType::Int),
+        (ISLANDS, ColumnType::Text),
     ];
     columns.map(|(name, kind)| (name.to_owned(), kind)).into()
 }
@@ -216,7 +216,7 @@ mod tests {
     }
 
     /// Searches 0 to 70 in steps of 1; `passes` tells of a value. Returns the result and the values flown, in order.
-    fn searched(passes: impl Fn(u64) -> bool) -> (Found, Vec<u64>) {
+    fn searched(passes: impl Fn(u64) -> bool) -> (FoundLimit, Vec<u64>) {
         let mut flown = vec![];
         let found = limit("from = 0.0\nto = 70.0\nresolution = 1.0").search(|step| {
             flown.push(step);

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, bail, ensure};
 use flight::event::name;
 use outcome::run_record::RunRecord;
-use outcome::timing::Counts;
+use outcome::timing::CycleCounts;
 use settings::Mode;
 
 /// Value of a setting that a flight in real time had by itself.
@@ -41,7 +41,7 @@ impl Observed {
             }
             "run.command_drop_probability" => {
                 let mixer = timing.nodes.get("mixer").context("no times of the mixer")?;
-                let Counts { misses, slips, .. } = mixer.counts;
+                let CycleCounts { misses, slips, .. } = mixer.counts;
                 let sent = mixer.response.as_ref().map_or(0, |response| response.n);
                 (misses as f64 / (sent + slips).max(1) as f64, "share of ticks on which the mixer missed its deadline")
             }

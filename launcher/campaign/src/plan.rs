@@ -13,14 +13,14 @@ use toml::Value;
 use crate::file::{CASE, Campaign, SEED};
 use crate::random_faults::RandomFaults;
 use crate::sampling::{Points, Purpose, stream};
-use crate::table::{Cell, Kind, cell_of};
+use crate::table::{Cell, ColumnType, cell_of};
 use crate::variation::{Factor, Values};
 
 /// Number of flights that are tried at most to find one that can be flown.
 const LOOKED_AT: u64 = 64;
 
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct CampaignPlan {
     pub campaign: Campaign,
     points: Points,
     /// Pairs of target and kind that the random faults are drawn from.
@@ -29,14 +29,14 @@ pub struct Plan {
 
 /// One coordinate of the plan: the number of its values, and the distance between the numbers of their flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Axis {
+pub struct PlanAxis {
     pub values: u64,
     pub step: u64,
 }
 
 /// One flight of a plan.
 #[derive(Debug)]
-pub struct Flight {
+pub struct PlannedFlight {
     pub number: u64,
     pub controller: String,
     /// Values of the factors, in the order of the factors.
@@ -49,14 +49,14 @@ pub struct Flight {
     pub scenario: Result<Scenario, ScenarioError>,
 }
 
-impl Axis {
+impl PlanAxis {
     /// Returns the index of a flight's value.
     pub fn place(self, number: u64) -> u64 {
         number / self.step % self.values
     }
 }
 
-impl Plan {
+impl CampaignPlan {
     /// # Errors
     /// The random faults cannot be drawn, or would begin after the end of a flight.
     pub fn new(campaign: Campaign) -> anyhow::Result<Self> {
@@ -88,27 +88,27 @@ impl Plan {
     }
 
     /// Returns the keys of the listed values in the order of the factors, with their axes.
-    pub fn listed_axes(&self) -> Vec<(&str, Axis)> {
+    pub fn listed_axes(&self) -> Vec<(&str, PlanAxis)> {
         let mut step = self.campaign.controllers.len() as u64;
         let listed = self.campaign.factors.iter().rev().filter_map(|factor| {
             let Values::Listed(list) = &factor.values else { return None };
-            let axis = Axis { values: list.len() as u64, step };
+            let axis = PlanAxis { values: list.len() as u64, step };
             step *= axis.values;
             Some((factor.key.as_str(), axis))
         });
-        let mut axes: Vec<(&str, Axis)> = listed.collect();
+        let mut axes: Vec<(&str, PlanAxis)> = listed.collect();
         axes.reverse();
         axes
     }
 
     /// Returns the flight of a number below [`flights`](Self::flights); with `[limit]` that at the safe end.
-    pub fn flight(&self, number: u64) -> Flight {
+    pub fn flight(&self, number: u64) -> PlannedFlight {
         let at_safe_end = self.campaign.limit().map(|limit| limit.setting(0));
         self.flight_with(number, at_safe_end.as_slice())
     }
 
     /// Returns the flight with more settings of its controller on top.
-    pub fn flight_with(&self, number: u64, settings: &[(String, Value)]) -> Flight {
+    pub fn flight_with(&self, number: u64, settings: &[(String, Value)]) -> PlannedFlight {
         let controllers = &self.campaign.controllers;
         let controller = (number % controllers.len() as u64) as usize;
         let sample = number / (self.flights() / self.campaign.samples().unwrap_or(1));
@@ -133,7 +133,7 @@ impl Plan {
         let faults = faults.map_or(vec![], |faults| faults.draw(&self.pairs, self.campaign.seed(), sample));
         let scenario = self.scenario(number, given_seed, controller, &values, &faults, settings);
         let seed = given_seed.or(scenario.as_ref().ok().map(|scenario| scenario.run.seed));
-        Flight { number, controller: controllers[controller].0.clone(), values, seed, faults, scenario }
+        PlannedFlight { number, controller: controllers[controller].0.clone(), values, seed, faults, scenario }
     }
 
     fn scenario(
@@ -214,17 +214,17 @@ impl Plan {
     }
 
     /// Columns that describe a flight: its number, controller, values, seed and random faults.
-    pub fn columns(&self) -> Vec<(String, Kind)> {
-        let mut columns = vec![("flight".to_owned(), Kind::Int), ("controller".to_owned(), Kind::Text)];
+    pub fn columns(&self) -> Vec<(String, ColumnType)> {
+        let mut columns = vec![("flight".to_owned(), ColumnType::Int), ("controller".to_owned(), ColumnType::Text)];
         let others = self.campaign.factors.iter().filter(|factor| factor.key != SEED);
         columns.extend(others.map(|factor| (factor.key.clone(), factor.values.kind())));
-        columns.push((SEED.into(), Kind::Int));
+        columns.push((SEED.into(), ColumnType::Int));
         columns.extend(self.campaign.random_faults().into_iter().flat_map(RandomFaults::columns));
         columns
     }
 
     /// Cells of these columns.
-    pub fn cells(&self, flight: &Flight) -> Vec<Cell> {
+    pub fn cells(&self, flight: &PlannedFlight) -> Vec<Cell> {
         let mut cells = vec![Cell::Int(flight.number as i64), Cell::Text(flight.controller.clone())];
         let others = self.campaign.factors.iter().zip(&flight.values).filter(|(factor, _)| factor.key != SEED);
         cells.extend(others.map(|(factor, value)| cell_of(factor.values.kind(), value)));
@@ -245,7 +245,7 @@ fn take_case(values: &mut Vec<(String, Value)>) -> Option<String> {
     values.remove(place).1.as_str().map(str::to_owned)
 }
 
-impl Flight {
+impl PlannedFlight {
     /// Returns the reason why the flight cannot be flown, in one line.
     pub fn refusal(&self) -> Option<String> {
         self.scenario.as_ref().err().map(ScenarioError::in_one_line)
@@ -259,8 +259,8 @@ mod tests {
 
     use super::*;
 
-    fn plan(text: &str) -> Plan {
-        Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
+    fn plan(text: &str) -> CampaignPlan {
+        CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
     }
 
     const TWO: &str = "[controller.a]\nattitude.law = 'lqr'\n[controller.b]\nattitude.law = 'pid'\n";
@@ -272,7 +272,7 @@ mod tests {
              [random_faults]\ncount = [1, 2]\nat_s = [1, 2]\nfor_s = [1, 2]\n{TWO}"
         ));
         assert_eq!(plan.flights(), 3 * 2 * 2);
-        let flights: Vec<Flight> = (0..12).map(|number| plan.flight(number)).collect();
+        let flights: Vec<PlannedFlight> = (0..12).map(|number| plan.flight(number)).collect();
         for pair in flights.chunks(2) {
             assert_eq!([&pair[0].controller, &pair[1].controller], ["a", "b"]);
             assert_eq!(
@@ -407,7 +407,7 @@ mod tests {
     #[test]
     fn a_random_fault_begins_before_the_shortest_flight_ends() {
         let text = "samples = 3\n[vary]\nrun.duration_s = [20, 10.0]\n[random_faults]\ncount = [1, 1]\nat_s = [1, 12]\nfor_s = [1, 2]";
-        let refused = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap_err();
+        let refused = CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap_err();
         assert!(format!("{refused:#}").contains("a flight ends after 10 s"), "{refused:#}");
         plan(&text.replace("10.0", "13.0"));
     }

@@ -120,7 +120,7 @@ impl Promise {
         };
         known("controller", &self.controllers, controllers)?;
         known("case", &self.cases, cases)?;
-        if let Some(moved) = self.at.keys().find_map(|key| moved::find(moved::Kind::Key, key)) {
+        if let Some(moved) = self.at.keys().find_map(|key| moved::find(moved::NameKind::Key, key)) {
             bail!("[[promise]] {figure:?}: {}", moved.title);
         }
         known("list of values of", &self.at.keys().cloned().collect::<Vec<_>>(), listed)?;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use settings::{Fault, FaultKind, FaultTarget, MAX_FAULT_S, Scenario, check_fault};
 
 use crate::sampling::{Purpose, stream};
-use crate::table::{Cell, Kind};
+use crate::table::{Cell, ColumnType};
 
 /// Largest number of faults that a flight may draw.
 const MAX_COUNT: u32 = 20;
@@ -100,8 +100,13 @@ impl RandomFaults {
     }
 
     /// Columns for the largest number of faults of a flight.
-    pub fn columns(&self) -> Vec<(String, Kind)> {
-        let fields = [("target", Kind::Text), ("kind", Kind::Text), ("at_s", Kind::Real), ("for_s", Kind::Real)];
+    pub fn columns(&self) -> Vec<(String, ColumnType)> {
+        let fields = [
+            ("target", ColumnType::Text),
+            ("kind", ColumnType::Text),
+            ("at_s", ColumnType::Real),
+            ("for_s", ColumnType::Real),
+        ];
         (0..self.count[1])
             .flat_map(|i| fields.map(|(field, kind)| (format!("random_fault.{i}.{field}"), kind)))
             .collect()

@@ -17,7 +17,7 @@ use flight::log::Record;
 use flight::programs::hex;
 use flight::{guarded, scenario};
 use outcome::happenings::Happenings;
-use outcome::judge::Verdict;
+use outcome::judge::FlightVerdict;
 use outcome::metrics::Metrics;
 use outcome::run_record::phases;
 use outcome::summary::Summary;
@@ -27,9 +27,9 @@ use settings::Scenario;
 use sha2::{Digest, Sha256};
 
 use crate::columns::measured;
-use crate::limit::{self, Found, Limit};
-use crate::plan::{Flight, Plan};
-use crate::table::{Cell, Table};
+use crate::limit::{self, FoundLimit, Limit};
+use crate::plan::{CampaignPlan, PlannedFlight};
+use crate::table::{Cell, FlightTable};
 
 /// Standing of a flight: passed, failed or invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,7 +62,7 @@ pub struct FlightRow {
 
 /// Flies number `number` of a plan, and makes its row: the cells of the plan, with `[limit]` those of the search, and
 /// those of the outcome. `None` when `go_on` said no before the end.
-pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
+pub fn of(plan: &CampaignPlan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
     let flight = plan.flight(number);
     let (of_search, outcome) = match plan.campaign.limit() {
         None => (vec![], fly(&flight, go_on, |_| {})?),
@@ -75,14 +75,19 @@ pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRo
 }
 
 /// Returns the flight that row `number` tells of: with `[limit]` that at the limit, which is searched again.
-pub fn told_of(plan: &Plan, number: u64) -> Flight {
+pub fn told_of(plan: &CampaignPlan, number: u64) -> PlannedFlight {
     let found = plan.campaign.limit().and_then(|limit| Some((limit, search(plan, limit, number, || true)?.0?.limit?)));
     found.map_or_else(|| plan.flight(number), |(limit, step)| plan.flight_with(number, &[limit.setting(step)]))
 }
 
 /// Searches the limit of number `number`; returns it with the flight there, or at the safe end if there is none. An
 /// invalid flight ends the search, and stands alone. `None` when `go_on` said no before the end.
-fn search(plan: &Plan, limit: &Limit, number: u64, go_on: impl Fn() -> bool) -> Option<(Option<Found>, FlightRow)> {
+fn search(
+    plan: &CampaignPlan,
+    limit: &Limit,
+    number: u64,
+    go_on: impl Fn() -> bool,
+) -> Option<(Option<FoundLimit>, FlightRow)> {
     let mut flown = BTreeMap::new();
     let found = limit.search(|step| {
         let row = fly(&plan.flight_with(number, &[limit.setting(step)]), &go_on, |_| {})?;
@@ -98,7 +103,7 @@ fn search(plan: &Plan, limit: &Limit, number: u64, go_on: impl Fn() -> bool) -> 
 }
 
 /// Flies; `None` when `go_on` said no before the end. `watch` is given every message.
-pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)) -> Option<FlightRow> {
+pub fn fly(flight: &PlannedFlight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)) -> Option<FlightRow> {
     let Ok(scenario) = &flight.scenario else { return flight.refusal().as_deref().map(FlightRow::invalid) };
     match catch_unwind(AssertUnwindSafe(|| try_to_fly(scenario, &go_on, watch))) {
         Ok(Ok(outcome)) => outcome,
@@ -115,8 +120,8 @@ pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)
 /// # Errors
 /// The flight differs from that of the table: the program, the machine or the table has changed.
 pub fn fly_again(
-    flight: &Flight,
-    flights: &Table,
+    flight: &PlannedFlight,
+    flights: &FlightTable,
     row: usize,
     watch: impl FnMut(&Record),
 ) -> anyhow::Result<Happenings> {
@@ -152,7 +157,7 @@ fn try_to_fly(
     if was_stopped {
         return Ok(None);
     }
-    let verdict = Verdict::of(&summary, scenario, &how);
+    let verdict = FlightVerdict::of(&summary, scenario, &how);
     let standing = if verdict.passed() { Standing::Passed } else { Standing::Failed };
     let metrics = summary.metrics();
     let mut cells = vec![
@@ -212,7 +217,7 @@ mod tests {
 
     fn flown(settings: &str) -> FlightRow {
         let text = format!("[settings]\nrun.duration_s = 1.0\n{settings}");
-        let plan = Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = CampaignPlan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         fly(&plan.flight(0), || true, |_| {}).unwrap()
     }
 
@@ -259,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_flight_of_a_campaign_is_the_one_that_fly_flies_bit_for_bit() {
-        let states = |flight: &Flight, is_unlogged: bool| {
+        let states = |flight: &PlannedFlight, is_unlogged: bool| {
             let scenario = flight.scenario.as_ref().unwrap();
             let (mut hash, mut samples) = (Sha256::new(), Samples::default());
             let mut watch = |record: &Record| {
@@ -280,7 +285,7 @@ mod tests {
         };
         let text = "seeds = 2\n[settings]\nrun.duration_s = 2.0\n[vary]\nfault = [[], [{ at_s = 0.5, for_s = 1.0, target = 'controls', \
                     kind = 'corrupt', count = 3 }], [{ at_s = 0.5, target = 'mixer', kind = 'kill' }]]";
-        let plan = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         for number in 0..plan.flights() {
             let flight = plan.flight(number);
             assert_eq!(states(&flight, true), states(&flight, false), "{:?}", flight.values);
@@ -289,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_flight_that_is_stopped_has_no_row() {
-        let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = CampaignPlan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let seen = Flag::new(0);
         let stopped = fly(&plan.flight(0), || seen.get() < 10, |_| seen.set(seen.get() + 1));
         assert_eq!((stopped, seen.get() < 20), (None, true));

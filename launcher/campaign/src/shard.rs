@@ -14,9 +14,9 @@ use flight::provenance::BUILT_FROM;
 use folder::dir::Dir;
 use settings::file::MAX_RESULTS_BYTES;
 
-use crate::layout::Layout;
-use crate::plan::Plan;
-use crate::table::{Cell, Kind, Table};
+use crate::layout::CampaignLayout;
+use crate::plan::CampaignPlan;
+use crate::table::{Cell, ColumnType, FlightTable};
 use crate::{columns, limit};
 
 /// Numbers of the flights of shard `index` of `of`, for a campaign of `flights` flights.
@@ -50,14 +50,14 @@ pub fn name(index: u64) -> String {
 }
 
 /// Columns of all tables of a campaign.
-pub fn columns_of(plan: &Plan) -> Vec<(String, Kind)> {
+pub fn columns_of(plan: &CampaignPlan) -> Vec<(String, ColumnType)> {
     let of_a_search = plan.campaign.limit().map(|_| limit::columns());
     [plan.columns(), of_a_search.unwrap_or_default(), columns::of_the_outcome()].concat()
 }
 
 /// Metadata that the file of a shard must have.
-fn words(layout: &Layout, index: u64) -> [(&'static str, String); 4] {
-    let Layout { program, campaign, shards, .. } = layout;
+fn words(layout: &CampaignLayout, index: u64) -> [(&'static str, String); 4] {
+    let CampaignLayout { program, campaign, shards, .. } = layout;
     [
         ("program", program.clone()),
         ("campaign", campaign.clone()),
@@ -67,7 +67,7 @@ fn words(layout: &Layout, index: u64) -> [(&'static str, String); 4] {
 }
 
 /// Writes the rows of a shard, completely or not at all.
-pub fn write(shards: &Dir, layout: &Layout, index: u64, rows: &Table) -> anyhow::Result<()> {
+pub fn write(shards: &Dir, layout: &CampaignLayout, index: u64, rows: &FlightTable) -> anyhow::Result<()> {
     shards.write_whole(name(index), &rows.to_parquet(&words(layout, index))?)
 }
 
@@ -75,12 +75,12 @@ pub fn write(shards: &Dir, layout: &Layout, index: u64, rows: &Table) -> anyhow:
 ///
 /// # Errors
 /// The file does not hold each of its flights once; the message says what to do.
-pub fn read(shards: &Dir, plan: &Plan, layout: &Layout, index: u64) -> anyhow::Result<Table> {
+pub fn read(shards: &Dir, plan: &CampaignPlan, layout: &CampaignLayout, index: u64) -> anyhow::Result<FlightTable> {
     let again = "remove the file, and the same command flies its flights again";
-    let read = || -> anyhow::Result<Table> {
+    let read = || -> anyhow::Result<FlightTable> {
         let bytes = shards.read(name(index), MAX_RESULTS_BYTES)?;
         let flights = range(layout.flights, index, layout.shards);
-        let read = quietly(|| Table::from_parquet(bytes, flights.end - flights.start));
+        let read = quietly(|| FlightTable::from_parquet(bytes, flights.end - flights.start));
         let (table, said) = read.context("it is damaged")?;
         for (key, expected) in words(layout, index) {
             let Some((_, said)) = said.iter().find(|(of, _)| of == key) else { bail!("it does not say its {key}") };

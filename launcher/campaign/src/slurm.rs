@@ -46,7 +46,7 @@ pub struct Job {
 }
 
 #[derive(Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum ArrayEnd {
     /// All shards exist.
     Complete,
     /// Returned without waiting; the tasks continue.
@@ -75,29 +75,29 @@ pub fn fly(
     detach: bool,
     interrupts: &AtomicU32,
     mut show: impl FnMut(&str),
-) -> anyhow::Result<Ended> {
+) -> anyhow::Result<ArrayEnd> {
     let mut before = None;
     loop {
         let missing = folder.missing()?;
         if missing.is_empty() {
-            return Ok(Ended::Complete);
+            return Ok(ArrayEnd::Complete);
         }
-        let Some(queue) = queue(folder, interrupts)? else { return Ok(Ended::Interrupted) };
+        let Some(queue) = queue(folder, interrupts)? else { return Ok(ArrayEnd::Interrupted) };
         if queue.is_empty() {
             // Give up: the last submission added no shard.
             if before.as_ref() == Some(&missing) {
-                return Ok(Ended::Failed(failed(folder, &missing, interrupts)));
+                return Ok(ArrayEnd::Failed(failed(folder, &missing, interrupts)));
             }
             if !submit(job, folder, &missing, interrupts)? {
-                return Ok(Ended::Interrupted);
+                return Ok(ArrayEnd::Interrupted);
             }
             before = Some(missing);
         }
         if detach {
-            return Ok(Ended::Detached);
+            return Ok(ArrayEnd::Detached);
         }
         if !wait(folder, interrupts, &mut show)? {
-            return Ok(Ended::Interrupted);
+            return Ok(ArrayEnd::Interrupted);
         }
     }
 }

@@ -15,7 +15,7 @@ use parquet::file::writer::SerializedFileWriter;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use toml::Value;
-pub use view::cells::{Cell, Kind};
+pub use view::cells::{Cell, ColumnType};
 use view::cells::{properties, schema, write_group};
 use view::draw::short;
 
@@ -26,30 +26,30 @@ const HASH: &str = "columns_sha256";
 
 /// Values of one column.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Column {
-    kind: Kind,
+pub struct TableColumn {
+    kind: ColumnType,
     cells: Vec<Cell>,
 }
 
 /// Named columns of the same length.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
-    pub columns: Vec<(String, Column)>,
+pub struct FlightTable {
+    pub columns: Vec<(String, TableColumn)>,
 }
 
 /// Converts a value of TOML to a cell of a column of this kind; a value of another type becomes text.
-pub fn cell_of(kind: Kind, value: &Value) -> Cell {
+pub fn cell_of(kind: ColumnType, value: &Value) -> Cell {
     match (kind, value) {
-        (Kind::Int, Value::Integer(n)) => Cell::Int(*n),
-        (Kind::Real, Value::Integer(n)) => Cell::Real(*n as f64),
-        (Kind::Real, Value::Float(x)) => Cell::Real(*x),
-        (Kind::Bool, Value::Boolean(yes)) => Cell::Bool(*yes),
+        (ColumnType::Int, Value::Integer(n)) => Cell::Int(*n),
+        (ColumnType::Real, Value::Integer(n)) => Cell::Real(*n as f64),
+        (ColumnType::Real, Value::Float(x)) => Cell::Real(*x),
+        (ColumnType::Bool, Value::Boolean(yes)) => Cell::Bool(*yes),
         (_, Value::String(text)) => Cell::Text(text.clone()),
         (_, other) => Cell::Text(other.to_string()),
     }
 }
 
-impl Column {
+impl TableColumn {
     /// Adds a cell. NaN is stored as null, and so is a cell of another kind.
     fn push(&mut self, cell: Cell) {
         let is_nan = matches!(cell, Cell::Real(x) if x.is_nan());
@@ -58,7 +58,7 @@ impl Column {
 
     /// Returns whether the values are numbers.
     pub fn is_number(&self) -> bool {
-        matches!(self.kind, Kind::Int | Kind::Real)
+        matches!(self.kind, ColumnType::Int | ColumnType::Real)
     }
 
     /// Returns the value of a row.
@@ -111,9 +111,9 @@ impl Column {
     }
 }
 
-impl Table {
-    pub fn new(columns: &[(String, Kind)]) -> Self {
-        let column = |(name, kind): &(String, Kind)| (name.clone(), Column { kind: *kind, cells: vec![] });
+impl FlightTable {
+    pub fn new(columns: &[(String, ColumnType)]) -> Self {
+        let column = |(name, kind): &(String, ColumnType)| (name.clone(), TableColumn { kind: *kind, cells: vec![] });
         Self { columns: columns.iter().map(column).collect() }
     }
 
@@ -155,7 +155,7 @@ impl Table {
     }
 
     /// Finds a column by name.
-    pub fn column(&self, name: &str) -> Option<&Column> {
+    pub fn column(&self, name: &str) -> Option<&TableColumn> {
         self.columns.iter().find(|(of, _)| of == name).map(|(_, column)| column)
     }
 
@@ -204,10 +204,10 @@ impl Table {
         let words: Vec<(String, String)> =
             words.into_iter().map(|word| (word.key, word.value.unwrap_or_default())).collect();
         let kind = |physical: Physical| match physical {
-            Physical::BOOLEAN => Ok(Kind::Bool),
-            Physical::INT64 => Ok(Kind::Int),
-            Physical::DOUBLE => Ok(Kind::Real),
-            Physical::BYTE_ARRAY => Ok(Kind::Text),
+            Physical::BOOLEAN => Ok(ColumnType::Bool),
+            Physical::INT64 => Ok(ColumnType::Int),
+            Physical::DOUBLE => Ok(ColumnType::Real),
+            Physical::BYTE_ARRAY => Ok(ColumnType::Text),
             other => bail!("a column of type {other}"),
         };
         let columns = metadata.schema_descr().columns().iter();

@@ -12,7 +12,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use crate::normal::Normal;
-use crate::table::Kind;
+use crate::table::ColumnType;
 
 /// One setting and its values.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +41,7 @@ pub struct Vary {
 
 /// One setting and its values as in the file, before they are made: a short text can ask for billions of values.
 #[derive(Debug)]
-pub struct Wanted {
+pub struct RequestedValues {
     pub key: String,
     values: WantedValues,
 }
@@ -60,7 +60,7 @@ enum WantedValues {
 #[serde(rename_all = "snake_case")]
 pub enum Variation {
     /// Evenly spaced values, each of which is flown.
-    Range(Range),
+    Range(ValueRange),
     /// Uniform distribution from the first number to the second.
     Uniform([f64; 2]),
     /// Distribution that is uniform in the logarithm.
@@ -82,7 +82,7 @@ const MAX_SLIPS: usize = 2;
 /// Evenly spaced values, both ends included.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Range {
+pub struct ValueRange {
     /// First value.
     from: f64,
     /// Last value.
@@ -115,7 +115,7 @@ impl Vary {
     /// Keeps the order of the keys in `text`, the campaign file, because a TOML table has none.
     ///
     /// # Errors
-    /// As for [`Wanted::all`].
+    /// As for [`RequestedValues::all`].
     pub fn put_in_order(&mut self, text: &str) -> anyhow::Result<()> {
         let mut places = BTreeMap::new();
         if let Ok(file) = DeTable::parse(text)
@@ -140,7 +140,7 @@ impl Vary {
     }
 }
 
-impl Wanted {
+impl RequestedValues {
     /// Reads the table `[vary]`; the result has its order.
     ///
     /// # Errors
@@ -282,7 +282,7 @@ impl Variation {
         };
         match &self {
             Self::Range(range) => {
-                let Range { from, to, steps } = *range;
+                let ValueRange { from, to, steps } = *range;
                 ensure!(steps >= 2 && from.is_finite() && to.is_finite(), "give finite ends, and at least 2 steps");
                 return Ok(Values::Listed((0..steps).map(|i| range.value(i)).collect()));
             }
@@ -325,7 +325,7 @@ impl Variation {
     }
 }
 
-impl Range {
+impl ValueRange {
     /// Returns value `i`, from 0; the last is `to` without rounding.
     fn value(&self, i: u32) -> Value {
         let step = (self.to - self.from) / f64::from(self.steps - 1);
@@ -345,13 +345,13 @@ impl Values {
     }
 
     /// Returns the type of a column of these values.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ColumnType {
         let all = self.ends();
         match () {
-            () if all.iter().all(Value::is_integer) => Kind::Int,
-            () if all.iter().all(|value| value.is_integer() || value.is_float()) => Kind::Real,
-            () if all.iter().all(Value::is_bool) => Kind::Bool,
-            () => Kind::Text,
+            () if all.iter().all(Value::is_integer) => ColumnType::Int,
+            () if all.iter().all(|value| value.is_integer() || value.is_float()) => ColumnType::Real,
+            () if all.iter().all(Value::is_bool) => ColumnType::Bool,
+            () => ColumnType::Text,
         }
     }
 }
@@ -361,7 +361,7 @@ mod tests {
     use super::*;
 
     fn factors(text: &str) -> anyhow::Result<Vec<Factor>> {
-        Wanted::all(&text.parse::<Table>().unwrap().into())?.into_iter().map(Wanted::factor).collect()
+        RequestedValues::all(&text.parse::<Table>().unwrap().into())?.into_iter().map(RequestedValues::factor).collect()
     }
 
     fn drawn(text: &str) -> Variation {

@@ -25,9 +25,9 @@ pub struct Circumstances {
     pub observers: Vec<String>,
 }
 
-impl From<stepped::Flown> for Circumstances {
+impl From<stepped::SteppedResult> for Circumstances {
     /// Circumstances of a flight without a log.
-    fn from(stepped::Flown { ended, events, refused, .. }: stepped::Flown) -> Self {
+    fn from(stepped::SteppedResult { ended, events, refused, .. }: stepped::SteppedResult) -> Self {
         Self { ended, log: None, events, refused, port_failures: vec![], observers: vec![] }
     }
 }

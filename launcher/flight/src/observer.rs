@@ -26,7 +26,7 @@ use rustix::fs::{FlockOperation, flock};
 use serde_json::Value;
 use settings::Scenario;
 
-use crate::control::{Request, ask};
+use crate::control::{ControlRequest, ask};
 use crate::event::TimedEvent;
 use crate::limits::{ANSWER_EVENTS, EVENTS_PERIOD, RECONNECT_PERIOD};
 pub use crate::limits::{OBSERVER_POLL, OBSERVERS};
@@ -149,7 +149,7 @@ impl Observer {
     /// Asks the launcher for the events since the last time, and passes them to `each`; returns their number.
     fn events(&mut self, each: &mut impl FnMut(Seen)) -> usize {
         let before = self.told;
-        while let Ok(Value::Array(news)) = ask(&self.domain, &Request::Events { since: self.told }) {
+        while let Ok(Value::Array(news)) = ask(&self.domain, &ControlRequest::Events { since: self.told }) {
             self.told += news.len();
             let is_all = news.len() < ANSWER_EVENTS;
             for event in news.into_iter().filter_map(|event| serde_json::from_value(event).ok()) {

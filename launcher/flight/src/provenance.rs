@@ -20,7 +20,7 @@ pub const SCHEMA_VERSION: u32 = 6;
 
 /// Scheduling and memory limits of a process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Scheduling {
+pub struct ProcessScheduling {
     /// `fifo` or `other`.
     pub policy: String,
     /// `SCHED_FIFO` priority, 0 for `other`.
@@ -39,7 +39,7 @@ pub struct Provenance {
     #[serde(flatten)]
     pub host: Host,
     /// Scheduling that the kernel gave each process; empty for a flight in process.
-    pub scheduling: BTreeMap<String, Scheduling>,
+    pub scheduling: BTreeMap<String, ProcessScheduling>,
     /// Settings of the flight as a scenario file, with what was ordered while it flew.
     pub scenario: String,
 }
@@ -83,13 +83,13 @@ pub static BUILT_FROM: OnceLock<Git> = OnceLock::new();
 
 /// Identity of a program of this repository, as written into its logs and results.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Program {
+pub struct ProgramIdentity {
     pub version: String,
     /// Commit from which it was built, if its build knew.
     pub git: Option<Git>,
 }
 
-impl Program {
+impl ProgramIdentity {
     /// Returns the identity of the running program.
     pub fn this() -> Self {
         Self { version: env!("CARGO_PKG_VERSION").into(), git: BUILT_FROM.get().cloned() }
@@ -101,7 +101,7 @@ impl Program {
     }
 }
 
-impl Display for Program {
+impl Display for ProgramIdentity {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         write!(f, "version {}", self.version)?;
         let Some(Git { commit, changed }) = &self.git else { return f.write_str(" of an unknown commit") };
@@ -111,14 +111,14 @@ impl Display for Program {
 }
 
 /// Reads from `/proc` how process `pid` is scheduled.
-pub fn scheduling_of(pid: u32) -> Scheduling {
+pub fn scheduling_of(pid: u32) -> ProcessScheduling {
     let stat = read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     // Fields 40 and 41, counted after the name in brackets, which may hold blanks.
     let fields: Vec<&str> = stat.rsplit_once(')').map_or(vec![], |(_, rest)| rest.split_whitespace().collect());
     let field = |i: usize| fields.get(i - 3).and_then(|f| f.parse::<u32>().ok()).unwrap_or(0);
     let limits = read_to_string(format!("/proc/{pid}/limits")).unwrap_or_default();
     let rttime = limits.lines().find_map(|line| line.strip_prefix("Max realtime timeout")?.split_whitespace().next());
-    Scheduling {
+    ProcessScheduling {
         policy: if field(41) == 1 { "fifo" } else { "other" }.into(),
         priority: field(40),
         affinity: status_of(pid, "Cpus_allowed_list:").unwrap_or_default(),
@@ -128,10 +128,10 @@ pub fn scheduling_of(pid: u32) -> Scheduling {
 }
 
 /// Counts the nodes that got each privilege; `None` if the scheduling of no node was recorded.
-pub fn granted<'a>(scheduling: impl IntoIterator<Item = (&'a String, &'a Scheduling)>) -> Option<Granted> {
+pub fn granted<'a>(scheduling: impl IntoIterator<Item = (&'a String, &'a ProcessScheduling)>) -> Option<Granted> {
     let is_node = |(name, _): &(&String, _)| NODES.contains(&name.as_str());
-    let nodes: Vec<&Scheduling> = scheduling.into_iter().filter(is_node).map(|(_, got)| got).collect();
-    let count = |has: fn(&Scheduling) -> bool| nodes.iter().filter(|got| has(got)).count();
+    let nodes: Vec<&ProcessScheduling> = scheduling.into_iter().filter(is_node).map(|(_, got)| got).collect();
+    let count = |has: fn(&ProcessScheduling) -> bool| nodes.iter().filter(|got| has(got)).count();
     let counted = || Granted { fifo: count(|got| got.policy == "fifo"), locked: count(|got| got.locked_kb > 0) };
     (!nodes.is_empty()).then(counted)
 }
@@ -144,7 +144,7 @@ pub fn status_of(pid: u32, name: &str) -> Option<String> {
 }
 
 /// Returns the provenance of a flight of `scenario` whose processes the kernel scheduled so.
-pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> Provenance {
+pub fn provenance(scenario: &Scenario, scheduling: &[(String, ProcessScheduling)]) -> Provenance {
     Provenance { host: host(), scheduling: scheduling.iter().cloned().collect(), scenario: to_toml(scenario) }
 }
 
@@ -153,7 +153,7 @@ pub fn host() -> Host {
     let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
     let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = cpu.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name.to_owned()));
-    let Program { version, git } = Program::this();
+    let ProgramIdentity { version, git } = ProgramIdentity::this();
     Host {
         schema_version: SCHEMA_VERSION,
         date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),

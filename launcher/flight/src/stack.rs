@@ -52,33 +52,33 @@ pub use end::{StartError, refused};
 use files::Files;
 use own_domain::OwnDomain;
 use requests::Requests;
-use run::Run;
+use run::FlightRun;
 pub use surroundings::check_memory;
 
 use crate::circumstances::{Circumstances, PortFailures};
 use crate::event::{Event, What};
 use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};
 use crate::log::{LogOutcome, Record};
-use crate::provenance::{Scheduling, scheduling_of};
+use crate::provenance::{ProcessScheduling, scheduling_of};
 use crate::recorder::Observers;
 use crate::roles::connections::{Connections, Disconnected};
 use ring::roles::role::RoleInput;
 use ring::roles::supervised::given_up;
 
 /// Result of a flight in any mode, except its messages.
-pub struct Flown {
+pub struct FlightResult {
     pub how: Circumstances,
     /// Wall time from GO to the end.
     pub wall: Duration,
     /// Scheduling that each process obtained from the kernel; empty in process.
-    pub scheduling: Vec<(String, Scheduling)>,
+    pub scheduling: Vec<(String, ProcessScheduling)>,
     /// Settings at the end, with the faults and swaps that were ordered in flight.
     pub scenario: Scenario,
 }
 
 /// Stack whose processes are all ready. Dropping it kills those that are left and wipes shared memory.
 pub struct Stack {
-    run: Run,
+    run: FlightRun,
     archive: Option<Archive>,
     files: Files,
     requests: Requests,
@@ -89,7 +89,7 @@ pub struct Stack {
     /// Newest process of each node that was found cut off.
     cut_off: [u32; Topic::COUNT],
     /// Scheduling that each process obtained from the kernel.
-    pub scheduling: Vec<(String, Scheduling)>,
+    pub scheduling: Vec<(String, ProcessScheduling)>,
     _domain: OwnDomain,
 }
 
@@ -109,7 +109,7 @@ impl Stack {
             files: Files::new(domain.clone()),
             archive: log.map(|path| Archive::new(path, scenario)),
             requests: Requests::open(&domain).context("cannot write the control socket in shared memory")?,
-            run: Run::new(domain, ports.page.clone(), scenario),
+            run: FlightRun::new(domain, ports.page.clone(), scenario),
             connections: Connections::default(),
             not_received: [false; Topic::COUNT],
             cut_off: [0; Topic::COUNT],
@@ -137,7 +137,7 @@ impl Stack {
         interrupts: &AtomicU32,
         mut watch: impl FnMut(&Record),
         mut tick: impl FnMut(&[Fault]),
-    ) -> Flown {
+    ) -> FlightResult {
         let scheduling = self.scheduling.clone();
         let started = Instant::now();
         let page = self.run.page.clone();
@@ -183,7 +183,7 @@ impl Stack {
             port_failures: self.port_failures(),
             observers: vec![],
         };
-        Flown { how, wall, scheduling, scenario: self.run.scenario.clone() }
+        FlightResult { how, wall, scheduling, scenario: self.run.scenario.clone() }
     }
 
     /// Describes the sent messages that the launcher has not seen, if any: figures without them cannot be trusted.

@@ -23,9 +23,9 @@ static OWN: OnceLock<String> = OnceLock::new();
 
 /// Mark of one child and of all processes that come from it.
 #[derive(Debug, Clone)]
-pub struct Mark(String);
+pub struct ChildMark(String);
 
-impl Mark {
+impl ChildMark {
     /// Marks the child that `command` will start.
     pub fn on(command: &mut Command) -> Self {
         static NEXT: AtomicU32 = AtomicU32::new(0);
@@ -102,7 +102,7 @@ mod tests {
         };
         let mut one = shell("setsid sleep 600 & echo $!");
         let mut other = shell("exec sleep 600");
-        let (of_one, of_other) = (Mark::on(&mut one), Mark::on(&mut other));
+        let (of_one, of_other) = (ChildMark::on(&mut one), ChildMark::on(&mut other));
         let (mut one, mut other) = (one.spawn().unwrap(), other.spawn().unwrap());
         let mut stray = String::new();
         BufReader::new(one.stdout.take().unwrap()).read_line(&mut stray).unwrap();

@@ -9,7 +9,7 @@
 
 use std::path::{Component, Path};
 
-use settings::{Scenario, ScenarioError, Source, nearest, to_toml};
+use settings::{Scenario, ScenarioError, SettingsText, nearest, to_toml};
 use toml::Table;
 
 // `FILES`: the shipped files, made by `build.rs`.
@@ -30,12 +30,12 @@ pub struct Shipped {
 
 /// Kind of a shipped file, and its folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ShippedKind {
     Scenario,
     Campaign,
 }
 
-impl Kind {
+impl ShippedKind {
     /// Word for it in a sentence.
     fn word(self) -> &'static str {
         match self {
@@ -54,13 +54,13 @@ impl Kind {
 
 impl Shipped {
     /// Lists the shipped files of a kind, by path.
-    pub fn all(kind: Kind) -> impl Iterator<Item = Self> {
+    pub fn all(kind: ShippedKind) -> impl Iterator<Item = Self> {
         let is_of_kind = move |path: &str| Path::new(path).starts_with(kind.folder());
         FILES.iter().filter(move |(path, _)| is_of_kind(path)).map(|&(path, text)| Self { path, text })
     }
 
     /// Finds the shipped file that `path` names; `None` if a file of the user has that path.
-    pub fn find(kind: Kind, path: &Path) -> Option<Self> {
+    pub fn find(kind: ShippedKind, path: &Path) -> Option<Self> {
         let words = match path.strip_prefix(ROOT) {
             Ok(inside) => inside,
             Err(_) if path.symlink_metadata().is_ok() && !path.is_dir() => return None,
@@ -102,17 +102,17 @@ impl Shipped {
 ///
 /// # Errors
 /// There is neither, the file cannot be read, or it is a campaign.
-pub fn scenario(path: &Path) -> Result<Source, ScenarioError> {
-    if let Some(shipped) = Shipped::find(Kind::Scenario, path) {
-        return Ok(Source { path: Some(shipped.origin()), text: shipped.text().into() });
+pub fn scenario(path: &Path) -> Result<SettingsText, ScenarioError> {
+    if let Some(shipped) = Shipped::find(ShippedKind::Scenario, path) {
+        return Ok(SettingsText { path: Some(shipped.origin()), text: shipped.text().into() });
     }
     let shown = path.display();
-    if let Some(advice) = advice(Kind::Scenario, path) {
+    if let Some(advice) = advice(ShippedKind::Scenario, path) {
         let help = format!("{advice}, or give the path of a scenario file; `trefoil scenarios` lists the shipped ones");
         return Err(ScenarioError::of(format!("there is no scenario `{shown}`"), help));
     }
-    let source = Source::read(path)?;
-    if kind_of(&source.text) == Some(Kind::Campaign) {
+    let source = SettingsText::read(path)?;
+    if kind_of(&source.text) == Some(ShippedKind::Campaign) {
         let help = format!("`trefoil campaign {shown}` flies it, and `--only N` its flight N with log and report");
         return Err(ScenarioError::of(format!("`{shown}` is a campaign, which has many flights"), help));
     }
@@ -121,13 +121,13 @@ pub fn scenario(path: &Path) -> Result<Source, ScenarioError> {
 
 /// Returns what may have been meant by a name of which there is no file and nothing shipped of this `kind`: what is
 /// shipped of the other kind, or the nearest name; `None` for a path, and if no name is near.
-pub fn advice(kind: Kind, name: &Path) -> Option<String> {
+pub fn advice(kind: ShippedKind, name: &Path) -> Option<String> {
     if name.symlink_metadata().is_ok() || Path::new(&format!("{}.toml", name.display())).is_file() {
         return None;
     }
     let (other, command) = match kind {
-        Kind::Scenario => (Kind::Campaign, "campaign"),
-        Kind::Campaign => (Kind::Scenario, "fly"),
+        ShippedKind::Scenario => (ShippedKind::Campaign, "campaign"),
+        ShippedKind::Campaign => (ShippedKind::Scenario, "fly"),
     };
     if let Some(shipped) = Shipped::find(other, name) {
         let name = shipped.name();
@@ -140,14 +140,14 @@ pub fn advice(kind: Kind, name: &Path) -> Option<String> {
 }
 
 /// Returns what a text is, by its top-level keys; `None` if it has those of both, or of neither.
-pub fn kind_of(text: &str) -> Option<Kind> {
+pub fn kind_of(text: &str) -> Option<ShippedKind> {
     let table = text.parse::<Table>().ok()?;
     let known = to_toml(&Scenario::default()).parse::<Table>().unwrap_or_default();
     let is_of_a_scenario = |key: &String| key != "name" && (known.contains_key(key) || key == "fault" || key == "swap");
     let is_of_a_campaign = |key: &String| OF_A_CAMPAIGN.contains(&key.as_str());
     match (table.keys().any(is_of_a_scenario), table.keys().any(is_of_a_campaign)) {
-        (true, false) => Some(Kind::Scenario),
-        (false, true) => Some(Kind::Campaign),
+        (true, false) => Some(ShippedKind::Scenario),
+        (false, true) => Some(ShippedKind::Campaign),
         _ => None,
     }
 }
@@ -188,22 +188,25 @@ fn without_parents(path: &Path) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn found(kind: Kind, path: &str) -> Option<&'static str> {
+    fn found(kind: ShippedKind, path: &str) -> Option<&'static str> {
         Shipped::find(kind, Path::new(path)).map(|shipped| shipped.path)
     }
 
     #[test]
     fn a_name_finds_the_shipped_file_and_a_path_wins() {
-        assert_eq!(found(Kind::Scenario, "survey"), Some("scenarios/survey.toml"));
-        assert_eq!(found(Kind::Scenario, "faults/swap-law"), Some("scenarios/faults/swap-law.toml"));
-        assert_eq!(found(Kind::Scenario, "scenarios/survey.toml"), Some("scenarios/survey.toml"));
-        assert_eq!(found(Kind::Campaign, "shipped:/scenarios/../campaigns/laws.toml"), Some("campaigns/laws.toml"));
-        assert_eq!([found(Kind::Campaign, "survey"), found(Kind::Scenario, "/survey")], [None, None]);
+        assert_eq!(found(ShippedKind::Scenario, "survey"), Some("scenarios/survey.toml"));
+        assert_eq!(found(ShippedKind::Scenario, "faults/swap-law"), Some("scenarios/faults/swap-law.toml"));
+        assert_eq!(found(ShippedKind::Scenario, "scenarios/survey.toml"), Some("scenarios/survey.toml"));
+        assert_eq!(
+            found(ShippedKind::Campaign, "shipped:/scenarios/../campaigns/laws.toml"),
+            Some("campaigns/laws.toml")
+        );
+        assert_eq!([found(ShippedKind::Campaign, "survey"), found(ShippedKind::Scenario, "/survey")], [None, None]);
         let folder = tempfile::tempdir().unwrap();
         let own = folder.path().join("survey");
         std::fs::write(&own, "name = \"mine\"").unwrap();
         assert_eq!(scenario(&own).unwrap().text, "name = \"mine\"");
-        assert_eq!(found(Kind::Scenario, folder.path().to_str().unwrap()), None);
+        assert_eq!(found(ShippedKind::Scenario, folder.path().to_str().unwrap()), None);
     }
 
     #[test]
@@ -217,21 +220,21 @@ mod tests {
             ("mine.toml", ""),
             ("qqqq", ""),
         ] {
-            assert_eq!(advice(Kind::Scenario, name), expected, "{name}");
+            assert_eq!(advice(ShippedKind::Scenario, name), expected, "{name}");
         }
-        assert_eq!(advice(Kind::Campaign, "lows"), "did you mean `laws`");
-        assert_eq!(advice(Kind::Campaign, "wind"), "`trefoil fly wind` flies the shipped scenario of that name");
+        assert_eq!(advice(ShippedKind::Campaign, "lows"), "did you mean `laws`");
+        assert_eq!(advice(ShippedKind::Campaign, "wind"), "`trefoil fly wind` flies the shipped scenario of that name");
 
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("mine.toml");
         std::fs::write(&file, "seeds = 3\n[settings]\nrun.duration_s = 2.0").unwrap();
         let said = scenario(&file).err().unwrap().to_string();
         assert!(said.contains("is a campaign") && said.contains("`trefoil campaign /"), "{said}");
-        for shipped in Shipped::all(Kind::Campaign) {
-            assert_eq!(kind_of(shipped.text()), Some(Kind::Campaign), "{}", shipped.path);
+        for shipped in Shipped::all(ShippedKind::Campaign) {
+            assert_eq!(kind_of(shipped.text()), Some(ShippedKind::Campaign), "{}", shipped.path);
         }
-        for shipped in Shipped::all(Kind::Scenario) {
-            assert_eq!(kind_of(shipped.text()), Some(Kind::Scenario), "{}", shipped.path);
+        for shipped in Shipped::all(ShippedKind::Scenario) {
+            assert_eq!(kind_of(shipped.text()), Some(ShippedKind::Scenario), "{}", shipped.path);
         }
     }
 
@@ -244,18 +247,18 @@ mod tests {
             ("scenarios/wind.toml", true),
             ("./wind", true),
         ] {
-            let shipped = Shipped::find(Kind::Scenario, Path::new(path)).unwrap();
+            let shipped = Shipped::find(ShippedKind::Scenario, Path::new(path)).unwrap();
             assert_eq!(shipped.may_be_mistaken(Path::new(path)), expected, "{path}");
         }
     }
 
     #[test]
     fn every_shipped_file_names_its_schema_and_says_what_it_shows() {
-        for kind in [Kind::Scenario, Kind::Campaign] {
+        for kind in [ShippedKind::Scenario, ShippedKind::Campaign] {
             assert!(Shipped::all(kind).count() > 10);
             for shipped in Shipped::all(kind) {
                 let up = "../".repeat(shipped.path.matches('/').count());
-                let schema = if kind == Kind::Scenario { "scenario" } else { "campaign" };
+                let schema = if kind == ShippedKind::Scenario { "scenario" } else { "campaign" };
                 let line = format!("{SCHEMA}{up}docs/schema/{schema}.json");
                 assert_eq!(shipped.text.lines().next(), Some(line.as_str()), "{}", shipped.path);
                 assert!(shipped.comment().len() > 20, "{}", shipped.path);

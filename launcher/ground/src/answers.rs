@@ -12,14 +12,14 @@ use mavlink::types::CharArray;
 use mavlink::{MavHeader, Message, MessageData};
 
 use crate::link::{COMPONENT, SYSTEM};
-use crate::parameters::Parameters;
+use crate::parameters::MavlinkParameters;
 use crate::streams::Streams;
-use crate::vehicle::{Vehicle, texts};
+use crate::vehicle::{MavlinkVehicle, texts};
 
 /// Everything that a station can ask for.
 pub struct Station {
-    pub vehicle: Vehicle,
-    pub parameters: Parameters,
+    pub vehicle: MavlinkVehicle,
+    pub parameters: MavlinkParameters,
     pub streams: Streams,
 }
 

@@ -36,10 +36,10 @@ pub use address::Address;
 pub use home::Home;
 
 use answers::Station;
-use link::Link;
-use parameters::Parameters;
+use link::StationLink;
+use parameters::MavlinkParameters;
 use streams::Streams;
-use vehicle::Vehicle;
+use vehicle::MavlinkVehicle;
 
 /// Largest number of datagrams that are read after one look at the flight; the kernel keeps some more, and drops those
 /// of a flood.
@@ -59,13 +59,13 @@ pub fn show(
     interrupts: &AtomicU32,
     joined: impl FnOnce(),
 ) -> anyhow::Result<()> {
-    let mut link = Link::open(address)?;
+    let mut link = StationLink::open(address)?;
     let mut observer = Observer::join(namespace)?;
     joined();
     let scenario = observer.scenario().clone();
     let mut station = Station {
-        vehicle: Vehicle::new(&scenario, home),
-        parameters: Parameters::of(&scenario),
+        vehicle: MavlinkVehicle::new(&scenario, home),
+        parameters: MavlinkParameters::of(&scenario),
         streams: Streams::new(Instant::now()),
     };
     loop {
@@ -94,7 +94,7 @@ pub fn show(
 
 /// Answers what has arrived, but no more than a look may cost: a flood must neither hide the end of the flight nor take
 /// the processor from it.
-fn answer(link: &mut Link, station: &mut Station) {
+fn answer(link: &mut StationLink, station: &mut Station) {
     let mut answered = 0;
     for _ in 0..DATAGRAMS {
         let Ok(datagram) = link.receive() else { return };

@@ -15,7 +15,7 @@ pub const SYSTEM: u8 = 1;
 pub const COMPONENT: u8 = 1;
 
 /// Link to one ground station.
-pub struct Link {
+pub struct StationLink {
     socket: UdpSocket,
     /// Address of the station; `None` until one has sent a message.
     peer: Option<SocketAddr>,
@@ -23,7 +23,7 @@ pub struct Link {
     sequence: u8,
 }
 
-impl Link {
+impl StationLink {
     /// Opens the socket; sends nothing yet.
     pub fn open(address: &Address) -> anyhow::Result<Self> {
         let any: IpAddr = match address.at {

@@ -42,9 +42,9 @@ pub const NAMES: [(&str, &str); 63] = [
 ];
 
 /// Parameters of one flight.
-pub struct Parameters(Vec<(&'static str, f32)>);
+pub struct MavlinkParameters(Vec<(&'static str, f32)>);
 
-impl Parameters {
+impl MavlinkParameters {
     /// Reads the settings of `scenario`.
     pub fn of(scenario: &Scenario) -> Self {
         let table: Table = to_toml(scenario).parse().unwrap_or_default(); // settings that were written are read back
@@ -102,7 +102,7 @@ mod tests {
         scenario.attitude.delay_compensation = DelayCompensation::Sample(true);
         (scenario.deadline.end_to_end_ms, scenario.node.attitude_mpc.deadline_ms) = (Some(9.0), Some(7.0));
         (scenario.bounds.max_position_error_m, scenario.bounds.max_fallback_s) = (Some(0.5), Some(2.0));
-        let parameters = Parameters::of(&scenario);
+        let parameters = MavlinkParameters::of(&scenario);
         let names: Vec<&str> = parameters.0.iter().map(|(name, _)| *name).collect();
         assert_eq!(names, NAMES.map(|(name, _)| name), "all settings are found");
         assert!(names.iter().all(|name| name.len() <= 16), "{names:?}");
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn settings_that_are_left_out_have_no_parameter() {
-        let parameters = Parameters::of(&Scenario::default());
+        let parameters = MavlinkParameters::of(&Scenario::default());
         assert!(parameters.find("DL_END_MS", -1).is_none());
         assert!(parameters.find("MPC_DELAY_COMP", -1).is_none(), "a word is no number");
         assert!(parameters.find("RUN_RATE_HZ", -1).is_some() && parameters.find("", 0).is_some());

@@ -23,16 +23,16 @@ const SPAN_US: f64 = 1000.0;
 const TEXT_CHARS: usize = 50;
 
 /// Vehicle as its newest messages show it.
-pub struct Vehicle {
+pub struct MavlinkVehicle {
     home: Home,
-    limits: airframe::Limits,
+    limits: airframe::ActuatorLimits,
     sample_ns: u64,
     state: Option<State>,
     reference: Option<Reference>,
     actuators: Option<Actuators>,
 }
 
-impl Vehicle {
+impl MavlinkVehicle {
     /// Returns the vehicle of `scenario` before its first message.
     pub fn new(scenario: &Scenario, home: Home) -> Self {
         let sample_ns = scenario.sample_ns();
@@ -221,7 +221,7 @@ fn extended_state(status: PlantStatus) -> MavMessage {
 /// Version of this program, with the first characters of its commit, and the protocols whose requests are answered. A
 /// station that misses the bit of missions does not ask for the list, which is empty.
 fn autopilot_version() -> MavMessage {
-    let program = flight::provenance::Program::this();
+    let program = flight::provenance::ProgramIdentity::this();
     let mut numbers = program.version.split('.').map(|number| number.parse::<u32>().unwrap_or(0));
     let mut next = || numbers.next().unwrap_or(0) & 0xff;
     let (major, minor, patch) = (next(), next(), next());

@@ -24,20 +24,20 @@ const TOKEN_BYTES: usize = 18;
 
 /// Rule for all requests of one server.
 #[derive(Debug, Clone)]
-pub struct Access {
+pub struct AccessRule {
     address: SocketAddr,
     token: String,
 }
 
 /// Reason for which a request is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Refused {
+pub enum RequestRefused {
     Token,
     Host,
     Origin,
 }
 
-impl Refused {
+impl RequestRefused {
     /// Describes the reason and the remedy.
     pub fn describe(self) -> &'static str {
         match self {
@@ -51,7 +51,7 @@ impl Refused {
     }
 }
 
-impl Access {
+impl AccessRule {
     /// Makes the rule for a server on `address`, and a token unless one is given.
     ///
     /// # Errors
@@ -86,22 +86,22 @@ impl Access {
     }
 
     /// Decides on a request by its `headers` and address; `is_foxglove` if that is Foxglove's websocket.
-    pub fn check(&self, headers: &HeaderMap, uri: &Uri, is_foxglove: bool) -> Result<(), Refused> {
+    pub fn check(&self, headers: &HeaderMap, uri: &Uri, is_foxglove: bool) -> Result<(), RequestRefused> {
         // A value that is not text is one that fits nothing, not an absent one.
         let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or_default());
         let bearer = text(header::AUTHORIZATION).and_then(|value| value.strip_prefix("Bearer "));
         let is_given = [bearer, token_in(uri)].into_iter().flatten().any(|given| is_same(given, &self.token));
         if !is_given && !self.has_cookie(headers) {
-            return Err(Refused::Token);
+            return Err(RequestRefused::Token);
         }
         let host = text(header::HOST).unwrap_or_default();
         if self.address.ip().is_loopback() && !self.is_own_host(host) {
-            return Err(Refused::Host);
+            return Err(RequestRefused::Host);
         }
         match text(header::ORIGIN) {
             None => Ok(()),
             Some(origin) if is_page_of(origin, host) || is_foxglove && is_given => Ok(()),
-            Some(_) => Err(Refused::Origin),
+            Some(_) => Err(RequestRefused::Origin),
         }
     }
 
@@ -158,12 +158,12 @@ mod tests {
     const TOKEN: &str = "0123456789abcdef";
     const HOST: (HeaderName, &str) = (header::HOST, "127.0.0.1:8080");
 
-    fn at(address: &str, token: Option<&str>) -> Access {
-        Access::new(address.parse().unwrap(), token.map(str::to_owned)).unwrap()
+    fn at(address: &str, token: Option<&str>) -> AccessRule {
+        AccessRule::new(address.parse().unwrap(), token.map(str::to_owned)).unwrap()
     }
 
     /// Decides on a request for `path` with `headers`.
-    fn check(access: &Access, path: &str, headers: &[(HeaderName, &str)]) -> Result<(), Refused> {
+    fn check(access: &AccessRule, path: &str, headers: &[(HeaderName, &str)]) -> Result<(), RequestRefused> {
         let headers = headers.iter().map(|(name, value)| (name.clone(), value.parse().unwrap())).collect();
         access.check(&headers, &path.parse().unwrap(), path.starts_with("/foxglove"))
     }
@@ -180,15 +180,19 @@ mod tests {
                 Ok(())
             );
             for path in ["/", "/?token=", "/?token=0123456789abcdeX", "/?token=0123456789abcde", "/foxglove"] {
-                assert_eq!(check(&access, path, &[HOST]), Err(Refused::Token), "{path}");
+                assert_eq!(check(&access, path, &[HOST]), Err(RequestRefused::Token), "{path}");
             }
             for cookie in ["", "trefoil-8080=", "trefoil-8080", "trefoil-8081=0123456789abcdef", "0123456789abcdef"] {
-                assert_eq!(check(&access, "/", &[HOST, (header::COOKIE, cookie)]), Err(Refused::Token), "{cookie}");
+                assert_eq!(
+                    check(&access, "/", &[HOST, (header::COOKIE, cookie)]),
+                    Err(RequestRefused::Token),
+                    "{cookie}"
+                );
             }
             for value in ["", "Bearer ", "Bearer 0123456789abcdef0", "Basic 0123456789abcdef", "0123456789abcdef"] {
                 assert_eq!(
                     check(&access, "/", &[HOST, (header::AUTHORIZATION, value)]),
-                    Err(Refused::Token),
+                    Err(RequestRefused::Token),
                     "{value}"
                 );
             }
@@ -206,9 +210,9 @@ mod tests {
             assert_eq!(check(&access, &path, &[(header::HOST, host)]), Ok(()), "{host}");
         }
         for host in ["evil.example:8080", "127.0.0.1", "localhost:80", "127.0.0.1.evil.example:8080", ""] {
-            assert_eq!(check(&access, &path, &[(header::HOST, host)]), Err(Refused::Host), "{host}");
+            assert_eq!(check(&access, &path, &[(header::HOST, host)]), Err(RequestRefused::Host), "{host}");
         }
-        assert_eq!(check(&access, &path, &[]), Err(Refused::Host));
+        assert_eq!(check(&access, &path, &[]), Err(RequestRefused::Host));
         assert_eq!(check(&at("0.0.0.0:8080", Some(TOKEN)), &path, &[(header::HOST, "a.name")]), Ok(()));
     }
 
@@ -222,11 +226,11 @@ mod tests {
             for origin in
                 ["https://evil.example", "http://127.0.0.1:9999", "null", "http://localhost:8080", "app://x", "ü"]
             {
-                assert_eq!(from(origin), Err(Refused::Origin), "{path} {origin}");
+                assert_eq!(from(origin), Err(RequestRefused::Origin), "{path} {origin}");
             }
         }
         let far = [HOST, (header::ORIGIN, "https://app.foxglove.dev")];
-        assert_eq!(check(&access, &address("/ws"), &far), Err(Refused::Origin));
+        assert_eq!(check(&access, &address("/ws"), &far), Err(RequestRefused::Origin));
         assert_eq!(check(&access, &address("/foxglove"), &far), Ok(()), "its owner gave it the token");
     }
 
@@ -237,7 +241,7 @@ mod tests {
         assert_ne!(one.token(), other.token());
         for token in ["", "short", "0123456789abcde?", "0123456789 abcdef"] {
             let given = Some(token.to_owned());
-            assert!(Access::new("127.0.0.1:1".parse().unwrap(), given).is_err(), "{token}");
+            assert!(AccessRule::new("127.0.0.1:1".parse().unwrap(), given).is_err(), "{token}");
         }
     }
 }

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::json;
 
-use crate::hub::{Hub, Kind};
+use crate::hub::{FrameKind, Hub};
 
 /// Script that fetches a new version, and puts it in the place of the one that is shown.
 const SCRIPT: &str = include_str!("../assets/document.js");
@@ -24,12 +24,12 @@ impl Document {
     /// Makes `html` the newest version.
     pub fn replace(&self, html: String) {
         *self.html.lock().unwrap_or_else(PoisonError::into_inner) = html;
-        self.hub.send(Kind::Phase, json!({ "phase": "changed" }));
+        self.hub.send(FrameKind::Phase, json!({ "phase": "changed" }));
     }
 
     /// Tells the browsers that no version follows, and ends the server.
     pub fn close(&self) {
-        self.hub.send(Kind::Phase, json!({ "phase": "ended" }));
+        self.hub.send(FrameKind::Phase, json!({ "phase": "ended" }));
         self.hub.close();
     }
 

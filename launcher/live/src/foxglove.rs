@@ -23,7 +23,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use settings::Scenario;
 use tokio::sync::broadcast::error::RecvError;
-use view::scene::{Derived, Scene};
+use view::scene::{DerivedMessage, Scene};
 
 use crate::hub::{Hub, Published};
 use crate::socket::send;
@@ -76,15 +76,15 @@ impl Encoder {
         Published { channel, log_time_ns: tick.saturating_mul(self.sample_ns), bytes: bytes.into() }
     }
 
-    fn published(&self, derived: Derived) -> Published {
-        let Derived { channel, time_ns, bytes } = derived;
+    fn published(&self, derived: DerivedMessage) -> Published {
+        let DerivedMessage { channel, time_ns, bytes } = derived;
         Published { channel: self.before_view + channel as usize, log_time_ns: time_ns, bytes: bytes.into() }
     }
 }
 
 /// Lists the channels, each at its number.
 fn channels() -> Vec<Channel> {
-    [log::channels(), view::scene::Channel::of_log().into()].concat()
+    [log::channels(), view::scene::SceneChannel::of_log().into()].concat()
 }
 
 /// Request of a client. Others than these are ignored.

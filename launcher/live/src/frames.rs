@@ -12,7 +12,7 @@ use outcome::timing::Age;
 use plant::air::Air;
 use serde_json::{Map, Value, json};
 use settings::{FaultTarget, Mode, Scenario};
-use view::report::columns::{Derived, lines, names, values};
+use view::report::columns::{DerivedSources, lines, names, values};
 
 /// Rows of the plots per second, at most: every n-th tick is shown.
 const ROWS_HZ: u32 = 20;
@@ -35,14 +35,14 @@ pub struct Frames {
     joined: Option<Joined>,
     age: Age,
     age_ms: f64,
-    derived: Derived,
+    derived: DerivedSources,
     wind: Air,
     events: Vec<TimedEvent>,
-    rows: Vec<Row>,
+    rows: Vec<PlotRow>,
 }
 
 /// Row of the plots.
-pub struct Row {
+pub struct PlotRow {
     pub time_s: f64,
     /// Time and columns, a JSON array.
     pub json: String,
@@ -56,7 +56,7 @@ impl Frames {
             joined: None,
             age: Age::new(scenario.sample_ns()),
             age_ms: f64::NAN,
-            derived: Derived::new(scenario),
+            derived: DerivedSources::new(scenario),
             wind: Air::new(scenario),
             events: vec![],
             rows: vec![],
@@ -93,7 +93,7 @@ impl Frames {
         let every = u64::from((self.scenario.run.rate_hz / ROWS_HZ).max(1));
         if tick.number.is_multiple_of(every) {
             let json = row(tick, values, self.age_ms, &self.wind);
-            self.rows.push(Row { time_s: tick.time_s(), json });
+            self.rows.push(PlotRow { time_s: tick.time_s(), json });
         }
     }
 
@@ -113,7 +113,7 @@ impl Frames {
     }
 
     /// Returns the rows since the last call.
-    pub fn rows(&mut self) -> Vec<Row> {
+    pub fn rows(&mut self) -> Vec<PlotRow> {
         std::mem::take(&mut self.rows)
     }
 

@@ -18,7 +18,7 @@ const FOXGLOVE_QUEUE: usize = 4096;
 
 /// Kind of a frame; of all but `Rows` the newest replaces those before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum FrameKind {
     /// The flight and its settings. Everything of an earlier flight is forgotten.
     Flight = 0,
     /// Samples of the plots and the vehicle.
@@ -35,8 +35,15 @@ pub enum Kind {
     Position = 6,
 }
 
-const KINDS: [Kind; 7] =
-    [Kind::Flight, Kind::Rows, Kind::Status, Kind::Timing, Kind::Happened, Kind::Phase, Kind::Position];
+const KINDS: [FrameKind; 7] = [
+    FrameKind::Flight,
+    FrameKind::Rows,
+    FrameKind::Status,
+    FrameKind::Timing,
+    FrameKind::Happened,
+    FrameKind::Phase,
+    FrameKind::Position,
+];
 
 /// One message for Foxglove's clients.
 #[derive(Debug, Clone)]
@@ -75,11 +82,11 @@ impl Hub {
     }
 
     /// Sends a frame to all clients, and keeps it for those that come.
-    pub fn send(&self, kind: Kind, mut content: Value) {
+    pub fn send(&self, kind: FrameKind, mut content: Value) {
         content["kind"] = json!(format!("{kind:?}").to_lowercase());
         let text = Utf8Bytes::from(content.to_string());
         let mut kept = self.kept();
-        if kind == Kind::Flight {
+        if kind == FrameKind::Flight {
             *kept = Kept::default();
             kept.namespace = content["namespace"].as_str().map(str::to_owned);
         }
@@ -123,8 +130,8 @@ impl Hub {
     /// Returns what a client that comes must know, and the frames that follow.
     pub fn join(&self) -> (Vec<Utf8Bytes>, broadcast::Receiver<Utf8Bytes>) {
         let kept = self.kept();
-        let frame = |kind: &Kind| match kind {
-            Kind::Rows if !kept.rows.is_empty() => Some(rows_frame(kept.rows.iter(), true)),
+        let frame = |kind: &FrameKind| match kind {
+            FrameKind::Rows if !kept.rows.is_empty() => Some(rows_frame(kept.rows.iter(), true)),
             kind => kept.frames[*kind as usize].clone(),
         };
         (KINDS.iter().filter_map(frame).collect(), self.frames.subscribe())
@@ -172,10 +179,10 @@ mod tests {
     #[test]
     fn a_client_that_comes_late_gets_the_newest_of_each_kind_and_the_last_minute_of_rows() {
         let hub = Hub::new();
-        hub.send(Kind::Status, json!({ "of": "an earlier flight" }));
-        hub.send(Kind::Flight, json!({ "namespace": "here" }));
-        hub.send(Kind::Timing, json!({ "n": 1 }));
-        hub.send(Kind::Timing, json!({ "n": 2 }));
+        hub.send(FrameKind::Status, json!({ "of": "an earlier flight" }));
+        hub.send(FrameKind::Flight, json!({ "namespace": "here" }));
+        hub.send(FrameKind::Timing, json!({ "n": 1 }));
+        hub.send(FrameKind::Timing, json!({ "n": 2 }));
         (0..KEPT_ROWS + 5).for_each(|i| hub.send_rows(vec![format!("[{i}]")], false));
         let (first, mut later) = hub.join();
         let frames: Vec<Value> = first.iter().map(|text| serde_json::from_str(text).unwrap()).collect();
@@ -183,7 +190,7 @@ mod tests {
         assert_eq!(kinds, ["flight", "rows", "timing"]);
         assert_eq!((&frames[1]["rows"][0], frames[1]["rows"].as_array().unwrap().len()), (&json!([5]), KEPT_ROWS));
         assert_eq!((frames[2]["n"].as_u64(), hub.namespace().as_deref()), (Some(2), Some("here")));
-        hub.send(Kind::Phase, json!({}));
+        hub.send(FrameKind::Phase, json!({}));
         assert!(later.try_recv().unwrap().contains("phase"));
         hub.send_rows(vec!["[1]".into()], true);
         let rows = hub.join().0[1].clone();
@@ -194,7 +201,7 @@ mod tests {
     fn a_client_that_does_not_read_loses_the_oldest_and_holds_back_no_other() {
         let hub = Hub::new();
         let (_, mut sleeping) = hub.join();
-        (0..2 * QUEUE).for_each(|n| hub.send(Kind::Timing, json!({ "n": n })));
+        (0..2 * QUEUE).for_each(|n| hub.send(FrameKind::Timing, json!({ "n": n })));
         assert!(matches!(sleeping.try_recv(), Err(broadcast::error::TryRecvError::Lagged(n)) if n == QUEUE as u64));
         assert!(sleeping.try_recv().unwrap().contains(&format!("\"n\":{QUEUE}")), "the oldest that is left");
     }

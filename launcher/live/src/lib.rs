@@ -45,15 +45,15 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 use std::thread::JoinHandle;
 
-use access::Access;
+use access::AccessRule;
 use document::Document;
 use hub::Hub;
 use player::Player;
-use server::Content;
+use server::ServerContent;
 use watch::Watch;
 
 /// Flights that a server shows.
-pub enum Source {
+pub enum FlightSource {
     /// Flights under way.
     Flights {
         /// Namespace of the flights; `None`: the only flight that there is.
@@ -67,17 +67,22 @@ pub enum Source {
 
 /// Serves what `source` shows on `listener` to the clients that `access` lets in, until an interrupt, or the end of the
 /// only flight.
-pub fn serve(listener: TcpListener, access: Access, source: Source, interrupts: Arc<AtomicU32>) -> anyhow::Result<()> {
+pub fn serve(
+    listener: TcpListener,
+    access: AccessRule,
+    source: FlightSource,
+    interrupts: Arc<AtomicU32>,
+) -> anyhow::Result<()> {
     listener.set_nonblocking(true)?;
     let hub = Arc::new(Hub::new());
     let (thread, content) = match source {
-        Source::Flights { namespace, one_flight } => {
+        FlightSource::Flights { namespace, one_flight } => {
             let watch = Watch { namespace, one_flight, hub: hub.clone(), interrupts };
-            (spawn("observer", move || watch.run())?, Content::Live)
+            (spawn("observer", move || watch.run())?, ServerContent::Live)
         }
-        Source::Recorded(player) => {
+        FlightSource::Recorded(player) => {
             let (plays, hub) = (player.clone(), hub.clone());
-            (spawn("player", move || plays.run(&hub, &interrupts))?, Content::Recorded(player))
+            (spawn("player", move || plays.run(&hub, &interrupts))?, ServerContent::Recorded(player))
         }
     };
     let served = run(listener, access, hub, content);
@@ -86,12 +91,12 @@ pub fn serve(listener: TcpListener, access: Access, source: Source, interrupts: 
 }
 
 /// Serves a page that is made anew meanwhile, until it is closed.
-pub fn serve_document(listener: TcpListener, access: Access, document: Arc<Document>) -> anyhow::Result<()> {
+pub fn serve_document(listener: TcpListener, access: AccessRule, document: Arc<Document>) -> anyhow::Result<()> {
     listener.set_nonblocking(true)?;
-    run(listener, access, document.hub.clone(), Content::Document(document))
+    run(listener, access, document.hub.clone(), ServerContent::Document(document))
 }
 
-fn run(listener: TcpListener, access: Access, hub: Arc<Hub>, content: Content) -> anyhow::Result<()> {
+fn run(listener: TcpListener, access: AccessRule, hub: Arc<Hub>, content: ServerContent) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let served = runtime.block_on(server::serve(listener, access, hub, content));
     // Threads that still carry out a command are not waited for.

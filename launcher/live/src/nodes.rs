@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 /// State of the nodes.
 #[derive(Default)]
-pub struct Nodes {
+pub struct NodeStates {
     of: [Node; Topic::COUNT],
     /// Rung of the mixer's newest command.
     rung: Option<&'static str>,
@@ -60,7 +60,7 @@ impl Node {
     }
 }
 
-impl Nodes {
+impl NodeStates {
     /// Takes in a message; only one that was delivered shows which process is active.
     pub fn observe(&mut self, record: &Record) {
         let Some((topic, stamp)) = record.stamped() else { return };
@@ -99,12 +99,12 @@ mod tests {
 
     use super::*;
 
-    fn sent(nodes: &mut Nodes, epoch: u32, delivery: u64) {
+    fn sent(nodes: &mut NodeStates, epoch: u32, delivery: u64) {
         let stamp = Stamp { tick: 1, sequence: 1, epoch: epoch.into(), delivery, misses: 7, ..Stamp::default() };
         nodes.observe(&Controls { stamp, ..Controls::default() }.with_checksum().into());
     }
 
-    fn noted(nodes: &mut Nodes, epoch: u32, what: What) -> [Value; 3] {
+    fn noted(nodes: &mut NodeStates, epoch: u32, what: What) -> [Value; 3] {
         nodes.note(&Event::new(1, "attitude-mpc", epoch, what));
         let node = &nodes.status()["nodes"][0];
         ["epoch", "standby", "restarts"].map(|key| node[key].clone())
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_node_is_vacant_from_a_death_until_the_next_process_takes_over() {
-        let mut nodes = Nodes::default();
+        let mut nodes = NodeStates::default();
         assert_eq!(nodes.status()["nodes"], json!([]), "nothing is known before the first message");
         sent(&mut nodes, 1, delivery::DELIVERED);
         assert_eq!(nodes.status()["nodes"][0]["misses"], 7);
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_candidate_and_the_process_before_it_change_places() {
-        let mut nodes = Nodes::default();
+        let mut nodes = NodeStates::default();
         sent(&mut nodes, 1, delivery::DELIVERED);
         let all = [json!(1), json!(2), json!(0)];
         assert_eq!(noted(&mut nodes, 2, What::OnStandby), all);

@@ -21,7 +21,7 @@ const LIMITS: [&str; 2] = ["attitude.mpc.max_iterations", "attitude.mpc.time_lim
 /// Order of the page. Times are written as on the command line: `500ms`, `2s`, `inf`.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "command", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Order {
+pub enum PageOrder {
     Inject {
         target: String,
         kind: String,
@@ -48,7 +48,7 @@ pub enum Order {
 
 /// Answer to an order.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Answer {
+pub struct OrderAnswer {
     /// Command line that was run, as a user would write it.
     pub line: String,
     pub ok: bool,
@@ -56,7 +56,7 @@ pub struct Answer {
     pub said: String,
 }
 
-impl Order {
+impl PageOrder {
     /// Returns the arguments of the launcher, of which none can be taken for another option.
     ///
     /// # Errors
@@ -93,19 +93,19 @@ impl Order {
     }
 
     /// Carries the order out, and waits for its end: that of a swap comes after its trial.
-    pub fn run(&self, namespace: &str) -> Answer {
+    pub fn run(&self, namespace: &str) -> OrderAnswer {
         let arguments = match self.arguments(namespace) {
             Ok(arguments) => arguments,
-            Err(said) => return Answer { line: String::new(), ok: false, said },
+            Err(said) => return OrderAnswer { line: String::new(), ok: false, said },
         };
         let line =
             format!("trefoil {}", arguments.iter().filter(|word| *word != "--").cloned().collect::<Vec<_>>().join(" "));
         match own_program().args(&arguments).stdin(Stdio::null()).output() {
             Ok(output) => {
                 let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-                Answer { line, ok: output.status.success(), said: said.concat().trim_end().to_owned() }
+                OrderAnswer { line, ok: output.status.success(), said: said.concat().trim_end().to_owned() }
             }
-            Err(error) => Answer { line, ok: false, said: format!("the command cannot be started: {error}") },
+            Err(error) => OrderAnswer { line, ok: false, said: format!("the command cannot be started: {error}") },
         }
     }
 }
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     fn order(json: &str) -> Result<Vec<String>, String> {
-        serde_json::from_str::<Order>(json).map_err(|error| error.to_string())?.arguments("here")
+        serde_json::from_str::<PageOrder>(json).map_err(|error| error.to_string())?.arguments("here")
     }
 
     #[test]

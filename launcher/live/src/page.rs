@@ -10,12 +10,12 @@ const SCRIPT: &str = include_str!("../assets/live.js");
 
 /// Flight of which a page is, and the mark of the template's parts for it alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shown {
+pub enum PageSubject {
     Live,
     Recorded,
 }
 
-impl Shown {
+impl PageSubject {
     fn mark(self) -> &'static str {
         match self {
             Self::Live => "live",
@@ -25,24 +25,24 @@ impl Shown {
 }
 
 /// Makes the page. Its scripts run because they carry `nonce`, which the header of the answer names too.
-pub fn page(shown: Shown, nonce: &str) -> String {
+pub fn page(shown: PageSubject, nonce: &str) -> String {
     let style = [UPLOT_STYLE, STYLE, LIVE_STYLE].concat();
     let scripts = SCRIPTS.into_iter().chain([FIGURE_SCRIPT, SCRIPT]);
     let scripts = scripts.map(|script| format!("<script nonce=\"{nonce}\">{script}</script>"));
     let scripts: String = scripts.collect::<Vec<_>>().join("\n");
-    let other = if shown == Shown::Live { Shown::Recorded } else { Shown::Live };
+    let other = if shown == PageSubject::Live { PageSubject::Recorded } else { PageSubject::Live };
     without(TEMPLATE, other).replacen("{{style}}", &style, 1).replacen("{{scripts}}", &scripts, 1)
 }
 
 /// Returns the template without the parts that are for `other` flights alone, between `{{live}}` and `{{end live}}`,
 /// and without the marks of those that stay.
-fn without(template: &str, other: Shown) -> String {
+fn without(template: &str, other: PageSubject) -> String {
     let [begin, end] = ["", "end "].map(|which| format!("{{{{{which}{}}}}}", other.mark()));
     let mut parts = template.split(&begin);
     let first = parts.next().unwrap_or_default().to_owned();
     let rest = parts.map(|part| part.split_once(&end).map_or("", |(_, after)| after));
     let kept: String = [first.as_str()].into_iter().chain(rest).collect();
-    [Shown::Live, Shown::Recorded].iter().fold(kept, |kept, shown| {
+    [PageSubject::Live, PageSubject::Recorded].iter().fold(kept, |kept, shown| {
         let mark = shown.mark();
         kept.replace(&format!("{{{{{mark}}}}}"), "").replace(&format!("{{{{end {mark}}}}}"), "")
     })
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn the_page_is_whole_and_no_script_ends_early() {
-        for shown in [Shown::Live, Shown::Recorded] {
+        for shown in [PageSubject::Live, PageSubject::Recorded] {
             let page = page(shown, "abc");
             let marks = ["{{style}}", "{{scripts}}", "{{live}}", "{{end live}}", "{{recorded}}", "{{end recorded}}"];
             assert!(marks.iter().all(|mark| !page.contains(mark)));
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_page_has_no_button_that_cannot_act() {
-        let (live, recorded) = (page(Shown::Live, "abc"), page(Shown::Recorded, "abc"));
+        let (live, recorded) = (page(PageSubject::Live, "abc"), page(PageSubject::Recorded, "abc"));
         for form in ["id=\"inject\"", "id=\"clear\"", "id=\"swap\"", "id=\"stop\""] {
             assert!(live.contains(form) && !recorded.contains(form), "{form}");
         }

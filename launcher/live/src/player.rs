@@ -13,14 +13,14 @@ use anyhow::Context;
 use flight::event::TimedEvent;
 use flight::log::Record;
 use outcome::happenings::Happenings;
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::frames::{Frames, Row};
-use crate::hub::{Hub, KEPT_ROWS, Kind};
-use crate::nodes::Nodes;
-use crate::orders::Answer;
+use crate::frames::{Frames, PlotRow};
+use crate::hub::{FrameKind, Hub, KEPT_ROWS};
+use crate::nodes::NodeStates;
+use crate::orders::OrderAnswer;
 
 /// Time between two steps of the player.
 const STEP: Duration = Duration::from_millis(40);
@@ -65,7 +65,7 @@ struct Wish {
 /// The flight, taken apart by time. Each list is in the order of time.
 struct Recording {
     flight: Value,
-    rows: Vec<Row>,
+    rows: Vec<PlotRow>,
     timing: Vec<(f64, Value)>,
     status: Vec<(f64, Value)>,
     happened: Happenings,
@@ -78,7 +78,7 @@ impl Player {
     ///
     /// # Errors
     /// The log cannot be read, or has no sample of the plant in that part.
-    pub fn read(run: &Path, part: Part, events: &[TimedEvent]) -> anyhow::Result<Self> {
+    pub fn read(run: &Path, part: TimeSpan, events: &[TimedEvent]) -> anyhow::Result<Self> {
         let mut taken: Option<Taken> = None;
         Recorded::read_each(run, part, |scenario, record| {
             taken.get_or_insert_with(|| Taken::new(Frames::new(scenario), scenario.sample_s(), events)).observe(record);
@@ -95,10 +95,10 @@ impl Player {
     }
 
     /// Carries out an order, or says why not.
-    pub fn carry_out(&self, order: &PlayOrder) -> Answer {
+    pub fn carry_out(&self, order: &PlayOrder) -> OrderAnswer {
         let done = self.change(order);
         let ok = done.is_ok();
-        Answer { line: String::new(), ok, said: done.unwrap_or_else(|why| why) }
+        OrderAnswer { line: String::new(), ok, said: done.unwrap_or_else(|why| why) }
     }
 
     fn change(&self, order: &PlayOrder) -> Result<String, String> {
@@ -132,7 +132,7 @@ impl Player {
 
     /// Plays until an interrupt.
     pub fn run(&self, hub: &Hub, interrupts: &AtomicU32) {
-        hub.send(Kind::Flight, self.recording.flight.clone());
+        hub.send(FrameKind::Flight, self.recording.flight.clone());
         let (mut shown, mut last) = (Shown::default(), Instant::now());
         while interrupts.load(Ordering::Relaxed) == 0 {
             let passed_s = last.elapsed().as_secs_f64();
@@ -141,7 +141,7 @@ impl Player {
             self.recording.show(wish, &mut shown, hub);
             std::thread::sleep(STEP);
         }
-        hub.send(Kind::Phase, json!({ "phase": "ended", "why": "the page's server was stopped" }));
+        hub.send(FrameKind::Phase, json!({ "phase": "ended", "why": "the page's server was stopped" }));
         hub.close();
     }
 
@@ -196,7 +196,7 @@ impl Recording {
         }
         shown.rows = rows;
         for (kind, all, shown) in
-            [(Kind::Status, &self.status, &mut shown.status), (Kind::Timing, &self.timing, &mut shown.timing)]
+            [(FrameKind::Status, &self.status, &mut shown.status), (FrameKind::Timing, &self.timing, &mut shown.timing)]
         {
             let count = all.partition_point(|(time_s, _)| *time_s <= position_s);
             if *shown != count && count > 0 {
@@ -206,11 +206,11 @@ impl Recording {
         }
         let happened = self.happened_s.partition_point(|time_s| *time_s <= position_s);
         if shown.happened.replace(happened) != Some(happened) {
-            hub.send(Kind::Happened, json!(self.happened.until(position_s)));
+            hub.send(FrameKind::Happened, json!(self.happened.until(position_s)));
         }
         let position = json!({ "position_s": position_s, "speed": speed, "playing": is_playing });
         if shown.position != position {
-            hub.send(Kind::Position, position.clone());
+            hub.send(FrameKind::Position, position.clone());
             shown.position = position;
         }
         let phase = match is_playing {
@@ -219,7 +219,7 @@ impl Recording {
             false => "paused",
         };
         if std::mem::replace(&mut shown.phase, phase) != phase {
-            hub.send(Kind::Phase, json!({ "phase": phase }));
+            hub.send(FrameKind::Phase, json!({ "phase": phase }));
         }
     }
 }
@@ -227,11 +227,11 @@ impl Recording {
 /// Log that is being read.
 struct Taken<'a> {
     frames: Frames,
-    nodes: Nodes,
+    nodes: NodeStates,
     sample_s: f64,
     /// Events that are still to come, in the order of time.
     events: Vec<&'a TimedEvent>,
-    rows: Vec<Row>,
+    rows: Vec<PlotRow>,
     timing: Vec<(f64, Value)>,
     status: Vec<(f64, Value)>,
     /// Time from which the next sample of the timing is due \[s\].
@@ -243,7 +243,7 @@ impl<'a> Taken<'a> {
         let mut events: Vec<&TimedEvent> = events.iter().collect();
         events.sort_by(|a, b| b.at_s.total_cmp(&a.at_s)); // the next one is the last
         let (rows, timing, status) = Default::default();
-        Self { frames, nodes: Nodes::default(), sample_s, events, rows, timing, status, due_s: f64::NEG_INFINITY }
+        Self { frames, nodes: NodeStates::default(), sample_s, events, rows, timing, status, due_s: f64::NEG_INFINITY }
     }
 
     fn observe(&mut self, record: &Record) {

@@ -15,11 +15,11 @@ use axum::response::{Html, IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::broadcast::error::RecvError;
 
-use crate::access::{self, Access, Refused};
+use crate::access::{self, AccessRule, RequestRefused};
 use crate::document::Document;
 use crate::foxglove;
 use crate::hub::Hub;
-use crate::orders::{Answer, Order};
+use crate::orders::{OrderAnswer, PageOrder};
 use crate::page;
 use crate::player::{PlayOrder, Player};
 use crate::socket::send;
@@ -41,7 +41,7 @@ const LAST_FRAMES: Duration = Duration::from_millis(300);
 
 /// Content of a server.
 #[derive(Clone)]
-pub enum Content {
+pub enum ServerContent {
     /// Flights under way.
     Live,
     Recorded(Arc<Player>),
@@ -50,13 +50,18 @@ pub enum Content {
 
 #[derive(Clone)]
 struct Context {
-    access: Arc<Access>,
+    access: Arc<AccessRule>,
     hub: Arc<Hub>,
-    content: Content,
+    content: ServerContent,
 }
 
 /// Serves until the hub is closed.
-pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content: Content) -> anyhow::Result<()> {
+pub async fn serve(
+    listener: TcpListener,
+    access: AccessRule,
+    hub: Arc<Hub>,
+    content: ServerContent,
+) -> anyhow::Result<()> {
     let context = Context { access: Arc::new(access), hub: hub.clone(), content };
     let routes = Router::new()
         .route("/", get(whole_page))
@@ -92,7 +97,7 @@ async fn check(State(context): State<Context>, request: Request, next: Next) -> 
     let mut response = match context.access.check(request.headers(), request.uri(), is_foxglove) {
         Ok(()) => next.run(request).await,
         Err(refused) => {
-            let code = if refused == Refused::Token { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
+            let code = if refused == RequestRefused::Token { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
             (code, refused.describe()).into_response()
         }
     };
@@ -109,8 +114,8 @@ async fn check(State(context): State<Context>, request: Request, next: Next) -> 
 
 impl Context {
     /// Carries out an order to the flight under way.
-    async fn carry_out(&self, order: Order) -> Answer {
-        let refused = |said: String| Answer { line: String::new(), ok: false, said };
+    async fn carry_out(&self, order: PageOrder) -> OrderAnswer {
+        let refused = |said: String| OrderAnswer { line: String::new(), ok: false, said };
         let Some(namespace) = self.hub.namespace() else { return refused("no stack is flying".into()) };
         self.hub.orders.fetch_add(1, Ordering::Relaxed);
         let done = tokio::task::spawn_blocking(move || order.run(&namespace)).await;
@@ -127,9 +132,9 @@ async fn whole_page(State(context): State<Context>, uri: Uri) -> Response {
     }
     let Ok(nonce) = access::random() else { return StatusCode::INTERNAL_SERVER_ERROR.into_response() };
     let html = match &context.content {
-        Content::Live => page::page(page::Shown::Live, &nonce),
-        Content::Recorded(_) => page::page(page::Shown::Recorded, &nonce),
-        Content::Document(document) => document.page(&nonce),
+        ServerContent::Live => page::page(page::PageSubject::Live, &nonce),
+        ServerContent::Recorded(_) => page::page(page::PageSubject::Recorded, &nonce),
+        ServerContent::Document(document) => document.page(&nonce),
     };
     let mut response = Html(html).into_response();
     if let Ok(policy) = HeaderValue::from_str(&page::policy(&nonce)) {
@@ -144,15 +149,15 @@ async fn command(State(context): State<Context>, headers: HeaderMap, body: Bytes
         return (StatusCode::UNSUPPORTED_MEDIA_TYPE, "an order is JSON").into_response();
     }
     let (of, answer) = match &context.content {
-        Content::Live => match serde_json::from_slice(&body) {
+        ServerContent::Live => match serde_json::from_slice(&body) {
             Ok(order) => ("a flight under way", Ok(context.carry_out(order).await)),
             Err(error) => ("a flight under way", Err(error)),
         },
-        Content::Recorded(player) => {
+        ServerContent::Recorded(player) => {
             let answer = serde_json::from_slice(&body).map(|order: PlayOrder| player.carry_out(&order));
             ("a recorded flight", answer)
         }
-        Content::Document(_) => return (StatusCode::NOT_FOUND, "a campaign takes no orders").into_response(),
+        ServerContent::Document(_) => return (StatusCode::NOT_FOUND, "a campaign takes no orders").into_response(),
     };
     match answer {
         Ok(answer) => {
@@ -173,9 +178,11 @@ fn limited(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
 
 async fn foxglove_socket(State(context): State<Context>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
     let why = match context.content {
-        Content::Live => None,
-        Content::Recorded(_) => Some("the messages of a recorded flight are in its flight.mcap, which Foxglove opens"),
-        Content::Document(_) => Some("a campaign keeps no messages"),
+        ServerContent::Live => None,
+        ServerContent::Recorded(_) => {
+            Some("the messages of a recorded flight are in its flight.mcap, which Foxglove opens")
+        }
+        ServerContent::Document(_) => Some("a campaign keeps no messages"),
     };
     if let Some(why) = why {
         return (StatusCode::NOT_FOUND, why).into_response();

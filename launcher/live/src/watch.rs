@@ -12,7 +12,7 @@ use serde_json::json;
 
 use crate::foxglove::Encoder;
 use crate::frames::Frames;
-use crate::hub::{Hub, Kind};
+use crate::hub::{FrameKind, Hub};
 
 /// Time between two attempts to join a flight.
 const TRY_PERIOD: Duration = Duration::from_millis(20);
@@ -45,7 +45,7 @@ impl Watch {
                     }
                 }
                 Err(why) if self.hub.namespace().is_none() && waiting_for.as_ref() != Some(&why) => {
-                    self.hub.send(Kind::Phase, json!({ "phase": "waiting", "why": why }));
+                    self.hub.send(FrameKind::Phase, json!({ "phase": "waiting", "why": why }));
                     waiting_for = Some(why);
                 }
                 Err(_) => {}
@@ -78,9 +78,9 @@ impl Watch {
         let mut frames = Frames::new(observer.scenario());
         let mut flight = frames.flight();
         flight["namespace"] = json!(observer.domain().namespace());
-        hub.send(Kind::Flight, flight);
+        hub.send(FrameKind::Flight, flight);
         let mut foxglove = Encoder::begin(observer.scenario(), hub);
-        hub.send(Kind::Phase, json!({ "phase": "starting" }));
+        hub.send(FrameKind::Phase, json!({ "phase": "starting" }));
         let [mut rows_due, mut status_due, mut timing_due] = [Instant::now(); 3];
         let (mut has_begun, mut end, mut records) = (false, None, vec![]);
         while end.is_none() {
@@ -107,7 +107,7 @@ impl Watch {
                 Look::Lost => end = Some("the launcher was killed"),
             }
             if observer.has_begun() && !std::mem::replace(&mut has_begun, true) {
-                hub.send(Kind::Phase, json!({ "phase": "flying" }));
+                hub.send(FrameKind::Phase, json!({ "phase": "flying" }));
             }
             if is_due(&mut rows_due, ROWS_PERIOD) || end.is_some() {
                 let rows = frames.rows();
@@ -116,16 +116,16 @@ impl Watch {
                 }
             }
             if is_due(&mut status_due, STATUS_PERIOD) && end.is_none() {
-                hub.send(Kind::Status, view(observer.domain()));
+                hub.send(FrameKind::Status, view(observer.domain()));
             }
             if is_due(&mut timing_due, TIMING_PERIOD) || has_event || end.is_some() {
                 let happened = frames.happenings();
-                hub.send(Kind::Timing, frames.timing(&happened));
-                hub.send(Kind::Happened, json!(happened));
+                hub.send(FrameKind::Timing, frames.timing(&happened));
+                hub.send(FrameKind::Happened, json!(happened));
             }
         }
         drop(observer); // before the end is told, so that a launcher that waits for it can go on
-        hub.send(Kind::Phase, json!({ "phase": "ended", "why": end }));
+        hub.send(FrameKind::Phase, json!({ "phase": "ended", "why": end }));
     }
 }
 

@@ -5,7 +5,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use crate::finding::{Finding, Level};
+use crate::finding::{Finding, Severity};
 use crate::sources::Machine;
 
 /// Folders of the group of this process for processor time: the group first, then those above it.
@@ -25,13 +25,13 @@ pub(crate) fn quota(machine: &Machine) -> Option<Finding> {
             let lift =
                 if is_v2 { "echo max | sudo tee /{}/cpu.max" } else { "echo -1 | sudo tee /{}/cpu.cfs_quota_us" };
             Finding::new(
-                Level::Warn,
+                Severity::Warn,
                 format!("{cpus:.2} processors, by /{folder}"),
                 "processes that are not in SCHED_FIFO stop for the rest of a period once they have used it up",
             )
             .remedy(lift.replace("{}", &folder.to_string()) + " (Docker: without --cpus)")
         }
-        None => Finding::new(Level::Ok, "none", ""),
+        None => Finding::new(Severity::Ok, "none", ""),
     })
 }
 

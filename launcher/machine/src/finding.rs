@@ -5,7 +5,7 @@ use serde::Serialize;
 /// Weight of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Level {
+pub enum Severity {
     /// A flight has what it needs.
     Ok,
     /// A flight gets what it asks for, but its timing may be worse.
@@ -22,7 +22,7 @@ pub struct Finding {
     /// Name of the check; empty until [`Self::of`] gives it.
     pub check: &'static str,
     /// Weight.
-    pub level: Level,
+    pub level: Severity,
     /// State of the machine.
     pub found: String,
     /// Consequence for a flight; empty if there is none to tell.
@@ -33,7 +33,7 @@ pub struct Finding {
 
 impl Finding {
     /// Returns a finding without a name and a remedy.
-    pub fn new(level: Level, found: impl Into<String>, means: impl Into<String>) -> Self {
+    pub fn new(level: Severity, found: impl Into<String>, means: impl Into<String>) -> Self {
         Self { check: "", level, found: found.into(), means: means.into(), remedy: None }
     }
 

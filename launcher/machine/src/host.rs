@@ -1,6 +1,6 @@
 //! Host of a virtual machine, and the processor time that it took away.
 
-use crate::finding::{Finding, Level};
+use crate::finding::{Finding, Severity};
 use crate::sources::Machine;
 
 /// Share of stolen time from which it is told as a warning \[%\].
@@ -28,15 +28,15 @@ impl CpuTimes {
 /// Checks how much time the host took away between two readings.
 pub fn stolen(before: Option<CpuTimes>, after: Option<CpuTimes>) -> Finding {
     let (Some(before), Some(after)) = (before, after) else {
-        return Finding::new(Level::Unknown, "/proc/stat cannot be read", "");
+        return Finding::new(Severity::Unknown, "/proc/stat cannot be read", "");
     };
     let all = after.all.saturating_sub(before.all).max(1);
     let percent = 100.0 * after.stolen.saturating_sub(before.stolen) as f64 / all as f64;
     let found = format!("{percent:.2} % during this check");
     if percent < STOLEN_PERCENT {
-        return Finding::new(Level::Ok, found, "");
+        return Finding::new(Severity::Ok, found, "");
     }
-    Finding::new(Level::Warn, found, "the host gave the processors to others while processes here wanted them")
+    Finding::new(Severity::Warn, found, "the host gave the processors to others while processes here wanted them")
         .remedy("on the host: give each virtual processor one of its own, or fly on a machine that is not shared")
 }
 
@@ -49,13 +49,13 @@ pub(crate) fn virtualisation(machine: &Machine) -> Option<Finding> {
     let maker =
         maker.into_iter().find_map(|file| machine.text(file)).map_or(String::new(), |maker| format!(" ({maker})"));
     Some(match is_guest {
-        Some(false) => Finding::new(Level::Ok, "none", ""),
+        Some(false) => Finding::new(Severity::Ok, "none", ""),
         Some(true) => Finding::new(
-            Level::Warn,
+            Severity::Warn,
             format!("a virtual machine{maker}"),
             "its host may stop a processor at any moment, and no setting here prevents that",
         )
         .remedy("see the canary: it tells if that happens"),
-        None => Finding::new(Level::Unknown, format!("this processor does not tell{maker}"), ""),
+        None => Finding::new(Severity::Unknown, format!("this processor does not tell{maker}"), ""),
     })
 }

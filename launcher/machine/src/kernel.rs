@@ -1,6 +1,6 @@
 //! Kernel: preemption model, throttling of `SCHED_FIFO`, clock source.
 
-use crate::finding::{Finding, Level};
+use crate::finding::{Finding, Severity};
 use crate::sources::Machine;
 
 /// Clock sources that are read without a system call.
@@ -15,7 +15,7 @@ pub(crate) fn preemption(machine: &Machine) -> Option<Finding> {
     let has = |word: &str| version.split_whitespace().any(|found| found == word);
     let found = |model: &str| format!("{model}, Linux {release}");
     if is_rt || has("PREEMPT_RT") {
-        return Some(Finding::new(Level::Ok, found("PREEMPT_RT"), ""));
+        return Some(Finding::new(Severity::Ok, found("PREEMPT_RT"), ""));
     }
     let by_debugfs =
         machine.text("sys/kernel/debug/sched/preempt").and_then(|text| bracketed(&text).map(str::to_owned));
@@ -25,17 +25,17 @@ pub(crate) fn preemption(machine: &Machine) -> Option<Finding> {
     };
     Some(match (has("PREEMPT_DYNAMIC"), by_debugfs.or_else(at_boot)) {
         (true, Some(model)) if ["full", "lazy"].contains(&model.as_str()) => {
-            Finding::new(Level::Ok, found(&format!("dynamic, {model}")), "")
+            Finding::new(Severity::Ok, found(&format!("dynamic, {model}")), "")
         }
-        (true, Some(model)) => Finding::new(Level::Warn, found(&format!("dynamic, {model}")), MEANS).remedy(SET),
+        (true, Some(model)) => Finding::new(Severity::Warn, found(&format!("dynamic, {model}")), MEANS).remedy(SET),
         (true, None) => Finding::new(
-            Level::Unknown,
+            Severity::Unknown,
             found("dynamic, /sys/kernel/debug/sched/preempt cannot be read"),
             "with `none` or `voluntary` a wake-up waits until the kernel leaves a system call of another process",
         )
         .remedy("sudo mount -t debugfs none /sys/kernel/debug; sudo cat /sys/kernel/debug/sched/preempt"),
-        (false, _) if has("PREEMPT") => Finding::new(Level::Ok, found("PREEMPT"), ""),
-        (false, _) => Finding::new(Level::Warn, found("none or voluntary"), MEANS)
+        (false, _) if has("PREEMPT") => Finding::new(Severity::Ok, found("PREEMPT"), ""),
+        (false, _) => Finding::new(Severity::Warn, found("none or voluntary"), MEANS)
             .remedy("install a kernel with PREEMPT_RT (Debian: sudo apt-get install linux-image-rt-amd64)"),
     })
 }
@@ -54,15 +54,15 @@ pub(crate) fn throttling(machine: &Machine) -> Option<Finding> {
     let found = format!("{runtime_ms:.0} of every {period_ms:.0} ms are for SCHED_FIFO");
     Some(match runtime_us {
         ..0 => Finding::new(
-            Level::Warn,
+            Severity::Warn,
             "off",
             "a node that never sleeps takes its processor for good, unless realtime.rttime_ms ends it",
         )
         .remedy(SET),
         _ if runtime_us * 2 < period_us => {
-            Finding::new(Level::Warn, found, "the nodes stop when it is used up").remedy(SET)
+            Finding::new(Severity::Warn, found, "the nodes stop when it is used up").remedy(SET)
         }
-        _ => Finding::new(Level::Ok, found, ""),
+        _ => Finding::new(Severity::Ok, found, ""),
     })
 }
 
@@ -71,12 +71,12 @@ pub(crate) fn clock_source(machine: &Machine) -> Option<Finding> {
     const FOLDER: &str = "sys/devices/system/clocksource/clocksource0";
     let current = machine.text(format!("{FOLDER}/current_clocksource"))?;
     if FAST_CLOCKS.contains(&current.as_str()) {
-        return Some(Finding::new(Level::Ok, current, ""));
+        return Some(Finding::new(Severity::Ok, current, ""));
     }
     let available = machine.text(format!("{FOLDER}/available_clocksource")).unwrap_or_default();
     let better = available.split_whitespace().find(|name| FAST_CLOCKS.contains(name));
     let finding = Finding::new(
-        Level::Warn,
+        Severity::Warn,
         &current,
         "a reading of the clock takes a system call and up to some microseconds, and every message has several",
     );

@@ -25,7 +25,7 @@ pub mod sources;
 
 use settings::{Mode, Scenario};
 
-pub use finding::{Finding, Level};
+pub use finding::{Finding, Severity};
 pub use privileges::Granted;
 pub use sources::Machine;
 
@@ -68,7 +68,7 @@ const DISTURBANCES: [(&str, &str, Check); 10] = [
 /// Checks what may disturb a flight in real time that gets everything it asks for.
 pub fn disturbances(machine: &Machine) -> Vec<Finding> {
     let finding = |(name, source, check): (&'static str, &str, Check)| {
-        let unknown = || Finding::new(Level::Unknown, format!("{source} cannot be read"), "");
+        let unknown = || Finding::new(Severity::Unknown, format!("{source} cannot be read"), "");
         check(machine).unwrap_or_else(unknown).of(name)
     };
     DISTURBANCES.map(finding).into()

@@ -3,10 +3,10 @@
 use contract::topic::NODES;
 use runtime::limits::LATER_BYTES;
 use runtime::port::bytes_needed;
-use settings::{Mode, Policy, Scenario, Scheduling};
+use settings::{Mode, Scenario, Scheduling, SchedulingPolicy};
 
 use crate::cgroups;
-use crate::finding::{Finding, Level};
+use crate::finding::{Finding, Severity};
 use crate::sources::{CAP_IPC_LOCK, CAP_SYS_NICE, Machine};
 
 const CLASS: &str = "scheduling class";
@@ -26,7 +26,7 @@ pub struct Granted {
 /// have the same remedy, because each `setcap` takes back what an earlier one gave.
 pub fn judge(scenario: &Scenario, Granted { fifo, locked }: Granted, program: &str) -> [Finding; 2] {
     let asked = asked(scenario);
-    let lacks_fifo = fifo < asked.iter().filter(|asked| asked.policy == Policy::Fifo).count();
+    let lacks_fifo = fifo < asked.iter().filter(|asked| asked.policy == SchedulingPolicy::Fifo).count();
     let lacks_lock = locked < asked.iter().filter(|asked| asked.lock_memory).count();
     let class = match fifo {
         0 if lacks_fifo => "SCHED_OTHER for want of privilege".to_owned(),
@@ -47,9 +47,9 @@ pub fn judge(scenario: &Scenario, Granted { fifo, locked }: Granted, program: &s
     let setcap = format!("sudo setcap {capabilities}+ep {program}");
     let finding = |check, lacks, found: &str, means: &str| {
         if lacks {
-            Finding::new(Level::Bad, found, means).remedy(&setcap).of(check)
+            Finding::new(Severity::Bad, found, means).remedy(&setcap).of(check)
         } else {
-            Finding::new(Level::Ok, found, "").of(check)
+            Finding::new(Severity::Ok, found, "").of(check)
         }
     };
     [
@@ -61,7 +61,9 @@ pub fn judge(scenario: &Scenario, Granted { fifo, locked }: Granted, program: &s
 /// Checks class and memory lock. Without `granted` the limits of this process decide, which its nodes inherit.
 pub(crate) fn check(machine: &Machine, scenario: &Scenario, granted: Option<Granted>, program: &str) -> Vec<Finding> {
     if scenario.run.mode != Mode::Realtime {
-        return [CLASS, MEMORY].map(|check| Finding::new(Level::Ok, "not asked for in this mode", "").of(check)).into();
+        return [CLASS, MEMORY]
+            .map(|check| Finding::new(Severity::Ok, "not asked for in this mode", "").of(check))
+            .into();
     }
     let [fifo, locked] = match granted {
         Some(Granted { fifo, locked }) => [Some(fifo), Some(locked)],
@@ -70,11 +72,11 @@ pub(crate) fn check(machine: &Machine, scenario: &Scenario, granted: Option<Gran
     let asked = asked(scenario);
     let all = |asks: fn(&Scheduling) -> bool| asked.iter().filter(|asked| asks(asked)).count();
     let judged = Granted {
-        fifo: fifo.unwrap_or(all(|asked| asked.policy == Policy::Fifo)),
+        fifo: fifo.unwrap_or(all(|asked| asked.policy == SchedulingPolicy::Fifo)),
         locked: locked.unwrap_or(all(|asked| asked.lock_memory)),
     };
     let [mut class, mut memory] = judge(scenario, judged, program);
-    if class.level == Level::Bad {
+    if class.level == Severity::Bad {
         class.found = format!("{} ({})", class.found, limits_of_fifo(machine));
         if let Some(why) = cgroups::without_fifo(machine) {
             class = Finding {
@@ -84,10 +86,10 @@ pub(crate) fn check(machine: &Machine, scenario: &Scenario, granted: Option<Gran
             class = class.remedy(why);
         }
     }
-    if memory.level == Level::Bad {
+    if memory.level == Severity::Bad {
         memory.found = format!("{} ({})", memory.found, limits_of_lock(machine, scenario));
     }
-    let unknown = |check| Finding::new(Level::Unknown, "/proc/self/limits or status cannot be read", "").of(check);
+    let unknown = |check| Finding::new(Severity::Unknown, "/proc/self/limits or status cannot be read", "").of(check);
     vec![if fifo.is_none() { unknown(CLASS) } else { class }, if locked.is_none() { unknown(MEMORY) } else { memory }]
 }
 
@@ -97,7 +99,7 @@ fn asked(scenario: &Scenario) -> Vec<Scheduling> {
 
 /// Returns the number of nodes that will be given `SCHED_FIFO`, by the rules of `sched_setscheduler`.
 fn will_get_fifo(machine: &Machine, scenario: &Scenario) -> Option<usize> {
-    let fifo = asked(scenario).into_iter().filter(|asked| asked.policy == Policy::Fifo);
+    let fifo = asked(scenario).into_iter().filter(|asked| asked.policy == SchedulingPolicy::Fifo);
     let may_all = machine.has_capability(CAP_SYS_NICE)?;
     let highest = machine.limit("Max realtime priority")?.soft;
     let has_time = cgroups::without_fifo(machine).is_none();

@@ -3,7 +3,7 @@
 use contract::topic::NODES;
 use settings::{Mode, Scenario};
 
-use crate::finding::{Finding, Level};
+use crate::finding::{Finding, Severity};
 use crate::sources::{Machine, cpu_list};
 
 const CPUS: &str = "sys/devices/system/cpu";
@@ -16,17 +16,17 @@ pub(crate) fn affinity(machine: &Machine, scenario: &Scenario) -> Finding {
     asked.sort_unstable();
     asked.dedup();
     if asked.is_empty() || scenario.run.mode == Mode::Inprocess {
-        return Finding::new(Level::Ok, "the scenario names no processors", "");
+        return Finding::new(Severity::Ok, "the scenario names no processors", "");
     }
     let Some(allowed) = machine.allowed_cpus() else {
-        return Finding::new(Level::Unknown, "/proc/self/status cannot be read", "");
+        return Finding::new(Severity::Unknown, "/proc/self/status cannot be read", "");
     };
     let missing: Vec<usize> = asked.iter().copied().filter(|cpu| !allowed.contains(cpu)).collect();
     if missing.is_empty() {
-        return Finding::new(Level::Ok, format!("processors {}", list(&asked)), "");
+        return Finding::new(Severity::Ok, format!("processors {}", list(&asked)), "");
     }
     let found = format!("processors {} of the scenario are not there for this process", list(&missing));
-    Finding::new(Level::Bad, found, "the kernel places the nodes where it likes").remedy(format!(
+    Finding::new(Severity::Bad, found, "the kernel places the nodes where it likes").remedy(format!(
         "name some of {} in realtime.affinity, or let this process have others (taskset, cpuset, Docker: --cpuset-cpus)",
         list(&allowed)
     ))
@@ -37,10 +37,10 @@ pub(crate) fn number(machine: &Machine) -> Option<Finding> {
     let (allowed, online) = (machine.allowed_cpus()?, cpu_list(&machine.text(format!("{CPUS}/online"))?)?);
     let found = format!("{} of {} for this process", allowed.len(), online.len());
     if allowed.len() > 1 {
-        return Some(Finding::new(Level::Ok, found, ""));
+        return Some(Finding::new(Severity::Ok, found, ""));
     }
     let means = "launcher and recorder work only while no node does, and every interrupt delays a node";
-    let finding = Finding::new(Level::Warn, found, means);
+    let finding = Finding::new(Severity::Warn, found, means);
     Some(if online.len() > 1 {
         finding.remedy("let this process have more (taskset, cpuset, Docker: --cpuset-cpus)")
     } else {
@@ -53,19 +53,19 @@ pub(crate) fn isolated(machine: &Machine) -> Option<Finding> {
     let isolated = cpu_list(&machine.text(format!("{CPUS}/isolated"))?)?;
     if isolated.is_empty() {
         let means = "the nodes share the processors with all other work";
-        return Some(Finding::new(Level::Ok, "none isolated", means));
+        return Some(Finding::new(Severity::Ok, "none isolated", means));
     }
     let found = format!("processors {} are isolated", list(&isolated));
     let means = format!("nodes fly there only with realtime.affinity = {isolated:?}");
-    Some(Finding::new(Level::Ok, found, means))
+    Some(Finding::new(Severity::Ok, found, means))
 }
 
 /// Checks if cores run two threads at once.
 pub(crate) fn hardware_threads(machine: &Machine) -> Option<Finding> {
     Some(match machine.text(format!("{CPUS}/smt/active"))?.as_str() {
-        "0" => Finding::new(Level::Ok, "one per core", ""),
+        "0" => Finding::new(Severity::Ok, "one per core", ""),
         "1" => Finding::new(
-            Level::Warn,
+            Severity::Warn,
             "two or more per core",
             "work on the other thread of a core slows a node down, by up to half",
         )
@@ -83,13 +83,13 @@ pub(crate) fn governor(machine: &Machine) -> Finding {
     governors.dedup();
     match governors.as_slice() {
         [] => Finding::new(
-            Level::Unknown,
+            Severity::Unknown,
             "no frequency governor is visible",
             "on a virtual machine the host decides; on others the firmware may",
         ),
-        [one] if one == "performance" => Finding::new(Level::Ok, "performance", ""),
+        [one] if one == "performance" => Finding::new(Severity::Ok, "performance", ""),
         several => Finding::new(
-            Level::Warn,
+            Severity::Warn,
             several.join(", "),
             "a processor that slowed down while the nodes slept runs their next cycle slower",
         )
@@ -116,14 +116,14 @@ pub(crate) fn idle_states(machine: &Machine) -> Finding {
     states.sort();
     let Some((exit_us, _, name)) = states.last() else {
         return Finding::new(
-            Level::Unknown,
+            Severity::Unknown,
             "no idle state is visible",
             "on a virtual machine the host decides how deep an idle processor sleeps",
         );
     };
     let found = format!("the deepest is {name}, left within {exit_us} us");
     if *exit_us <= EXIT_LIMIT_US {
-        return Finding::new(Level::Ok, found, "");
+        return Finding::new(Severity::Ok, found, "");
     }
     let mut deep: Vec<usize> =
         states.iter().filter(|(exit_us, ..)| *exit_us > EXIT_LIMIT_US).map(|(_, number, _)| *number).collect();
@@ -133,7 +133,7 @@ pub(crate) fn idle_states(machine: &Machine) -> Finding {
     let which = if deep.len() > 1 { format!("{{{which}}}") } else { which };
     let means = "a wake-up from it comes later by that time, and with cold caches";
     let remedy = format!("echo 1 | sudo tee /sys/devices/system/cpu/cpu*/cpuidle/state{which}/disable");
-    Finding::new(Level::Warn, found, means).remedy(remedy)
+    Finding::new(Severity::Warn, found, means).remedy(remedy)
 }
 
 fn list(cpus: &[usize]) -> String {

@@ -4,8 +4,8 @@ use runtime::domain::check_room;
 use runtime::port::bytes_needed;
 use rustix::fs::statvfs;
 
-use crate::finding::{Finding, Level};
-use crate::sources::{Limit, Machine};
+use crate::finding::{Finding, Severity};
+use crate::sources::{Machine, ResourceLimit};
 
 /// Smallest limit on open files. The launcher and the recorder have about fifty files open, and four more for every
 /// replaced process whose files in shared memory are not removed yet.
@@ -28,27 +28,27 @@ pub fn memory(machine: &Machine) -> Finding {
         if let Some(most) = limit.soft.filter(|most| *most < needed) {
             let [most_kb, needed_kb] = [most, needed].map(|bytes| bytes / 1024);
             let found = format!("a process may have {most_kb} kB of {what} here");
-            return Finding::new(Level::Bad, found, format!("it needs {needed_kb}"))
+            return Finding::new(Severity::Bad, found, format!("it needs {needed_kb}"))
                 .remedy(format!("raise the limit (`{raise}`)"));
         }
         let most = limit.soft.map_or("unlimited".to_owned(), |most| format!("{} MB", most / MEGABYTE));
         found.push(format!("{what} {most}"));
     }
-    Finding::new(Level::Ok, found.join(", "), "")
+    Finding::new(Severity::Ok, found.join(", "), "")
 }
 
 /// Checks the limit on open files. The launcher raises the limit in force up to the hard one.
 pub fn open_files(machine: &Machine) -> Finding {
-    let Some(Limit { soft, hard }) = machine.limit("Max open files") else {
+    let Some(ResourceLimit { soft, hard }) = machine.limit("Max open files") else {
         return unreadable();
     };
     if let Some(most) = hard.filter(|most| *most < FILES_NEEDED) {
         let found = format!("a process may have {most} files open here");
-        return Finding::new(Level::Bad, found, format!("a flight needs {FILES_NEEDED}"))
+        return Finding::new(Severity::Bad, found, format!("a flight needs {FILES_NEEDED}"))
             .remedy("raise the limit (`ulimit -Hn`), or fly with --mode inprocess");
     }
     let most = soft.map_or("unlimited".to_owned(), |most| most.max(FILES_NEEDED).to_string());
-    Finding::new(Level::Ok, format!("{most} per process, {FILES_NEEDED} needed"), "")
+    Finding::new(Severity::Ok, format!("{most} per process, {FILES_NEEDED} needed"), "")
 }
 
 /// Checks the limit on the size of a file, which those in shared memory have too, for a flight at `rate_hz`.
@@ -60,10 +60,10 @@ pub fn file_size(machine: &Machine, rate_hz: u32) -> Finding {
     match limit.soft.filter(|most| *most < segment_bytes) {
         Some(most) => {
             let means = format!("a flight shares files of up to {segment_bytes}");
-            Finding::new(Level::Bad, format!("a file may have {most} bytes here"), means)
+            Finding::new(Severity::Bad, format!("a file may have {most} bytes here"), means)
                 .remedy("raise the limit (`ulimit -f`), or fly with --mode inprocess")
         }
-        None => Finding::new(Level::Ok, "large enough", ""),
+        None => Finding::new(Severity::Ok, "large enough", ""),
     }
 }
 
@@ -71,7 +71,7 @@ pub fn file_size(machine: &Machine, rate_hz: u32) -> Finding {
 pub fn shared_memory(machine: &Machine, rate_hz: u32) -> Finding {
     let folder = machine.path("dev/shm");
     let Ok(stat) = statvfs(&folder) else {
-        return Finding::new(Level::Bad, "/dev/shm cannot be read", "a flight through processes needs it")
+        return Finding::new(Severity::Bad, "/dev/shm cannot be read", "a flight through processes needs it")
             .remedy("sudo mount -t tmpfs -o size=256M,mode=1777 none /dev/shm");
     };
     let [size_mb, free_mb] = [stat.f_blocks, stat.f_bavail].map(|blocks| blocks * stat.f_frsize / MEGABYTE);
@@ -79,12 +79,12 @@ pub fn shared_memory(machine: &Machine, rate_hz: u32) -> Finding {
     match check_room(&folder, needed) {
         Ok(()) => {
             let needed_mb = needed.div_ceil(MEGABYTE);
-            Finding::new(Level::Ok, format!("{free_mb} of {size_mb} MB free, {needed_mb} MB needed"), "")
+            Finding::new(Severity::Ok, format!("{free_mb} of {size_mb} MB free, {needed_mb} MB needed"), "")
         }
-        Err(error) => Finding::new(Level::Bad, format!("{free_mb} of {size_mb} MB free"), error.to_string()),
+        Err(error) => Finding::new(Severity::Bad, format!("{free_mb} of {size_mb} MB free"), error.to_string()),
     }
 }
 
 fn unreadable() -> Finding {
-    Finding::new(Level::Unknown, "/proc/self/limits cannot be read", "").remedy("sudo mount -t proc proc /proc")
+    Finding::new(Severity::Unknown, "/proc/self/limits cannot be read", "").remedy("sudo mount -t proc proc /proc")
 }

@@ -16,7 +16,7 @@ pub struct Machine {
 
 /// Limit on a resource of this process; `None` in either field: unlimited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limit {
+pub struct ResourceLimit {
     /// Limit in force.
     pub soft: Option<u64>,
     /// Limit up to which the process may raise it itself.
@@ -64,14 +64,14 @@ impl Machine {
     }
 
     /// Returns a limit of this process by its name in `/proc/self/limits`; `None` if it cannot be read.
-    pub fn limit(&self, name: &str) -> Option<Limit> {
+    pub fn limit(&self, name: &str) -> Option<ResourceLimit> {
         let text = self.text("proc/self/limits")?;
         let mut words = text.lines().find_map(|line| line.strip_prefix(name))?.split_whitespace();
         let mut value = || match words.next()? {
             "unlimited" => Some(None),
             number => Some(Some(number.parse().ok()?)),
         };
-        Some(Limit { soft: value()?, hard: value()? })
+        Some(ResourceLimit { soft: value()?, hard: value()? })
     }
 
     /// Returns the first word of a field of `/proc/self/status`; `name` ends with its colon.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use settings::{Policy, Scenario};
+use settings::{Scenario, SchedulingPolicy};
 
 use super::*;
 use crate::host::{CpuTimes, stolen};
@@ -103,7 +103,7 @@ impl Fake {
     }
 
     #[track_caller]
-    fn check(&self, check: &str, level: Level, words: &[&str]) {
+    fn check(&self, check: &str, level: Severity, words: &[&str]) {
         let finding = self.find(check);
         assert_eq!(finding.level, level, "{finding:?}");
         for word in words {
@@ -119,7 +119,7 @@ fn scenario() -> Scenario {
 #[test]
 fn a_good_machine_has_no_warning() {
     for finding in Fake::good().findings(&scenario()) {
-        assert_eq!(finding.level, Level::Ok, "{finding:?}");
+        assert_eq!(finding.level, Severity::Ok, "{finding:?}");
         assert_eq!(finding.remedy, None, "{finding:?}");
     }
 }
@@ -130,13 +130,13 @@ fn a_machine_without_files_is_unknown_and_never_guessed() {
     for finding in empty.findings(&scenario()) {
         // Neither needs a file: the scenario names no processors, and shared memory is needed.
         let expected = match finding.check {
-            "affinity" => Level::Ok,
-            "shared memory" => Level::Bad,
-            _ => Level::Unknown,
+            "affinity" => Severity::Ok,
+            "shared memory" => Severity::Bad,
+            _ => Severity::Unknown,
         };
         assert_eq!(finding.level, expected, "{finding:?}");
     }
-    assert_eq!(stolen(None, None).level, Level::Unknown);
+    assert_eq!(stolen(None, None).level, Severity::Unknown);
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn each_unreadable_file_leaves_its_check_unknown() {
     ] {
         let fake = Fake::good();
         fake.remove(path);
-        fake.check(check, Level::Unknown, &[]);
+        fake.check(check, Severity::Unknown, &[]);
     }
 }
 
@@ -166,28 +166,28 @@ fn privileges_come_from_capabilities_or_limits() {
     let fake = Fake::good();
     fake.status(NO_CAPS, "0-3");
     let setcap = "sudo setcap cap_sys_nice,cap_ipc_lock+ep /opt/trefoil";
-    fake.check("scheduling class", Level::Bad, &["SCHED_OTHER for want of privilege", "highest priority 0", setcap]);
-    fake.check("memory lock", Level::Bad, &["8.0 MB may be locked of", setcap]);
+    fake.check("scheduling class", Severity::Bad, &["SCHED_OTHER for want of privilege", "highest priority 0", setcap]);
+    fake.check("memory lock", Severity::Bad, &["8.0 MB may be locked of", setcap]);
     fake.limit("Max realtime priority", "99", "99");
-    fake.check("scheduling class", Level::Ok, &["SCHED_FIFO"]);
-    fake.check("memory lock", Level::Bad, &["sudo setcap cap_ipc_lock+ep /opt/trefoil"]);
+    fake.check("scheduling class", Severity::Ok, &["SCHED_FIFO"]);
+    fake.check("memory lock", Severity::Bad, &["sudo setcap cap_ipc_lock+ep /opt/trefoil"]);
     let lowest = scenario().scheduling_of(0).priority.to_string();
     fake.limit("Max realtime priority", &lowest, &lowest);
-    fake.check("scheduling class", Level::Bad, &["SCHED_FIFO for 1 of 4 nodes for want of privilege"]);
+    fake.check("scheduling class", Severity::Bad, &["SCHED_FIFO for 1 of 4 nodes for want of privilege"]);
     fake.limit("Max locked memory", "unlimited", "unlimited");
-    fake.check("memory lock", Level::Ok, &["locked"]);
+    fake.check("memory lock", Severity::Ok, &["locked"]);
     fake.limit("Max locked memory", "1100000000", "1100000000");
-    fake.check("memory lock", Level::Bad, &["1049.0 MB may be locked of"]);
+    fake.check("memory lock", Severity::Bad, &["1049.0 MB may be locked of"]);
     fake.limit("Max locked memory", "4000000000", "4000000000");
-    fake.check("memory lock", Level::Ok, &[]);
+    fake.check("memory lock", Severity::Ok, &[]);
 }
 
 #[test]
 fn capabilities_of_a_user_namespace_count_for_nothing() {
     let fake = Fake::good();
     fake.write("proc/self/uid_map", "         0       1000          1\n");
-    fake.check("scheduling class", Level::Bad, &[]);
-    fake.check("memory lock", Level::Bad, &[]);
+    fake.check("scheduling class", Severity::Bad, &[]);
+    fake.check("memory lock", Severity::Bad, &[]);
 }
 
 #[test]
@@ -195,20 +195,20 @@ fn what_a_scenario_does_not_ask_for_is_not_missed() {
     let fake = Fake::good();
     fake.status(NO_CAPS, "0-3");
     let mut scenario = scenario();
-    (scenario.realtime.policy, scenario.realtime.lock_memory) = (Policy::Other, false);
+    (scenario.realtime.policy, scenario.realtime.lock_memory) = (SchedulingPolicy::Other, false);
     let found = scheduling(&fake.machine(), &scenario, None, "launcher");
-    assert!(found.iter().all(|finding| finding.level == Level::Ok), "{found:?}");
+    assert!(found.iter().all(|finding| finding.level == Severity::Ok), "{found:?}");
     scenario = Scenario::default();
     scenario.run.mode = Mode::Lockstep;
     let found = scheduling(&fake.machine(), &scenario, None, "launcher");
-    assert!(found.iter().all(|finding| finding.level == Level::Ok), "{found:?}");
+    assert!(found.iter().all(|finding| finding.level == Severity::Ok), "{found:?}");
 }
 
 #[test]
 fn what_the_processes_got_counts_more_than_what_was_expected() {
     let granted = Granted { fifo: 0, locked: 4 };
     let found = scheduling(&Fake::good().machine(), &scenario(), Some(granted), "launcher");
-    assert_eq!([found[0].level, found[1].level], [Level::Bad, Level::Ok], "{found:?}");
+    assert_eq!([found[0].level, found[1].level], [Severity::Bad, Severity::Ok], "{found:?}");
 }
 
 #[test]
@@ -218,15 +218,15 @@ fn processors_that_are_not_there_are_named() {
     let mut scenario = scenario();
     scenario.realtime.affinity = vec![1, 2];
     let found = scheduling(&fake.machine(), &scenario, None, "launcher");
-    assert_eq!(found[2].level, Level::Bad);
+    assert_eq!(found[2].level, Severity::Bad);
     assert!(
         found[2].found.starts_with("processors 1 of the scenario") && found[2].line().contains("0, 2"),
         "{found:?}"
     );
     fake.status(ROOT_CAPS, "2");
-    fake.check("processors", Level::Warn, &["1 of 4", "cpuset"]);
+    fake.check("processors", Severity::Warn, &["1 of 4", "cpuset"]);
     fake.write("sys/devices/system/cpu/isolated", "2-3\n");
-    fake.check("isolation", Level::Ok, &["processors 2, 3", "realtime.affinity = [2, 3]"]);
+    fake.check("isolation", Severity::Ok, &["processors 2, 3", "realtime.affinity = [2, 3]"]);
 }
 
 #[test]
@@ -235,18 +235,18 @@ fn quotas_of_both_versions_are_found_also_above_the_own_group() {
     fake.write("proc/self/cgroup", "0::/a/b\n");
     fake.write("sys/fs/cgroup/a/cpu.max", "150000 100000\n");
     fake.write("sys/fs/cgroup/a/b/cpu.max", "max 100000\n");
-    fake.check("cgroup quota", Level::Warn, &["1.50 processors", "echo max | sudo tee /sys/fs/cgroup/a/cpu.max"]);
+    fake.check("cgroup quota", Severity::Warn, &["1.50 processors", "echo max | sudo tee /sys/fs/cgroup/a/cpu.max"]);
     // Version 1, in a container that sees its own group as the top.
     fake.write("proc/self/cgroup", "4:cpu,cpuacct:/docker/7\n");
     let mount = "32 31 0:29 /docker/7 /sys/fs/cgroup/cpu ro,relatime master:11 - cgroup cgroup rw,cpu,cpuacct\n";
     fake.write("proc/self/mountinfo", mount);
     fake.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "50000\n");
     fake.write("sys/fs/cgroup/cpu/cpu.cfs_period_us", "100000\n");
-    fake.check("cgroup quota", Level::Warn, &["0.50 processors", "/sys/fs/cgroup/cpu/cpu.cfs_quota_us", "--cpus"]);
+    fake.check("cgroup quota", Severity::Warn, &["0.50 processors", "/sys/fs/cgroup/cpu/cpu.cfs_quota_us", "--cpus"]);
     fake.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n");
-    fake.check("cgroup quota", Level::Ok, &["none"]);
+    fake.check("cgroup quota", Severity::Ok, &["none"]);
     fake.write("proc/self/cgroup", "4:cpu,cpuacct:/docker/7/../../else\n");
-    fake.check("cgroup quota", Level::Unknown, &[]);
+    fake.check("cgroup quota", Severity::Unknown, &[]);
 }
 
 #[test]
@@ -255,9 +255,9 @@ fn a_group_without_time_for_fifo_is_told_even_to_root() {
     fake.write("proc/self/cgroup", "1:cpu:/app\n");
     fake.write("proc/self/mountinfo", "32 31 0:29 / /sys/fs/cgroup/cpu rw - cgroup cgroup rw,cpu\n");
     fake.write("sys/fs/cgroup/cpu/app/cpu.rt_runtime_us", "0\n");
-    fake.check("scheduling class", Level::Bad, &["gives no time", "echo $$ | sudo tee /sys/fs/cgroup/cpu/tasks"]);
+    fake.check("scheduling class", Severity::Bad, &["gives no time", "echo $$ | sudo tee /sys/fs/cgroup/cpu/tasks"]);
     fake.write("sys/fs/cgroup/cpu/app/cpu.rt_runtime_us", "950000\n");
-    fake.check("scheduling class", Level::Ok, &[]);
+    fake.check("scheduling class", Severity::Ok, &[]);
 }
 
 #[test]
@@ -266,35 +266,35 @@ fn preemption_models_are_told_apart() {
     fake.remove("sys/kernel/realtime");
     let version = |text: &str| fake.write("proc/sys/kernel/version", text);
     version("#1 SMP PREEMPT_DYNAMIC x");
-    fake.check("preemption", Level::Unknown, &["sudo cat /sys/kernel/debug/sched/preempt"]);
+    fake.check("preemption", Severity::Unknown, &["sudo cat /sys/kernel/debug/sched/preempt"]);
     fake.write("proc/cmdline", "quiet preempt=full\n");
-    fake.check("preemption", Level::Ok, &["dynamic, full"]);
+    fake.check("preemption", Severity::Ok, &["dynamic, full"]);
     fake.write("sys/kernel/debug/sched/preempt", "none (voluntary) full\n");
-    fake.check("preemption", Level::Warn, &["dynamic, voluntary", "echo full | sudo tee"]);
+    fake.check("preemption", Severity::Warn, &["dynamic, voluntary", "echo full | sudo tee"]);
     version("#1 SMP PREEMPT x");
-    fake.check("preemption", Level::Ok, &[]);
+    fake.check("preemption", Severity::Ok, &[]);
     version("#1 SMP x");
-    fake.check("preemption", Level::Warn, &["PREEMPT_RT"]);
+    fake.check("preemption", Severity::Warn, &["PREEMPT_RT"]);
 }
 
 #[test]
 fn settings_of_kernel_and_processors_that_disturb_are_told_with_their_command() {
     let fake = Fake::good();
     fake.write("proc/sys/kernel/sched_rt_runtime_us", "-1\n");
-    fake.check("FIFO throttling", Level::Warn, &["off", "kernel.sched_rt_runtime_us=950000"]);
+    fake.check("FIFO throttling", Severity::Warn, &["off", "kernel.sched_rt_runtime_us=950000"]);
     fake.write("proc/sys/kernel/sched_rt_runtime_us", "100000\n");
-    fake.check("FIFO throttling", Level::Warn, &["100 of every 1000 ms"]);
+    fake.check("FIFO throttling", Severity::Warn, &["100 of every 1000 ms"]);
     fake.write("sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n");
-    fake.check("clock source", Level::Warn, &["hpet", "echo tsc | sudo tee"]);
+    fake.check("clock source", Severity::Warn, &["hpet", "echo tsc | sudo tee"]);
     fake.write("sys/devices/system/cpu/smt/active", "1\n");
-    fake.check("hardware threads", Level::Warn, &["smt/control"]);
+    fake.check("hardware threads", Severity::Warn, &["smt/control"]);
     fake.write("sys/devices/system/cpu/cpu1/cpufreq/scaling_governor", "schedutil\n");
-    fake.check("frequency", Level::Warn, &["performance, schedutil", "scaling_governor"]);
+    fake.check("frequency", Severity::Warn, &["performance, schedutil", "scaling_governor"]);
     fake.write("proc/cpuinfo", "flags : fpu hypervisor\n");
     fake.write("sys/class/dmi/id/sys_vendor", "QEMU\n");
-    fake.check("virtualisation", Level::Warn, &["QEMU"]);
+    fake.check("virtualisation", Severity::Warn, &["QEMU"]);
     fake.write("proc/cpuinfo", "BogoMIPS : 50\n");
-    fake.check("virtualisation", Level::Unknown, &[]);
+    fake.check("virtualisation", Severity::Unknown, &[]);
 }
 
 #[test]
@@ -310,34 +310,34 @@ fn deep_idle_states_are_told_unless_they_are_off() {
     };
     state(2, "C6", 133, 0);
     state(3, "C8", 400, 0);
-    fake.check("idle states", Level::Warn, &["C8, left within 400 us", "cpuidle/state{2,3}/disable"]);
+    fake.check("idle states", Severity::Warn, &["C8, left within 400 us", "cpuidle/state{2,3}/disable"]);
     fake.write("dev/cpu_dma_latency", 200_i32.to_le_bytes());
-    fake.check("idle states", Level::Warn, &["C6", "cpuidle/state2/disable"]);
+    fake.check("idle states", Severity::Warn, &["C6", "cpuidle/state2/disable"]);
     fake.write("dev/cpu_dma_latency", 10_i32.to_le_bytes());
-    fake.check("idle states", Level::Ok, &["C1"]);
+    fake.check("idle states", Severity::Ok, &["C1"]);
     fake.remove("dev/cpu_dma_latency");
     state(2, "C6", 133, 1);
     state(3, "C8", 400, 1);
-    fake.check("idle states", Level::Ok, &["C1"]);
+    fake.check("idle states", Severity::Ok, &["C1"]);
 }
 
 #[test]
 fn limits_that_keep_a_flight_from_beginning_are_bad() {
     let fake = Fake::good();
     fake.limit("Max open files", "64", "64");
-    fake.check("open files", Level::Bad, &["64 files", "a flight needs 128; raise the limit (`ulimit -Hn`)"]);
+    fake.check("open files", Severity::Bad, &["64 files", "a flight needs 128; raise the limit (`ulimit -Hn`)"]);
     fake.limit("Max open files", "64", "unlimited");
-    fake.check("open files", Level::Ok, &[]);
+    fake.check("open files", Severity::Ok, &[]);
     for (name, raise) in
         [("Max stack size", "ulimit -s"), ("Max data size", "ulimit -d"), ("Max address space", "ulimit -v")]
     {
         fake.limit(name, "262144", "unlimited");
-        fake.check("limits on memory", Level::Bad, &["256 kB", raise]);
+        fake.check("limits on memory", Severity::Bad, &["256 kB", raise]);
     }
     fake.limit("Max file size", "1000", "1000");
-    fake.check("file size", Level::Bad, &["1000 bytes", "ulimit -f"]);
+    fake.check("file size", Severity::Bad, &["1000 bytes", "ulimit -f"]);
     fake.remove("dev/shm");
-    fake.check("shared memory", Level::Bad, &["mount -t tmpfs"]);
+    fake.check("shared memory", Severity::Bad, &["mount -t tmpfs"]);
 }
 
 #[test]
@@ -348,9 +348,9 @@ fn stolen_time_is_a_share_of_the_time_between_two_readings() {
         CpuTimes::read(&fake.machine())
     };
     let before = read(5, 100);
-    assert_eq!(stolen(before, read(5, 300)).level, Level::Ok);
+    assert_eq!(stolen(before, read(5, 300)).level, Severity::Ok);
     let finding = stolen(before, read(25, 280));
-    assert_eq!((finding.level, finding.found.as_str()), (Level::Warn, "10.00 % during this check"));
+    assert_eq!((finding.level, finding.found.as_str()), (Severity::Warn, "10.00 % during this check"));
     fake.write("proc/stat", "cpu  10 0 10\n");
     assert_eq!(CpuTimes::read(&fake.machine()), None, "a kernel without the field");
 }
@@ -360,5 +360,5 @@ fn this_machine_is_read_without_a_panic() {
     assert!(Path::new("/proc/self/limits").exists());
     let machine = Machine::this();
     assert!(!disturbances(&machine).is_empty());
-    assert_eq!(resources::memory(&machine).level, Level::Ok);
+    assert_eq!(resources::memory(&machine).level, Severity::Ok);
 }

@@ -13,7 +13,7 @@ use anyhow::Context;
 use contract::exit;
 use flight::provenance::host;
 use folder::files::write_whole;
-use outcome::target::{Target, Verdict};
+use outcome::target::{Target, TargetVerdict};
 use runtime::console::print;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -30,7 +30,7 @@ impl Findings {
     /// Combines results and targets. Targets of a `quick` run become inconclusive, because it has too few samples.
     pub fn new(results: impl Serialize, mut targets: Vec<Target>, quick: bool) -> anyhow::Result<Self> {
         for target in targets.iter_mut().filter(|_| quick) {
-            target.verdict = Verdict::Inconclusive;
+            target.verdict = TargetVerdict::Inconclusive;
             target.note = "not judged: a quick run".into();
         }
         let results = serde_json::to_value(results)?;
@@ -59,7 +59,7 @@ impl Findings {
             }
             print(&text);
         }
-        let short = self.targets.iter().any(|target| target.verdict == Verdict::Short);
+        let short = self.targets.iter().any(|target| target.verdict == TargetVerdict::Short);
         Ok(if short { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
     }
 }

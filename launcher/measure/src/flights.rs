@@ -6,13 +6,13 @@ use anyhow::bail;
 use contract::message::Truth;
 use flight::guarded;
 use flight::log::Record;
-use flight::stack::{Ended, Flown, Stack, StartError};
-use outcome::judge::Verdict;
+use flight::stack::{Ended, FlightResult, Stack, StartError};
+use outcome::judge::FlightVerdict;
 use outcome::summary::Summary;
 use settings::{Scenario, from_merged};
 
 /// Flies `scenario` to its end by one thread; `watch` is given every message.
-pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Verdict) {
+pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, FlightVerdict) {
     let mut summary = Summary::new(scenario);
     let watch = |record: &Record| {
         summary.observe(record);
@@ -21,7 +21,7 @@ pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summa
     };
     let flown = guarded::fly(scenario, true, watch, |_| {});
     let flown = flown.unwrap_or_else(|error| panic!("cannot fly a checked scenario in process: {error}"));
-    let verdict = Verdict::of(&summary, scenario, &flown.into());
+    let verdict = FlightVerdict::of(&summary, scenario, &flown.into());
     (summary, verdict)
 }
 
@@ -30,7 +30,7 @@ pub fn through_processes(
     scenario: &Scenario,
     interrupts: &AtomicU32,
     watch: impl FnMut(&Record),
-) -> anyhow::Result<(Summary, Flown)> {
+) -> anyhow::Result<(Summary, FlightResult)> {
     Started::new(scenario, interrupts)?.fly(interrupts, watch, || {})
 }
 
@@ -54,7 +54,7 @@ impl<'a> Started<'a> {
         interrupts: &AtomicU32,
         mut watch: impl FnMut(&Record),
         mut tick: impl FnMut(),
-    ) -> anyhow::Result<(Summary, Flown)> {
+    ) -> anyhow::Result<(Summary, FlightResult)> {
         let mut summary = Summary::new(self.scenario);
         let observe = |record: &Record| {
             summary.observe(record);
@@ -74,7 +74,7 @@ impl<'a> Started<'a> {
         interrupts: &AtomicU32,
         watch: impl FnMut(&Record),
         tick: impl FnMut(),
-    ) -> anyhow::Result<(Summary, Flown)> {
+    ) -> anyhow::Result<(Summary, FlightResult)> {
         let (summary, flown) = self.fly(interrupts, watch, tick)?;
         match flown.how.ended {
             Ended::Lost(name) => bail!(StartError::LostInFlight(name)),

@@ -28,14 +28,14 @@ const LOOK: Duration = Duration::from_millis(1);
 
 /// A process of a stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Process {
+pub struct StackProcess {
     pub pid: Pid,
     /// Name of the node, `recorder`, or `launcher`.
     pub name: String,
     pub epoch: u32,
 }
 
-impl Process {
+impl StackProcess {
     /// Lists the processes that run in `namespace`, without zombies.
     pub fn all(namespace: &str) -> Vec<Self> {
         let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
@@ -139,7 +139,7 @@ impl Launcher {
     pub fn until_gone(&mut self, since_ns: u64) -> anyhow::Result<Option<f64>> {
         self.child.wait()?;
         let deadline = Instant::now() + PATIENCE * 5;
-        while !Process::all(&self.namespace).is_empty() {
+        while !StackProcess::all(&self.namespace).is_empty() {
             if Instant::now() > deadline {
                 return Ok(None);
             }
@@ -180,7 +180,7 @@ pub fn first_message_ns(log: &Log, node: &str, epoch: u32) -> Option<u64> {
 /// Lists leftovers of a stack that has ended: its folder in shared memory, and processes.
 pub fn left(namespace: &str) -> Vec<String> {
     let folder = Domain::left(namespace).map(|domain| domain.folder.display().to_string());
-    folder.into_iter().chain(Process::all(namespace).into_iter().map(|process| process.name)).collect()
+    folder.into_iter().chain(StackProcess::all(namespace).into_iter().map(|process| process.name)).collect()
 }
 
 pub fn milliseconds(ns: u64) -> f64 {

@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use contract::Topic;
-use flight::log::{self, Log, LogOutcome, Record, Span};
+use flight::log::{self, Log, LogOutcome, LogSpan, Record};
 use flight::stack::Ended;
 use settings::Scenario;
 
-use crate::judge::{Circumstances, Verdict};
+use crate::judge::{Circumstances, FlightVerdict};
 use crate::run_record::{Account, RunRecord};
 use crate::summary::Summary;
 
@@ -37,12 +37,12 @@ pub struct Recorded {
 
 /// The part of a flight that is read, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Part {
+pub struct TimeSpan {
     pub from_s: f64,
     pub to_s: f64,
 }
 
-impl Part {
+impl TimeSpan {
     /// The whole flight.
     pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
     /// Time around the part in which messages are counted, so that a gap at its beginning is found \[s\].
@@ -55,7 +55,7 @@ impl Part {
     }
 
     /// Returns the span of the log that is read.
-    fn span(&self) -> Span {
+    fn span(&self) -> LogSpan {
         let ns = |time_s: f64| (time_s * 1e9) as u64;
         ns(self.from_s - Self::BEFORE_S)..=ns(self.to_s + Self::BEFORE_S)
     }
@@ -67,7 +67,7 @@ impl Recorded {
     /// # Errors
     /// There is no log to read, its messages or settings are those of another version, or so is run.json.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
-        Self::read_each(run, Part::ALL, |_, _| {})
+        Self::read_each(run, TimeSpan::ALL, |_, _| {})
     }
 
     /// Reads a part of a run, while `each` gets the settings and every message, tick by tick, and none is kept: a log
@@ -75,7 +75,7 @@ impl Recorded {
     ///
     /// # Errors
     /// As of [`Self::read`].
-    pub fn read_each(run: &Path, part: Part, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
+    pub fn read_each(run: &Path, part: TimeSpan, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
         let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
         let file = path.with_file_name("run.json");
         let run = RunRecord::read(&file)?;
@@ -114,7 +114,7 @@ impl Recorded {
         let run = self.has_summary.then_some(&self.run);
         let is_to_end = summary.last.state.stamp.tick < *self.ticks.end();
         let unlike = match run {
-            Some(run) if self.ticks == Part::ALL.ticks(self.scenario.sample_s()) => self.unlike_summary(run),
+            Some(run) if self.ticks == TimeSpan::ALL.ticks(self.scenario.sample_s()) => self.unlike_summary(run),
             Some(run) if is_to_end => self.ends_early(run).into_iter().collect(),
             None if is_to_end => vec!["there is no run.json to say where the flight ended".into()],
             _ => vec![],
@@ -188,7 +188,7 @@ fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) 
         port_failures: vec![],
         observers: vec![],
     };
-    let verdict = &Verdict::of(summary, scenario, &how);
+    let verdict = &FlightVerdict::of(summary, scenario, &how);
     let wall_s = f64::NAN; // unknown, and shown as such
     RunRecord::of(Account { summary, scenario, how: &how, verdict, wall_s, provenance: None })
 }

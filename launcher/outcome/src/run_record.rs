@@ -18,12 +18,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use settings::file::MAX_RESULTS_BYTES;
-use settings::{Mode, Profile, Scenario, Solver, candidate, schema_of};
+use settings::{Mode, Profile, Scenario, SolverName, candidate, schema_of};
 
 use crate::bounds::BoundCheck;
 use crate::faults::FaultRecord;
 use crate::happenings::{Happenings, Phase};
-use crate::judge::{Circumstances, Verdict};
+use crate::judge::{Circumstances, FlightVerdict};
 use crate::metrics::{Metrics, or_nan};
 use crate::solves::SolverRecord;
 use crate::summary::Summary;
@@ -60,14 +60,14 @@ pub struct RunRecord {
     pub metrics: Metrics,
     /// Work of the solver of attitude-mpc.
     pub solver: SolverRecord,
-    /// SHA-256 over the payload of every STATE message in order, hexadecimal; null if one is missing.
+    /// SHA-256 over STATE and TRUTH of every sample in order, hexadecimal; null if one is missing.
     pub state_hash: Option<String>,
     /// `true` if a replay gives the same state hash; `false` if it may give another: a message is missing, or the clock
     /// may have stopped a solve.
     pub replays: bool,
     /// Bounds, each compared with the flight.
     pub bounds: Vec<BoundCheck>,
-    /// Hover of the vehicle, and its control loops in small motions; null for a record that `fly` has not made.
+    /// Hover of the vehicle, and its control loops in small motions; null for a record that `fly` has not made, and without a log.
     pub hover: Option<Hover>,
     /// Speed of the flight against the clock.
     pub speed: Speed,
@@ -82,9 +82,9 @@ pub struct RunRecord {
     /// Events, in order; they are on the topic `/events` of flight.mcap and in `trefoil status --json` too.
     pub events: Vec<TimedEvent>,
     /// Messages refused, by node and cause.
-    pub refused: Counts,
+    pub refused: NodeCounts,
     /// Failures of ports, by node and cause.
-    pub port_failures: Counts,
+    pub port_failures: NodeCounts,
     /// Origin of the run; null for a record made from a log alone.
     pub provenance: Option<Provenance>,
 }
@@ -95,7 +95,7 @@ pub fn schema() -> Value {
 }
 
 /// Counts of each node, by cause.
-pub type Counts = BTreeMap<String, BTreeMap<String, u32>>;
+pub type NodeCounts = BTreeMap<String, BTreeMap<String, u32>>;
 
 /// Speed of the flight against the clock; NaN, which is null in JSON, if it is not known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -115,7 +115,7 @@ pub struct Account<'a> {
     pub summary: &'a Summary,
     pub scenario: &'a Scenario,
     pub how: &'a Circumstances,
-    pub verdict: &'a Verdict,
+    pub verdict: &'a FlightVerdict,
     /// Wall time of the flight \[s\], without start and report.
     pub wall_s: f64,
     pub provenance: Option<Provenance>,
@@ -204,14 +204,14 @@ fn replays(summary: &Summary, how: &Circumstances, scenario: &Scenario) -> bool 
     let swapped = scenario.swap.iter().filter_map(|swap| candidate(scenario, swap).ok());
     let has_clock = |own: &Scenario| {
         own.run.mode == Mode::Realtime
-            && own.attitude.mpc.solver == Solver::Clarabel
+            && own.attitude.mpc.solver == SolverName::Clarabel
             && own.attitude.mpc.time_limit_ms > 0.0
     };
     let may_stop = has_clock(scenario) || swapped.into_iter().any(|own| has_clock(&own));
     is_whole && summary.state_hash().is_some() && (summary.solves.stopped() == 0 || !may_stop)
 }
 
-fn by_node<const N: usize>(counts: &[(impl ToString, [u32; N])], causes: [&str; N]) -> Counts {
+fn by_node<const N: usize>(counts: &[(impl ToString, [u32; N])], causes: [&str; N]) -> NodeCounts {
     let by_cause = |counts: &[u32; N]| causes.iter().map(|&cause| cause.to_owned()).zip(*counts).collect();
     counts.iter().map(|(node, counts)| (node.to_string(), by_cause(counts))).collect()
 }
@@ -251,7 +251,7 @@ mod tests {
         };
         let flown = guarded::fly(scenario, true, watch, |_| {}).unwrap();
         let how = Circumstances::from(flown);
-        let verdict = Verdict::of(&summary, scenario, &how);
+        let verdict = FlightVerdict::of(&summary, scenario, &how);
         let provenance = Some(flight::provenance::provenance(scenario, &[]));
         RunRecord::of(Account { summary: &summary, scenario, how: &how, verdict: &verdict, wall_s: 1.0, provenance })
     }

@@ -90,8 +90,7 @@ impl Summary {
         }
     }
 
-    /// Makes the summary of a flight of which no message is kept: without the hash over all states, which takes a sixth
-    /// of the time of a flight in process.
+    /// Makes the summary of a flight of which no message is kept: without the hash over all states.
     pub fn unlogged(scenario: &Scenario) -> Self {
         let checked = guarded::changes_messages(scenario);
         let count = if checked { Count::default() } else { Count::without_checksums() };

@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Verdict on a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Verdict {
+pub enum TargetVerdict {
     Ok,
     Short,
     /// Not decided by this run; the target's note gives the reason.
@@ -22,7 +22,7 @@ pub struct Target {
     pub unit: String,
     /// Target as text: `<= 5`.
     pub target: String,
-    pub verdict: Verdict,
+    pub verdict: TargetVerdict,
     /// Reason for the verdict if the figures do not show it.
     pub note: String,
 }
@@ -48,9 +48,9 @@ impl Target {
     ) -> Self {
         let measured = measured.filter(|value| !value.is_nan());
         let verdict = match measured {
-            Some(value) if passes(value) => Verdict::Ok,
-            Some(_) => Verdict::Short,
-            None => Verdict::Inconclusive,
+            Some(value) if passes(value) => TargetVerdict::Ok,
+            Some(_) => TargetVerdict::Short,
+            None => TargetVerdict::Inconclusive,
         };
         Self {
             figure: figure.into(),
@@ -76,8 +76,8 @@ impl Target {
     /// Turns a short target into an inconclusive one, because the machine may be the reason.
     #[must_use]
     pub fn in_doubt(mut self, why: impl Into<String>) -> Self {
-        if self.verdict == Verdict::Short {
-            self.verdict = Verdict::Inconclusive;
+        if self.verdict == TargetVerdict::Short {
+            self.verdict = TargetVerdict::Inconclusive;
             self.note = why.into();
         }
         self
@@ -114,17 +114,17 @@ mod tests {
     #[test]
     fn only_a_measured_value_makes_a_target_short() {
         let verdict = |measured| Target::at_most("time", measured, 5.0, "us").verdict;
-        assert_eq!(verdict(Some(5.0)), Verdict::Ok);
-        assert_eq!(verdict(Some(5.1)), Verdict::Short);
-        assert_eq!(verdict(Some(f64::INFINITY)), Verdict::Short);
-        assert_eq!(verdict(Some(f64::NAN)), Verdict::Inconclusive);
-        assert_eq!(verdict(None), Verdict::Inconclusive);
+        assert_eq!(verdict(Some(5.0)), TargetVerdict::Ok);
+        assert_eq!(verdict(Some(5.1)), TargetVerdict::Short);
+        assert_eq!(verdict(Some(f64::INFINITY)), TargetVerdict::Short);
+        assert_eq!(verdict(Some(f64::NAN)), TargetVerdict::Inconclusive);
+        assert_eq!(verdict(None), TargetVerdict::Inconclusive);
     }
 
     #[test]
     fn doubt_makes_a_short_target_inconclusive_and_leaves_a_met_one() {
         let doubted = |measured| Target::at_most("time", Some(measured), 5.0, "us").in_doubt("noise").verdict;
-        assert_eq!(doubted(6.0), Verdict::Inconclusive);
-        assert_eq!(doubted(4.0), Verdict::Ok);
+        assert_eq!(doubted(6.0), TargetVerdict::Inconclusive);
+        assert_eq!(doubted(4.0), TargetVerdict::Ok);
     }
 }

@@ -6,11 +6,11 @@ use flight::swap_story::of_candidates;
 use settings::{Mode, Scenario};
 
 use crate::faults::FaultRecord;
-use crate::judge::Verdict;
+use crate::judge::FlightVerdict;
 use crate::run_record::RunRecord;
 
 /// Describes a flight of `scenario` in some twenty lines.
-pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> String {
+pub fn describe(run: &RunRecord, verdict: &FlightVerdict, scenario: &Scenario) -> String {
     use std::fmt::Write;
     let m = &run.metrics;
     let mut text = format!("{}: {}\n", run.name, verdict.describe());
@@ -134,7 +134,7 @@ mod tests {
     use contract::topic::NODES;
     use flight::event::What;
     use flight::provenance::host;
-    use settings::Policy;
+    use settings::SchedulingPolicy;
 
     #[test]
     fn long_lines_are_broken_at_blanks_and_lose_nothing() {
@@ -149,8 +149,13 @@ mod tests {
     fn privileges_not_granted_are_told() {
         let told = |policy: &str, locked_kb: u64, scenario: &Scenario| {
             let affinity = String::new();
-            let node =
-                provenance::Scheduling { policy: policy.into(), priority: 0, affinity, locked_kb, rttime_us: None };
+            let node = provenance::ProcessScheduling {
+                policy: policy.into(),
+                priority: 0,
+                affinity,
+                locked_kb,
+                rttime_us: None,
+            };
             let scheduling = NODES.iter().map(|name| ((*name).into(), node.clone())).collect();
             granted(scenario, &Provenance { host: host(), scheduling, scenario: String::new() }).unwrap_or_default()
         };
@@ -162,7 +167,7 @@ mod tests {
             "SCHED_OTHER for want of privilege; memory not locked for want of privilege"
         );
         assert_eq!(told("fifo", 0, &scenario), "SCHED_FIFO; memory not locked for want of privilege");
-        (scenario.realtime.policy, scenario.realtime.lock_memory) = (Policy::Other, false);
+        (scenario.realtime.policy, scenario.realtime.lock_memory) = (SchedulingPolicy::Other, false);
         let by_scenario = "SCHED_OTHER, as the scenario has it; memory not locked, as the scenario has it";
         assert_eq!(told("other", 0, &scenario), by_scenario);
     }

@@ -145,7 +145,7 @@ pub struct Messages {
 
 impl Messages {
     /// Stamps of the messages, by topic.
-    pub fn stamps(&self) -> [Option<&Stamp>; 4] {
+    pub fn stamps(&self) -> [Option<&Stamp>; Topic::COUNT] {
         [
             self.state.as_ref().map(Message::stamp),
             self.reference.as_ref().map(Message::stamp),

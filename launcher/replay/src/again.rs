@@ -10,23 +10,23 @@ use contract::stamp::delivery::DELIVERED;
 use flight::log::{self, Memory, Record};
 use runtime::shared_role::Origin;
 
-use crate::course::{Course, LATEST, Runs, Waits};
+use crate::course::{LATEST, ProcessCourse, Runs, Waits};
 use crate::fields::difference;
-use crate::plan::{Difference, Messages, Plan, Replayed};
+use crate::plan::{ComparedMessages, FirstDifference, ReplayPlan, Replayed};
 use crate::program::Program;
 use crate::recording::Recording;
-use crate::script::{Cycle, Key, Process, Read, Script};
+use crate::script::{Key, Read, RecordedCycle, RecordedProcess, Script};
 use crate::worker::Worker;
 
 /// Replays a recording from its log as `plan` says; `each` gets every message, computed or of the log.
 ///
 /// # Errors
 /// The log cannot be read, or a process cannot be built from its settings.
-pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
+pub fn replay(recording: &Recording, plan: &ReplayPlan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
     let from = if plan.elsewhere().is_none() { plan.from } else { 0 };
     let script = recording.begin(from)?;
     let span = recording.span(&script, plan.until.unwrap_or(u64::MAX));
-    let mut flight = Flight::new(recording, plan, script, each);
+    let mut flight = ReplayRun::new(recording, plan, script, each);
     let mut flown = Ok(());
     log::stream(&recording.log, span, |_, record| {
         if flown.is_ok() {
@@ -44,20 +44,20 @@ pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> 
 pub fn replay_script(
     recording: &Recording,
     script: Script,
-    plan: &Plan,
+    plan: &ReplayPlan,
     each: impl FnMut(&Record),
 ) -> anyhow::Result<Replayed> {
-    Flight::new(recording, plan, script, each).fly_on()
+    ReplayRun::new(recording, plan, script, each).fly_on()
 }
 
 /// Replay under way.
-pub(super) struct Flight<'a, F> {
+pub(super) struct ReplayRun<'a, F> {
     recording: &'a Recording,
-    plan: &'a Plan,
+    plan: &'a ReplayPlan,
     each: F,
     script: Script,
     /// Course of each process of the script.
-    courses: Vec<Course>,
+    courses: Vec<ProcessCourse>,
     /// Memories of processes flown here that others begin with, by topic and origin; `None` until computed.
     memories: HashMap<(Topic, Origin), Option<Snapshot>>,
     replayed: Replayed,
@@ -68,9 +68,9 @@ pub(super) struct Flight<'a, F> {
 /// Messages taken in before the processes go on.
 const BATCH: usize = 1024;
 
-impl<'a, F: FnMut(&Record)> Flight<'a, F> {
-    pub(super) fn new(recording: &'a Recording, plan: &'a Plan, script: Script, each: F) -> Self {
-        let messages = recording.logged.map(|logged| Messages { logged, ..Messages::default() });
+impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
+    pub(super) fn new(recording: &'a Recording, plan: &'a ReplayPlan, script: Script, each: F) -> Self {
+        let messages = recording.logged.map(|logged| ComparedMessages { logged, ..ComparedMessages::default() });
         let replayed = Replayed { messages, begun_at: script.begun_at(), ..Replayed::default() };
         let nodes = script.begins_with.iter().filter(|memory| memory.topic != Topic::State);
         let memories =
@@ -80,7 +80,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Returns the logged memory of a process at the start of the replay, if the process was already running then.
     fn begins_with(&self, i: usize) -> Option<&Memory> {
-        let Process { topic, epoch, .. } = self.script.processes[i];
+        let RecordedProcess { topic, epoch, .. } = self.script.processes[i];
         self.script.begins_with.iter().find(|memory| (memory.topic, memory.origin.epoch) == (topic, epoch))
     }
 
@@ -127,7 +127,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let courses = self.courses.iter().zip(&self.script.processes);
         let held_up = courses.filter_map(|(course, process)| Some((course.held_up.as_ref()?, process)));
         self.replayed.stopped = match held_up.min_by_key(|((tick, _), process)| (*tick, process.place())) {
-            Some(((tick, waits), Process { topic, epoch, .. })) => {
+            Some(((tick, waits), RecordedProcess { topic, epoch, .. })) => {
                 let cause = hole.unwrap_or_else(|| waits.words());
                 Some(format!("at tick {tick} {} {epoch} cannot go on: {cause}", topic.publisher()))
             }
@@ -140,8 +140,8 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     /// a fault has lost here and not in the flight. A message that was never sent, because the log lacks it, holds it
     /// up for good.
     fn go_on(&mut self, until: u64) -> anyhow::Result<()> {
-        self.courses.resize_with(self.script.processes.len(), Course::default);
-        for Process { topic, continues, .. } in &self.script.processes {
+        self.courses.resize_with(self.script.processes.len(), ProcessCourse::default);
+        for RecordedProcess { topic, continues, .. } in &self.script.processes {
             let flies = |epoch| {
                 self.plan.computes(self.recording, *topic, epoch) && self.script.process(*topic, epoch).is_some()
             };
@@ -220,20 +220,20 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     }
 
     /// Returns the next cycle of a process; `None` if it is held up, not known whole, or after the end of the plan.
-    fn next(&self, i: usize) -> Option<&Cycle> {
+    fn next(&self, i: usize) -> Option<&RecordedCycle> {
         let next = self.script.processes[i].cycles.get(self.courses[i].cycle)?;
         let is_whole = next.tick < self.script.reach;
         (is_whole && self.courses[i].held_up.is_none() && next.tick <= self.plan.until.unwrap_or(u64::MAX))
             .then_some(next)
     }
 
-    fn course_of(&self, key: &Key) -> Option<&Course> {
+    fn course_of(&self, key: &Key) -> Option<&ProcessCourse> {
         self.courses.get(self.script.process(key.topic, key.epoch)?)
     }
 
     /// Returns whether a process is computed here; if not, its messages are those of the log.
     fn computes(&self, i: usize) -> bool {
-        let Process { topic, epoch, .. } = self.script.processes[i];
+        let RecordedProcess { topic, epoch, .. } = self.script.processes[i];
         self.plan.computes(self.recording, topic, epoch)
     }
 
@@ -258,7 +258,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     }
 
     fn begin(&mut self, i: usize) -> anyhow::Result<()> {
-        let Process { topic, epoch, continues, .. } = self.script.processes[i];
+        let RecordedProcess { topic, epoch, continues, .. } = self.script.processes[i];
         let memory = continues.and_then(|origin| Some((origin, (*self.memories.get(&(topic, origin))?)?)));
         let settings = self.plan.settings_of(self.recording, topic, epoch);
         let elsewhere = self.plan.elsewhere().filter(|(of, _)| *of == topic);
@@ -277,7 +277,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Keeps the memory of a process that has done `done` ticks, if another process begins with it.
     fn remember(&mut self, i: usize, done: u64) {
-        let Process { topic, epoch, .. } = self.script.processes[i];
+        let RecordedProcess { topic, epoch, .. } = self.script.processes[i];
         if let Some(memory) = self.memories.get_mut(&(topic, Origin { epoch, done })) {
             *memory = match &self.courses[i].worker {
                 Some(Runs::Here(worker)) => worker.memory(),
@@ -330,7 +330,13 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     }
 
     /// Computes the next cycle of a process; adds what it sends to `sent`, TRUTH first.
-    fn compute(&mut self, i: usize, next: &Cycle, is_known: bool, sent: &mut Vec<Record>) -> anyhow::Result<()> {
+    fn compute(
+        &mut self,
+        i: usize,
+        next: &RecordedCycle,
+        is_known: bool,
+        sent: &mut Vec<Record>,
+    ) -> anyhow::Result<()> {
         let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
         if let (false, true, Runs::Here(worker)) = (is_known, self.courses[i].follows, &mut worker) {
@@ -386,7 +392,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Compares what a process sent in the cycle of `tick` with what it sent in the flight, TRUTH last.
     fn compare(&mut self, i: usize, tick: u64, sent: &[Record]) {
-        let Process { topic, epoch, ref recorded, .. } = self.script.processes[i];
+        let RecordedProcess { topic, epoch, ref recorded, .. } = self.script.processes[i];
         let messages = &mut self.replayed.messages[topic as usize];
         let is_truth = |record: &&Record| record.stamped().is_none();
         for record in sent.iter().filter(|record| !is_truth(record)).chain(sent.iter().filter(is_truth)) {
@@ -407,7 +413,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             self.replayed.different += 1;
             let place = (tick, topic as usize);
             if self.replayed.first.as_ref().is_none_or(|first| place < (first.tick, first.topic as usize)) {
-                self.replayed.first = Some(Difference { tick, topic, epoch, differs });
+                self.replayed.first = Some(FirstDifference { tick, topic, epoch, differs });
             }
         }
     }

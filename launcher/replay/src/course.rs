@@ -42,7 +42,7 @@ impl Waits {
 
 /// Progress of one process.
 #[derive(Default)]
-pub(super) struct Course {
+pub(super) struct ProcessCourse {
     pub worker: Option<Runs>,
     /// Index of its next cycle, and of its next recorded message.
     pub cycle: usize,
@@ -57,7 +57,7 @@ pub(super) struct Course {
     pub read: [Option<Read>; Topic::COUNT],
 }
 
-impl Course {
+impl ProcessCourse {
     pub fn sent(&self, tick: u64) -> Option<&(u64, Record, Option<Record>)> {
         let at = self.sent.partition_point(|(sent, ..)| *sent < tick);
         self.sent.get(at).filter(|(sent, ..)| *sent == tick)

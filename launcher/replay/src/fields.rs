@@ -1,7 +1,7 @@
 //! Names of the words of a message, to say where two messages differ.
 
 use contract::message::Payload;
-use contract::message::field::{Mark, Shape};
+use contract::message::field::{FieldMark, FieldShape};
 
 use flight::log::{Record, with_message};
 
@@ -15,8 +15,8 @@ pub struct Differs {
 /// Returns the first field in which two messages of one type differ, in the order of the table of messages: provenance
 /// first, then the payload bit by bit. Values that depend on the machine are not compared.
 pub fn difference(one: &Record, other: &Record) -> Option<Differs> {
-    fn words<M: Payload>(message: &M) -> (Shape, &[u64]) {
-        (Shape::Part(M::FIELDS), bytemuck::cast_slice(bytemuck::bytes_of(message)))
+    fn words<M: Payload>(message: &M) -> (FieldShape, &[u64]) {
+        (FieldShape::Part(M::FIELDS), bytemuck::cast_slice(bytemuck::bytes_of(message)))
     }
     let truth = one.stamped().is_none();
     let (shape, one) = with_message!(one, message => words(message));
@@ -27,19 +27,21 @@ pub fn difference(one: &Record, other: &Record) -> Option<Differs> {
 }
 
 /// Returns the path and the values of the first difference between the words of two values of one shape.
-fn first_difference(shape: &Shape, values: [&[u64]; 2]) -> Option<(String, [String; 2])> {
+fn first_difference(shape: &FieldShape, values: [&[u64]; 2]) -> Option<(String, [String; 2])> {
     match shape {
-        Shape::Number | Shape::Count if values[0][0] == values[1][0] => None,
-        Shape::Number => Some((String::new(), values.map(|words| format!("{:?}", f64::from_bits(words[0]))))),
-        Shape::Count => Some((String::new(), values.map(|words| words[0].to_string()))),
-        Shape::Array(element, count) => (0..*count).find_map(|i| {
+        FieldShape::Number | FieldShape::Count if values[0][0] == values[1][0] => None,
+        FieldShape::Number => Some((String::new(), values.map(|words| format!("{:?}", f64::from_bits(words[0]))))),
+        FieldShape::Count => Some((String::new(), values.map(|words| words[0].to_string()))),
+        FieldShape::Array(element, count) => (0..*count).find_map(|i| {
             let (path, values) = first_difference(element, values.map(|words| &words[i * element.len()..]))?;
             Some((format!("[{i}]{path}"), values))
         }),
-        Shape::Part(fields) => fields.iter().filter(|field| field.mark != Some(Mark::Clock)).find_map(|field| {
-            let (path, values) = first_difference(&field.shape, values.map(|words| &words[field.words.clone()]))?;
-            Some((format!(".{}{path}", field.name), values))
-        }),
+        FieldShape::Part(fields) => {
+            fields.iter().filter(|field| field.mark != Some(FieldMark::Clock)).find_map(|field| {
+                let (path, values) = first_difference(&field.shape, values.map(|words| &words[field.words.clone()]))?;
+                Some((format!(".{}{path}", field.name), values))
+            })
+        }
     }
 }
 

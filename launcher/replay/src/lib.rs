@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! log -> Script: which process answered when to which sample, and what it had read           (script, recording)
-//!     -> Flight: each process goes on as soon as its inputs have been sent                   (again)
+//!     -> ReplayRun: each process goes on as soon as its inputs have been sent                (again)
 //!     -> Worker: one core with the ports, link and faults of its process                     (worker)
 //!     -> messages, compared one by one with those of the log                                 (fields)
 //! ```
@@ -36,9 +36,9 @@ pub use again::{replay, replay_script};
 pub use counterfactual::{Disturbed, disturbed, without};
 pub use fields::{Differs, difference};
 
-pub use plan::{Difference, Messages, Plan, Replayed};
+pub use plan::{ComparedMessages, FirstDifference, ReplayPlan, Replayed};
 pub use recording::Recording;
-pub use script::{Cycle, Key, Process, Read, Script};
+pub use script::{Key, Read, RecordedCycle, RecordedProcess, Script};
 
 #[cfg(test)]
 mod tests;

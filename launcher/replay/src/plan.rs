@@ -8,7 +8,7 @@ use crate::recording::Recording;
 
 /// Processes that compute in a replay, and their settings.
 #[derive(Debug, Clone, Default)]
-pub struct Plan {
+pub struct ReplayPlan {
     /// Node that computes alone, with the messages of the others from the log; `None` lets all compute.
     pub only: Option<Topic>,
     /// Other settings for the processes of a node, and so perhaps another program.
@@ -21,7 +21,7 @@ pub struct Plan {
     pub before: Option<(Topic, u64, fn())>,
 }
 
-impl Plan {
+impl ReplayPlan {
     /// Returns the settings of a process.
     pub(super) fn settings_of<'a>(&'a self, recording: &'a Recording, topic: Topic, epoch: u64) -> &'a Scenario {
         match &self.settings {
@@ -49,7 +49,7 @@ impl Plan {
 
 /// First difference between a replay and its flight.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Difference {
+pub struct FirstDifference {
     pub tick: u64,
     pub topic: Topic,
     pub epoch: u64,
@@ -61,9 +61,9 @@ pub struct Difference {
 #[derive(Debug, Clone, Default)]
 pub struct Replayed {
     /// Messages by the topic of their node: TRUTH counts with STATE.
-    pub messages: [Messages; Topic::COUNT],
+    pub messages: [ComparedMessages; Topic::COUNT],
     /// First difference of all, if there is one.
-    pub first: Option<Difference>,
+    pub first: Option<FirstDifference>,
     /// Messages that differ, of those compared.
     pub different: u64,
     /// Reason why it ended before the flight did, if it did.
@@ -72,13 +72,13 @@ pub struct Replayed {
     pub begun_at: u64,
     /// Last sample that was flown.
     pub last_tick: u64,
-    /// `true` if [`Plan::before`] was called.
+    /// `true` if [`ReplayPlan::before`] was called.
     pub came_to_break: bool,
 }
 
 /// Messages of one node, and what a replay did with them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Messages {
+pub struct ComparedMessages {
     /// Messages in the log.
     pub logged: u64,
     /// Messages that the replay sent.

@@ -19,7 +19,7 @@ use runtime::error::SessionError;
 use runtime::realtime::{ControlPage, phase};
 use settings::{Mode, Scenario};
 
-use crate::script::Cycle;
+use crate::script::RecordedCycle;
 use crate::sender::{self, Sender};
 
 const A_DAY: Duration = Duration::from_secs(86_400);
@@ -94,7 +94,7 @@ impl Program {
     ///
     /// # Errors
     /// The program ends, or does not answer in time.
-    pub fn run(&mut self, cycle: &Cycle, mut each: impl FnMut(&Record)) -> anyhow::Result<()> {
+    pub fn run(&mut self, cycle: &RecordedCycle, mut each: impl FnMut(&Record)) -> anyhow::Result<()> {
         let done = cycle.tick as u32 + 1;
         for upstream in Topic::ALL.into_iter().filter(|topic| *topic != self.topic) {
             self.page.role(upstream).done(1).set(done);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use contract::Topic;
 use flight::event::{Event, What};
-use flight::log::{self, Memory, Span};
+use flight::log::{self, LogSpan, Memory};
 use flight::programs;
 use folder::files;
 use outcome::recorded::Recorded;
@@ -165,7 +165,7 @@ impl Recording {
     }
 
     /// Returns the span of the log up to tick `until`, and on: a process that slept may have read later messages.
-    pub(super) fn span(&self, script: &Script, until: u64) -> Span {
+    pub(super) fn span(&self, script: &Script, until: u64) -> LogSpan {
         self.log_time(script.begins)..=self.log_time(until.saturating_add((LOOK_AHEAD / Topic::COUNT) as u64))
     }
 

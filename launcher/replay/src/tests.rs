@@ -12,7 +12,7 @@ use proptest::sample::select;
 use proptest::test_runner::{Config, TestRunner};
 use settings::{Fault, FaultKind, FaultTarget, Law, Scenario, Swap};
 
-use super::again::Flight;
+use super::again::ReplayRun;
 use super::*;
 
 /// Flies some seconds in process, and returns the settings and the log.
@@ -38,21 +38,21 @@ fn recording((scenario, log): &(Scenario, Log)) -> (Recording, Script) {
     (recording.unwrap(), Script::of(log.tick_by_tick()))
 }
 
-fn replay(flight: &(Scenario, Log), plan: &Plan) -> Replayed {
+fn replay(flight: &(Scenario, Log), plan: &ReplayPlan) -> Replayed {
     let (recording, script) = recording(flight);
     replay_script(&recording, script, plan, |_| {}).unwrap()
 }
 
 /// Replays message by message, and looks ahead by 400 messages only.
-fn read_on((scenario, log): &(Scenario, Log), plan: &Plan) -> Replayed {
+fn read_on((scenario, log): &(Scenario, Log), plan: &ReplayPlan) -> Replayed {
     let (recording, _) = recording(&(scenario.clone(), log.clone()));
-    let mut flight = Flight::new(&recording, plan, Script::looking_ahead(400), |_| {});
+    let mut flight = ReplayRun::new(&recording, plan, Script::looking_ahead(400), |_| {});
     log.tick_by_tick().for_each(|record| flight.take(&record).unwrap());
     flight.fly_on().unwrap()
 }
 
 fn replayed(flight: &(Scenario, Log)) -> Replayed {
-    replay(flight, &Plan::default())
+    replay(flight, &ReplayPlan::default())
 }
 
 fn fault(target: FaultTarget, kind: FaultKind, at_s: f64) -> Fault {
@@ -94,7 +94,7 @@ fn a_flight_with_every_kind_of_trouble_repeats_bit_for_bit() {
     let log = &flight.1;
     assert_eq!(replayed.computed(), log.tick_by_tick().count() as u64);
     assert!(replayed.compared() > replayed.computed() - 50, "all but those with flipped bits");
-    let read_on = read_on(&flight, &Plan::default());
+    let read_on = read_on(&flight, &ReplayPlan::default());
     assert_eq!((&read_on.messages, &read_on.first, read_on.stopped), (&replayed.messages, &None, None));
 }
 
@@ -112,7 +112,7 @@ fn a_flight_with_any_schedule_of_kills_repeats_bit_for_bit() {
     let fly = |schedule: Vec<(FaultTarget, f64, f64)>| {
         let kills = schedule.iter().map(|(node, at_s, for_s)| Fault::new(*node, FaultKind::Kill, *at_s, Some(*for_s)));
         let flight = flown(1.6, &kills.collect::<Vec<_>>(), &[]);
-        for replayed in [replayed(&flight), read_on(&flight, &Plan::default())] {
+        for replayed in [replayed(&flight), read_on(&flight, &ReplayPlan::default())] {
             assert_eq!((&replayed.first, &replayed.stopped), (&None, &None), "{schedule:?}");
         }
     };
@@ -136,7 +136,7 @@ fn a_flipped_bit_is_found_where_it_stands() {
     let Controls { demand, .. } = flight.1.controls[57];
     assert_eq!((first.tick, first.topic, first.differs.field.as_str()), (57, Topic::Controls, "demand[2]"));
     assert_eq!(first.differs.values[0], format!("{:?}", demand[2]));
-    let later = Plan { from: 58, ..Plan::default() };
+    let later = ReplayPlan { from: 58, ..ReplayPlan::default() };
     assert_eq!(replay(&flight, &later).first, None, "from there on it is the same");
 }
 
@@ -147,7 +147,7 @@ fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
     let flight = flown(6.0, &[], &[]);
     let mut other = flight.0.clone();
     other.guidance.climb_limit_mps = 0.4;
-    let plan = Plan { settings: Some((Topic::Reference, Box::new(other))), ..Plan::default() };
+    let plan = ReplayPlan { settings: Some((Topic::Reference, Box::new(other))), ..ReplayPlan::default() };
     let first = replay(&flight, &plan).first.unwrap();
     let down = |tick: usize| flight.1.references[tick].velocity_mps[2];
     assert_eq!((first.topic, first.differs.field.as_str()), (Topic::Reference, "preview[7].w_mps"));
@@ -160,7 +160,7 @@ fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
 fn one_node_replayed_alone_repeats_its_messages() {
     let flight = flown(2.0, &[fault(FaultTarget::State, FaultKind::Drop, 1.0)], &[]);
     for only in Topic::ALL {
-        let replayed = replay(&flight, &Plan { only: Some(only), ..Plan::default() });
+        let replayed = replay(&flight, &ReplayPlan { only: Some(only), ..ReplayPlan::default() });
         assert!(replayed.first.is_none() && replayed.stopped.is_none());
         let of_tick = if only == Topic::State { 2 } else { 1 };
         let once = replayed.computed() / of_tick;
@@ -168,11 +168,11 @@ fn one_node_replayed_alone_repeats_its_messages() {
     }
     let mut lqr = flight.0.clone();
     lqr.attitude.law = Law::Lqr;
-    let plan = Plan {
+    let plan = ReplayPlan {
         only: Some(Topic::Controls),
         settings: Some((Topic::Controls, Box::new(lqr))),
         until: Some(50),
-        ..Plan::default()
+        ..ReplayPlan::default()
     };
     let replayed = replay(&flight, &plan);
     assert_eq!((replayed.computed(), replayed.different > 0), (51, true));
@@ -186,7 +186,7 @@ fn a_log_that_lacks_a_message_replays_up_to_there_and_says_so() {
     assert_eq!((replayed.first, replayed.last_tick), (None, 100));
     let why = replayed.stopped.unwrap();
     assert!(why.contains("the log lacks messages 101 to 101 of guidance 1"), "{why}");
-    let read_on = read_on(&flight, &Plan::default());
+    let read_on = read_on(&flight, &ReplayPlan::default());
     assert_eq!((read_on.last_tick, read_on.stopped), (100, Some(why)), "though the log goes on");
 }
 
@@ -195,8 +195,8 @@ fn a_changed_truth_is_a_difference() {
     let mut flight = flown(1.0, &[], &[]);
     flight.1.truths[50].actual.position_m[2] += 1e-9;
     flight.1.truths[50] = flight.1.truths[50].with_checksum();
-    for replayed in [replayed(&flight), read_on(&flight, &Plan::default())] {
-        let Difference { tick, topic, differs, .. } = replayed.first.unwrap();
+    for replayed in [replayed(&flight), read_on(&flight, &ReplayPlan::default())] {
+        let FirstDifference { tick, topic, differs, .. } = replayed.first.unwrap();
         assert_eq!((replayed.different, tick, topic), (1, 50, Topic::State));
         assert_eq!(differs.field, "truth.actual.position_m[2]");
     }
@@ -211,7 +211,7 @@ fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
     let ticks: BTreeSet<u64> = disturbed(&recording, &script).iter().map(|one| one.tick).collect();
     assert_eq!(ticks, BTreeSet::from([50, 51, 52]));
     let mut truths = vec![];
-    let replayed = replay_script(&recording, without(&recording, &script, &ticks), &Plan::default(), |record| {
+    let replayed = replay_script(&recording, without(&recording, &script, &ticks), &ReplayPlan::default(), |record| {
         if let Record::Truth(truth) = record {
             truths.push((truth.actual, truth.actuators));
         }
@@ -238,7 +238,7 @@ fn a_tick_can_be_undone_after_late_answers_to_earlier_ones() {
     assert_eq!(ticks, [50, 51, 52]);
     for undone in [&ticks[..1], &ticks[1..2], &ticks[2..], &ticks] {
         let mended = without(&recording, &script, &undone.iter().copied().collect());
-        let replayed = replay_script(&recording, mended, &Plan::default(), |_| {}).unwrap();
+        let replayed = replay_script(&recording, mended, &ReplayPlan::default(), |_| {}).unwrap();
         assert_eq!((replayed.stopped, replayed.last_tick), (None, 100), "without {undone:?}");
     }
 }
@@ -270,7 +270,7 @@ fn every_way_to_disturb_a_tick_is_seen_and_can_be_undone() {
             "{target:?} {kind:?}"
         );
         assert_eq!(
-            replay_script(&recording, mended, &Plan::default(), |_| {}).unwrap().stopped,
+            replay_script(&recording, mended, &ReplayPlan::default(), |_| {}).unwrap().stopped,
             None,
             "{target:?} {kind:?}"
         );

@@ -9,7 +9,7 @@ use contract::{Topic, exit};
 use settings::ProgramKind;
 
 use crate::again::replay;
-use crate::plan::{Difference, Messages, Plan, Replayed};
+use crate::plan::{ComparedMessages, FirstDifference, ReplayPlan, Replayed};
 use crate::recording::Recording;
 
 use outcome::recorded::Recorded;
@@ -27,7 +27,7 @@ pub struct ReplayVerdict {
 pub struct Judged<'a> {
     pub recorded: &'a Recorded,
     pub recording: &'a Recording,
-    pub plan: &'a Plan,
+    pub plan: &'a ReplayPlan,
     pub replayed: &'a Replayed,
     /// Hash of the states of the replay.
     pub state_hash: Option<String>,
@@ -40,7 +40,7 @@ pub struct Judged<'a> {
 pub fn replay_and_judge(
     recorded: &Recorded,
     recording: &Recording,
-    plan: &Plan,
+    plan: &ReplayPlan,
     each: impl FnOnce(&Replayed, &Summary),
 ) -> anyhow::Result<ReplayVerdict> {
     let mut summary = Summary::new(&recording.scenario);
@@ -105,7 +105,7 @@ impl Judged<'_> {
         let all = &self.replayed.messages;
         let logged: u64 = all.iter().map(|of_topic| of_topic.logged).sum();
         let of_node = |topic: Topic| {
-            let Messages { logged, compared, .. } = all[topic as usize];
+            let ComparedMessages { logged, compared, .. } = all[topic as usize];
             format!("{} {compared} of {logged}", topic.publisher())
         };
         let nodes = Topic::ALL.map(of_node).join(", ");
@@ -173,11 +173,11 @@ impl Judged<'_> {
             return None;
         }
         let lacks = |topic: &Topic| {
-            let Messages { logged, compared, flipped, .. } = self.replayed.messages[*topic as usize];
+            let ComparedMessages { logged, compared, flipped, .. } = self.replayed.messages[*topic as usize];
             self.computes_all_of(*topic) && compared + flipped != logged
         };
         let topic = Topic::ALL.into_iter().find(lacks)?;
-        let Messages { logged, computed, .. } = self.replayed.messages[topic as usize];
+        let ComparedMessages { logged, computed, .. } = self.replayed.messages[topic as usize];
         let name = topic.publisher();
         Some(format!("{name} sent {computed} messages in the replay, and the log has {logged} of it"))
     }
@@ -205,8 +205,8 @@ impl Judged<'_> {
     }
 
     /// Describes for people the first difference between flight and replay.
-    fn describe(&self, first: &Difference) -> String {
-        let Difference { tick, topic, epoch, differs } = first;
+    fn describe(&self, first: &FirstDifference) -> String {
+        let FirstDifference { tick, topic, epoch, differs } = first;
         let [flown, replayed] = &differs.values;
         let (name, time_s) = (topic.publisher(), *tick as f64 * self.recording.scenario.sample_s());
         format!(

@@ -18,7 +18,7 @@ use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 use settings::{Fault, Scenario};
 
-use crate::script::Cycle;
+use crate::script::RecordedCycle;
 use crate::sender::{self, Sender};
 use ring::workers::Ring;
 
@@ -99,7 +99,7 @@ impl Worker {
     /// sends. A `known` message is not computed but sent again: so ports and faults come to where the flight had them.
     pub fn run(
         &mut self,
-        cycle: &Cycle,
+        cycle: &RecordedCycle,
         given: &[(usize, Fault)],
         known: Option<&Record>,
         mut each: impl FnMut(&Record),

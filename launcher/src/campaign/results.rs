@@ -5,24 +5,24 @@ use std::path::Path;
 use anyhow::Context;
 use campaign::folder::CampaignFolder;
 use campaign::observed::Observed;
-use campaign::page::{self, Page, differences, limits, promises};
+use campaign::page::{self, CampaignPage, differences, limits, promises};
 use campaign::row::Standing;
-use campaign::{Plan, Rate};
+use campaign::{CampaignPlan, Rate};
 use contract::exit;
 use flight::interrupts::end_at_once;
-use outcome::target::Verdict;
+use outcome::target::TargetVerdict;
 use runtime::console::{eprint_line, print};
 use view::table;
 
 /// Parts of the results that come from the command line.
-pub struct Shown {
+pub struct ResultsView {
     /// Command that flies one flight again; a number follows.
     pub again: String,
     observed: Option<Observed>,
 }
 
-impl Shown {
-    pub fn new(again: String, plan: &Plan, observed: Option<&Path>) -> anyhow::Result<Self> {
+impl ResultsView {
+    pub fn new(again: String, plan: &CampaignPlan, observed: Option<&Path>) -> anyhow::Result<Self> {
         let read = |run: &Path| {
             let limit =
                 plan.campaign.limit().context("--observed stands beside limits, and the campaign has no [limit]")?;
@@ -33,7 +33,7 @@ impl Shown {
 }
 
 /// Writes the results of the shards that are there and prints a summary; returns the exit code.
-pub fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &Shown) -> anyhow::Result<u8> {
+pub fn conclude(plan: &CampaignPlan, folder: &CampaignFolder, shown: &ResultsView) -> anyhow::Result<u8> {
     end_at_once(
         "interrupted before the results were written; the shards are there, and the same command continues".into(),
     );
@@ -48,7 +48,7 @@ pub fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &Shown) -> anyhow::
         None => format!("{passed} passed, {failed} failed, {invalid} invalid"),
     };
     let mut text = format!("{}: {} {}: {verdicts}\n", plan.campaign.name(), flights.rows(), plan.campaign.units());
-    let page = Page { observed: shown.observed.clone(), ..Page::new(plan, &flights) };
+    let page = CampaignPage { observed: shown.observed.clone(), ..CampaignPage::new(plan, &flights) };
     text += &match plan.campaign.limit() {
         Some(limit) => limits::text(&page, limit) + &page.grounds().join("\n") + "\n",
         None => rates(&page) + &differences::text(&page),
@@ -90,12 +90,12 @@ pub fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &Shown) -> anyhow::
     if invalid > 0 {
         eprint_line(&format!("{invalid} flights could not be flown: the column `outcome` says why"));
     }
-    let is_broken = targets.iter().any(|target| target.verdict == Verdict::Short);
+    let is_broken = targets.iter().any(|target| target.verdict == TargetVerdict::Short);
     Ok(if invalid > 0 || is_broken { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
 }
 
 /// Returns the table of how many flights each controller passes, and sentences on the basis of these rates.
-fn rates(page: &Page) -> String {
+fn rates(page: &CampaignPage) -> String {
     let row = |(name, rate): (&str, Rate)| {
         let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share) };
         let Rate { survived, flights, draws, .. } = rate;

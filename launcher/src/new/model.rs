@@ -16,9 +16,9 @@ enum Value {
 }
 
 /// Linear model about hover, its vehicle and its limits.
-pub struct Model(Vec<Entry>);
+pub struct HoverModel(Vec<Entry>);
 
-impl Model {
+impl HoverModel {
     /// Computes the model that attitude-mpc has for `scenario`.
     pub fn of(scenario: &Scenario) -> Self {
         let (model, vehicle, limits) = (PredictionModel::new(scenario), &scenario.airframe, scenario.limits());

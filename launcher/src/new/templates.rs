@@ -4,7 +4,7 @@
 
 use clap::ValueEnum;
 
-use super::model::Model;
+use super::model::HoverModel;
 use crate::manual::Described;
 
 /// Language, or tool that generates C.
@@ -28,7 +28,7 @@ pub enum Language {
 
 /// Node that a controller flies as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Node {
+pub enum TemplateNode {
     /// Trajectory to attitude and vertical velocity
     Guidance,
     /// Attitude and vertical velocity to forces and moments
@@ -40,7 +40,7 @@ pub enum Node {
 /// Controller for one node in one language.
 pub struct Template {
     pub language: Language,
-    pub node: Node,
+    pub node: TemplateNode,
     /// Modes in which it flies, for its README.
     modes: &'static str,
     /// Description of the files, for its README.
@@ -53,7 +53,7 @@ pub struct Template {
 #[derive(Clone, Copy)]
 enum Text {
     Fixed(&'static str),
-    Made(fn(&Model) -> String),
+    Made(fn(&HoverModel) -> String),
 }
 
 /// Reads a file of the templates when the launcher is built.
@@ -71,7 +71,7 @@ macro_rules! text {
 }
 
 /// Makes a template without files, of a controller that is built to a library.
-const fn library(language: Language, node: Node, about: &'static str) -> Template {
+const fn library(language: Language, node: TemplateNode, about: &'static str) -> Template {
     Template { language, node, modes: template!("common/library.md"), about, files: &[] }
 }
 
@@ -91,13 +91,13 @@ const TEMPLATES: [Template; 9] = [
         files: &[
             ("controller.c", text!("c/attitude-mpc.c")),
             ("lqr.h", LQR_H),
-            ("model.h", Text::Made(Model::c)),
+            ("model.h", Text::Made(HoverModel::c)),
             ("trefoil.h", TREFOIL_H),
             ("test_controller.c", TEST_C),
             ("Makefile", text!("c/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
-        ..library(Language::C, Node::AttitudeMpc, template!("c/attitude-mpc.md"))
+        ..library(Language::C, TemplateNode::AttitudeMpc, template!("c/attitude-mpc.md"))
     },
     Template {
         files: &[
@@ -107,53 +107,53 @@ const TEMPLATES: [Template; 9] = [
             ("Makefile", text!("c/Makefile")),
             ("scenario.toml", text!("c/guidance.toml")),
         ],
-        ..library(Language::C, Node::Guidance, template!("c/guidance.md"))
+        ..library(Language::C, TemplateNode::Guidance, template!("c/guidance.md"))
     },
     Template {
         files: &[
             ("controller.c", text!("c/mixer.c")),
-            ("model.h", Text::Made(Model::c)),
+            ("model.h", Text::Made(HoverModel::c)),
             ("trefoil.h", TREFOIL_H),
             ("test_controller.c", text!("c/test_mixer.c")),
             ("Makefile", text!("c/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
-        ..library(Language::C, Node::Mixer, template!("c/mixer.md"))
+        ..library(Language::C, TemplateNode::Mixer, template!("c/mixer.md"))
     },
     Template {
         files: &[
             ("controller.cpp", text!("cpp/controller.cpp")),
             ("lqr.h", LQR_H),
-            ("model.h", Text::Made(Model::c)),
+            ("model.h", Text::Made(HoverModel::c)),
             ("trefoil.h", TREFOIL_H),
             ("test_controller.c", TEST_C),
             ("Makefile", text!("cpp/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
-        ..library(Language::Cpp, Node::AttitudeMpc, template!("cpp/about.md"))
+        ..library(Language::Cpp, TemplateNode::AttitudeMpc, template!("cpp/about.md"))
     },
     Template {
         files: &[
             ("generate.py", text!("casadi/generate.py")),
-            ("model.json", Text::Made(Model::json)),
+            ("model.json", Text::Made(HoverModel::json)),
             ("test_controller.py", text!("casadi/test_controller.py")),
             ("Makefile", text!("casadi/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
-        ..library(Language::Casadi, Node::AttitudeMpc, template!("casadi/about.md"))
+        ..library(Language::Casadi, TemplateNode::AttitudeMpc, template!("casadi/about.md"))
     },
     Template {
         files: &[
             ("generate.py", text!("acados/generate.py")),
             ("shim.c", text!("acados/shim.c")),
-            ("model.json", Text::Made(Model::json)),
-            ("model.h", Text::Made(Model::c)),
+            ("model.json", Text::Made(HoverModel::json)),
+            ("model.h", Text::Made(HoverModel::c)),
             ("trefoil.h", TREFOIL_H),
             ("test_controller.c", TEST_C),
             ("Makefile", text!("acados/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
-        ..library(Language::Acados, Node::AttitudeMpc, template!("acados/about.md"))
+        ..library(Language::Acados, TemplateNode::AttitudeMpc, template!("acados/about.md"))
     },
     Template {
         files: &[
@@ -162,22 +162,22 @@ const TEMPLATES: [Template; 9] = [
             ("rtwtypes.h", text!("simulink/rtwtypes.h")),
             ("shim.c", text!("simulink/shim.c")),
             ("lqr.h", LQR_H),
-            ("model.h", Text::Made(Model::c)),
+            ("model.h", Text::Made(HoverModel::c)),
             ("trefoil.h", TREFOIL_H),
             ("test_controller.c", TEST_C),
             ("Makefile", text!("simulink/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
-        ..library(Language::Simulink, Node::AttitudeMpc, template!("simulink/about.md"))
+        ..library(Language::Simulink, TemplateNode::AttitudeMpc, template!("simulink/about.md"))
     },
     Template {
         language: Language::Python,
-        node: Node::AttitudeMpc,
+        node: TemplateNode::AttitudeMpc,
         modes: template!("python/modes.md"),
         about: template!("python/about.md"),
         files: &[
             ("controller.py", text!("python/controller.py")),
-            ("model.json", Text::Made(Model::json)),
+            ("model.json", Text::Made(HoverModel::json)),
             ("test_controller.py", text!("python/test_controller.py")),
             ("Makefile", text!("python/Makefile")),
             ("scenario.toml", text!("python/scenario.toml")),
@@ -187,13 +187,13 @@ const TEMPLATES: [Template; 9] = [
         files: &[
             ("src/lib.rs", text!("rust/lib.rs")),
             ("src/lqr.rs", text!("rust/lqr.rs")),
-            ("src/model.rs", Text::Made(Model::rust)),
+            ("src/model.rs", Text::Made(HoverModel::rust)),
             ("src/trefoil.rs", Text::Made(types_in_rust)),
             ("Cargo.toml", text!("rust/Cargo.toml")),
             ("Makefile", text!("rust/Makefile")),
             ("scenario.toml", SCENARIO),
         ],
-        ..library(Language::Rust, Node::AttitudeMpc, template!("rust/about.md"))
+        ..library(Language::Rust, TemplateNode::AttitudeMpc, template!("rust/about.md"))
     },
 ];
 
@@ -204,7 +204,7 @@ impl Template {
     }
 
     /// Writes all files for the node that is called `node`: paths in the folder, and texts.
-    pub fn files(&self, node: &str, model: &Model) -> Vec<(&'static str, String)> {
+    pub fn files(&self, node: &str, model: &HoverModel) -> Vec<(&'static str, String)> {
         let filled = |text: Text| {
             let text = match text {
                 Text::Fixed(text) => text.replace("@MODES@\n", self.modes).replace("@ABOUT@\n", self.about),
@@ -217,12 +217,12 @@ impl Template {
 }
 
 /// JSON Schema of the scenario, which its first line names, so that editors complete it.
-fn schema(_: &Model) -> String {
+fn schema(_: &HoverModel) -> String {
     Described::Scenario.schema()
 }
 
 /// Types of `trefoil.h` in Rust, without the derived traits that need another crate.
-fn types_in_rust(_: &Model) -> String {
+fn types_in_rust(_: &HoverModel) -> String {
     let types = include_str!("../../../foreign/src/abi.rs");
     types.replace("use bytemuck::{Pod, Zeroable};\n\n", "").replace(", Pod, Zeroable", "").replace("pub(crate)", "pub")
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use campaign::file::Campaign;
 use clap::CommandFactory;
 use settings::load_text;
-use settings::moved::{Kind, MOVED, Now, find};
+use settings::moved::{MOVED, NameKind, Replacement, find};
 
 use super::is_generated;
 use super::page::{head, objects, row};
@@ -19,11 +19,11 @@ This page is for users of an earlier version: it has every name that is refused 
 is generated from [`moved.rs`](../settings/src/moved.rs); a test compares.
 ";
 
-const SECTIONS: [(&str, &str, &[Kind]); 4] = [
-    ("Settings", "A table stands for every key in it without a row of its own.", &[Kind::Key, Kind::Value]),
-    ("Commands", "Each is a command of `trefoil`, or an option of one.", &[Kind::Command]),
-    ("Columns", "The table of a campaign's flights has them; promises and comparisons name them.", &[Kind::Column]),
-    ("Fields of run.json", "`provenance.schema_version` is the version of the form.", &[Kind::Field]),
+const SECTIONS: [(&str, &str, &[NameKind]); 4] = [
+    ("Settings", "A table stands for every key in it without a row of its own.", &[NameKind::Key, NameKind::Value]),
+    ("Commands", "Each is a command of `trefoil`, or an option of one.", &[NameKind::Command]),
+    ("Columns", "The table of a campaign's flights has them; promises and comparisons name them.", &[NameKind::Column]),
+    ("Fields of run.json", "`provenance.schema_version` is the version of the form.", &[NameKind::Field]),
 ];
 
 #[test]
@@ -33,9 +33,9 @@ fn the_page_of_names_is_generated() {
         page += &format!("\n## {title}\n\n{about}\n\n{}", head(&["old", "new"]));
         for (_, old, now) in MOVED.iter().filter(|(kind, ..)| kinds.contains(kind)) {
             let new = match now {
-                Now::Name(new) => format!("`{new}`"),
-                Now::Seconds(new) => format!("`{new}`, in seconds instead of samples"),
-                Now::Gone(words) => format!("none: {words}"),
+                Replacement::Name(new) => format!("`{new}`"),
+                Replacement::Seconds(new) => format!("`{new}`, in seconds instead of samples"),
+                Replacement::Gone(words) => format!("none: {words}"),
             };
             page += &row(&[&format!("`{old}`"), &new]);
         }
@@ -53,35 +53,35 @@ fn settings(old: &str) -> String {
 }
 
 /// Returns the message with which the program refuses the `old` name; `None` for a field, which is no input.
-fn refusal(kind: Kind, old: &str) -> Option<String> {
+fn refusal(kind: NameKind, old: &str) -> Option<String> {
     let words = || ["launcher"].into_iter().chain(old.split(' ')).map(Into::into).collect();
     let campaign = || format!("seeds = [1]\n[[promise]]\nfigure = \"x\"\nmetric = \"{old}\"\nat_most = 1.0\n");
     match kind {
-        Kind::Key | Kind::Value => load_text(&settings(old), "x", &[]).err().map(|error| error.to_string()),
-        Kind::Command => parse_from::<Cli>(words()).err().map(|error| error.to_string()),
-        Kind::Column => {
+        NameKind::Key | NameKind::Value => load_text(&settings(old), "x", &[]).err().map(|error| error.to_string()),
+        NameKind::Command => parse_from::<Cli>(words()).err().map(|error| error.to_string()),
+        NameKind::Column => {
             Campaign::read(&campaign(), "x.toml", "x", Path::new("")).err().map(|error| format!("{error:#}"))
         }
-        Kind::Field => None,
+        NameKind::Field => None,
     }
 }
 
 /// Names of the kind that the program has, as its reference pages list them.
-fn is_known(kind: Kind, name: &str) -> bool {
+fn is_known(kind: NameKind, name: &str) -> bool {
     let keys = |schema: &serde_json::Value| -> BTreeSet<String> {
         let all = objects(schema);
         let fields = all.iter().flat_map(|object| object.fields.iter().map(|field| &field.key));
         fields.chain(all.iter().map(|object| &object.key)).map(|key| key.replace("[]", "")).collect()
     };
     match kind {
-        Kind::Key => keys(&settings::schema()).contains(name),
-        Kind::Value => {
+        NameKind::Key => keys(&settings::schema()).contains(name),
+        NameKind::Value => {
             let said = refusal(kind, name).unwrap_or_default(); // another setting may be missing beside it
             find(kind, name).is_none() && !said.contains("unknown variant")
         }
-        Kind::Field => keys(&outcome::run_record::schema()).contains(name),
-        Kind::Column => is_known(Kind::Field, &format!("metrics.{name}")),
-        Kind::Command => {
+        NameKind::Field => keys(&outcome::run_record::schema()).contains(name),
+        NameKind::Column => is_known(NameKind::Field, &format!("metrics.{name}")),
+        NameKind::Command => {
             let (mut command, mut is_known) = (Cli::command(), true);
             for word in name.split(' ') {
                 if let Some(option) = word.strip_prefix("--") {
@@ -104,9 +104,9 @@ fn every_old_name_is_refused_by_its_row_and_every_new_one_is_known() {
         if let Some(said) = refusal(*kind, old) {
             assert!(said.contains(&moved.title), "{old}: {said}");
         }
-        assert!(*kind == Kind::Field || refusal(*kind, old).is_some(), "{old} is accepted");
-        assert!(*kind == Kind::Command || !is_known(*kind, old), "{old} is still there");
-        if let Now::Name(new) | Now::Seconds(new) = now {
+        assert!(*kind == NameKind::Field || refusal(*kind, old).is_some(), "{old} is accepted");
+        assert!(*kind == NameKind::Command || !is_known(*kind, old), "{old} is still there");
+        if let Replacement::Name(new) | Replacement::Seconds(new) = now {
             assert!(is_known(*kind, new), "{old}: there is no {new}");
         }
     }

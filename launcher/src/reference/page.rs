@@ -4,7 +4,7 @@ use serde_json::Value;
 
 /// A setting or field of a schema.
 #[derive(Clone)]
-pub struct Field<'a> {
+pub struct SchemaField<'a> {
     /// Dotted key; `[]` after the name of an array.
     pub key: String,
     pub schema: &'a Value,
@@ -14,7 +14,7 @@ pub struct Field<'a> {
 pub struct Object<'a> {
     pub key: String,
     pub about: &'a str,
-    pub fields: Vec<Field<'a>>,
+    pub fields: Vec<SchemaField<'a>>,
 }
 
 /// Lists the objects of `schema` in order, the whole one first.
@@ -37,7 +37,7 @@ fn collect<'a>(key: &str, schema: &'a Value, found: &mut Vec<Object<'a>>) {
                 collect(&key, object, found);
                 found[own].about = text(inner); // what it is here says more than what its type is
             }
-            _ => found[place].fields.push(Field { key, schema: inner }),
+            _ => found[place].fields.push(SchemaField { key, schema: inner }),
         }
     }
 }
@@ -150,9 +150,9 @@ pub fn head(names: &[&str]) -> String {
 
 /// Formats the words that fields may have with their meanings, as lists; fields with the same words share one. `told`
 /// has the lists that stand in the page already.
-pub fn meanings(fields: &[Field], told: &mut Vec<String>) -> String {
+pub fn meanings(fields: &[SchemaField], told: &mut Vec<String>) -> String {
     let mut lists: Vec<(String, Vec<&str>)> = vec![];
-    for Field { key, schema } in fields {
+    for SchemaField { key, schema } in fields {
         let all = choices(schema).unwrap_or_default();
         let list: String = all.iter().map(|(word, meaning)| format!("- `{word}`: {meaning}\n")).collect();
         match lists.iter_mut().find(|(other, _)| *other == list) {

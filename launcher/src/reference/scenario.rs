@@ -6,7 +6,7 @@ use settings::{Profile, Scenario, to_toml};
 use toml::Table;
 
 use super::is_generated;
-use super::page::{Field, Object, head, meanings, objects, range_of, row, text, type_of};
+use super::page::{Object, SchemaField, head, meanings, objects, range_of, row, text, type_of};
 
 const PAGE: &str = "# Settings of a scenario
 
@@ -139,7 +139,7 @@ fn describe(page: &mut String, told: &mut Vec<String>, object: &Object, [robust,
         if object.key.is_empty() { "Settings outside of any table." } else { object.about }
     );
     *page += &head(&["key", "type", "unit", "range", "robust", "paper", "meaning"]);
-    for Field { key, schema } in &object.fields {
+    for SchemaField { key, schema } in &object.fields {
         let about = text(schema);
         let found = units(about);
         let (unit, about) = match found[..] {
@@ -206,7 +206,7 @@ fn every_setting_that_is_a_number_has_a_unit_in_its_description() {
     let tables = tables(&schema);
     let numbers = tables.iter().flat_map(|object| &object.fields).filter(|field| has_numbers(field.schema));
     let mut pure = vec![];
-    for Field { key, schema } in numbers {
+    for SchemaField { key, schema } in numbers {
         if units(text(schema)).is_empty() {
             pure.push(key.as_str());
         }

@@ -1,7 +1,7 @@
 //! docs/reference/run-json.md: what a flight writes.
 
 use super::is_generated;
-use super::page::{Field, Object, head, meanings, objects, row, text, type_of};
+use super::page::{Object, SchemaField, head, meanings, objects, row, text, type_of};
 
 const RUN: &str = "# run.json
 
@@ -13,15 +13,15 @@ may be added within a version (`provenance.schema_version`); a reader ignores th
 
 const HEADS: [&str; 3] = ["field", "type", "meaning"];
 
-fn rows(fields: &[Field], told: &mut Vec<String>) -> String {
-    let name = |field: &Field| field.key.rsplit('.').next().unwrap_or_default().to_owned();
-    let line = |field: &Field| row(&[&format!("`{}`", name(field)), &type_of(field.schema), text(field.schema)]);
+fn rows(fields: &[SchemaField], told: &mut Vec<String>) -> String {
+    let name = |field: &SchemaField| field.key.rsplit('.').next().unwrap_or_default().to_owned();
+    let line = |field: &SchemaField| row(&[&format!("`{}`", name(field)), &type_of(field.schema), text(field.schema)]);
     head(&HEADS) + &fields.iter().map(line).collect::<String>() + &meanings(fields, told)
 }
 
 /// Names and descriptions of the fields of an object, by which objects of one type are known.
 fn form(object: &Object) -> Vec<(String, String)> {
-    let of = |field: &Field| (field.key.replacen(&object.key, "", 1), text(field.schema).to_owned());
+    let of = |field: &SchemaField| (field.key.replacen(&object.key, "", 1), text(field.schema).to_owned());
     object.fields.iter().map(of).collect()
 }
 

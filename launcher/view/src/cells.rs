@@ -12,7 +12,7 @@ use parquet::schema::types::{Type, TypePtr};
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ColumnType {
     Bool,
     Int,
     /// Unsigned integer; its cells are [`Cell::Int`] with the same bits.
@@ -33,14 +33,14 @@ pub enum Cell {
 
 impl Cell {
     /// Returns whether a column of this kind accepts the cell.
-    pub fn is(&self, kind: Kind) -> bool {
+    pub fn is(&self, kind: ColumnType) -> bool {
         matches!(
             (self, kind),
             (Self::None, _)
-                | (Self::Bool(_), Kind::Bool)
-                | (Self::Int(_), Kind::Int | Kind::Count)
-                | (Self::Real(_), Kind::Real)
-                | (Self::Text(_), Kind::Text)
+                | (Self::Bool(_), ColumnType::Bool)
+                | (Self::Int(_), ColumnType::Int | ColumnType::Count)
+                | (Self::Real(_), ColumnType::Real)
+                | (Self::Text(_), ColumnType::Text)
         )
     }
 }
@@ -51,14 +51,14 @@ pub fn properties() -> WriterPropertiesBuilder {
 }
 
 /// Makes the schema of the table `name` with these columns.
-pub fn schema<'a>(name: &str, columns: impl Iterator<Item = (&'a str, Kind)>) -> anyhow::Result<TypePtr> {
+pub fn schema<'a>(name: &str, columns: impl Iterator<Item = (&'a str, ColumnType)>) -> anyhow::Result<TypePtr> {
     let field = |(name, kind)| {
         let (physical, logical) = match kind {
-            Kind::Bool => (Physical::BOOLEAN, None),
-            Kind::Int => (Physical::INT64, None),
-            Kind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
-            Kind::Real => (Physical::DOUBLE, None),
-            Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            ColumnType::Bool => (Physical::BOOLEAN, None),
+            ColumnType::Int => (Physical::INT64, None),
+            ColumnType::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
+            ColumnType::Real => (Physical::DOUBLE, None),
+            ColumnType::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
         let field = Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL);
         field.with_logical_type(logical).build().map(Arc::new)
@@ -71,25 +71,25 @@ pub fn schema<'a>(name: &str, columns: impl Iterator<Item = (&'a str, Kind)>) ->
 /// null.
 pub fn write_group<'a, W: Write + Send>(
     writer: &mut SerializedFileWriter<W>,
-    columns: impl Iterator<Item = (Kind, &'a [Cell])>,
+    columns: impl Iterator<Item = (ColumnType, &'a [Cell])>,
 ) -> anyhow::Result<()> {
     let mut group = writer.next_row_group()?;
     for (kind, cells) in columns {
         let column = group.next_column()?.context("a column of the schema")?;
         match kind {
-            Kind::Bool => write_column::<BoolType>(column, cells, |cell| match cell {
+            ColumnType::Bool => write_column::<BoolType>(column, cells, |cell| match cell {
                 Cell::Bool(yes) => Some(*yes),
                 _ => None,
             }),
-            Kind::Int | Kind::Count => write_column::<Int64Type>(column, cells, |cell| match cell {
+            ColumnType::Int | ColumnType::Count => write_column::<Int64Type>(column, cells, |cell| match cell {
                 Cell::Int(n) => Some(*n),
                 _ => None,
             }),
-            Kind::Real => write_column::<DoubleType>(column, cells, |cell| match cell {
+            ColumnType::Real => write_column::<DoubleType>(column, cells, |cell| match cell {
                 Cell::Real(x) => Some(*x),
                 _ => None,
             }),
-            Kind::Text => write_column::<ByteArrayType>(column, cells, |cell| match cell {
+            ColumnType::Text => write_column::<ByteArrayType>(column, cells, |cell| match cell {
                 Cell::Text(text) => Some(ByteArray::from(text.as_str())),
                 _ => None,
             }),

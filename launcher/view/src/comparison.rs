@@ -12,20 +12,20 @@ use settings::{Mode, Scenario};
 
 use crate::differing_settings;
 use crate::draw::{self, FlightColumns, Plot, STYLE, Series, TimePlots, escape};
-use crate::report::columns::Columns;
-use crate::report::sections::{METRICS, Shown};
+use crate::report::columns::ReportColumns;
+use crate::report::sections::{METRICS, ShownMetric};
 use crate::table::Table;
 use outcome::bounds::bounds;
 use outcome::metrics::Metrics;
 use outcome::percentiles::percentiles;
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use outcome::ticks::Joined;
 use outcome::timing::Timing;
 use serde_json::{Value, json};
 
 /// Table with a row for each metric and a column for each flight, named by `titles`.
 pub fn metrics(titles: &[&str], flights: &[Metrics]) -> Table {
-    let row = |metric: &Shown| {
+    let row = |metric: &ShownMetric| {
         let values: Vec<f64> = flights.iter().map(metric.of).collect();
         let cell = |value: &f64| if value.is_nan() { "-".into() } else { format!("{value:.*}", metric.decimals + 1) };
         let unit = if metric.unit.is_empty() { String::new() } else { format!(" [{}]", metric.unit) };
@@ -69,7 +69,7 @@ struct Flight {
     /// Name in the comparison, which no other flight has.
     title: String,
     recorded: Recorded,
-    columns: Columns,
+    columns: ReportColumns,
     /// Settings, with what was ordered while it flew.
     scenario: Scenario,
 }
@@ -111,10 +111,10 @@ impl Comparison {
     /// # Errors
     /// A flight cannot be read, or is named twice.
     pub fn read(runs: &[PathBuf]) -> anyhow::Result<Self> {
-        let begin = |scenario: &Scenario| (Joined::new(scenario, 0), Columns::new(scenario, 0));
-        let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Columns)> {
+        let begin = |scenario: &Scenario| (Joined::new(scenario, 0), ReportColumns::new(scenario, 0));
+        let read = |run: &PathBuf| -> anyhow::Result<(Recorded, ReportColumns)> {
             let mut gathered = None;
-            let recorded = Recorded::read_each(run, Part::ALL, |scenario, record| {
+            let recorded = Recorded::read_each(run, TimeSpan::ALL, |scenario, record| {
                 let (joined, columns) = gathered.get_or_insert_with(|| begin(scenario));
                 joined.observe(record, |tick| columns.observe(tick));
             })?;
@@ -123,7 +123,7 @@ impl Comparison {
             Ok((recorded, columns))
         };
         let read = runs.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
-        let place = |(recorded, _): &(Recorded, Columns)| -> anyhow::Result<Place> {
+        let place = |(recorded, _): &(Recorded, ReportColumns)| -> anyhow::Result<Place> {
             let path = recorded.path.canonicalize();
             let path = path.with_context(|| format!("cannot find {}", recorded.path.display()))?;
             Ok((recorded.run.name.clone(), path))
@@ -134,7 +134,7 @@ impl Comparison {
                 bail!("{} is named twice; name different runs", runs[i].display());
             }
         }
-        let flight = |((recorded, columns), title): ((Recorded, Columns), String)| {
+        let flight = |((recorded, columns), title): ((Recorded, ReportColumns), String)| {
             let scenario = recorded.flown();
             Flight { title, recorded, columns, scenario }
         };

@@ -5,7 +5,7 @@ use contract::message::Stamp;
 
 /// Times of the cycle that made a message \[us\], and what went wrong just before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cycle {
+pub struct CycleTimes {
     /// Time from the sample to the release of the node.
     pub release_us: f64,
     /// Time from the release to the start.
@@ -22,7 +22,7 @@ pub struct Cycle {
     pub late: u64,
 }
 
-impl Cycle {
+impl CycleTimes {
     /// Computes the times of the message with `stamp` on `topic`; `before` and `after` are the stamps of the messages
     /// of the same process around it.
     pub fn new(topic: Topic, stamp: &Stamp, before: &Stamp, after: Option<&Stamp>) -> Self {

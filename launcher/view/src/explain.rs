@@ -23,7 +23,7 @@ const PLOTS: usize = 5;
 const PLOTTED_M: f64 = 1e-3;
 
 /// The costs of a flight as they are shown, and what happened in it.
-pub struct Shown<'a> {
+pub struct ShownCosts<'a> {
     pub explained: &'a Explained,
     pub happened: &'a Happenings,
 }
@@ -51,7 +51,7 @@ fn table(title: &str, costs: &[Cost]) -> Table {
     Table::new(title, &COLUMNS, costs.iter().map(cells).collect())
 }
 
-impl Shown<'_> {
+impl ShownCosts<'_> {
     /// For people: the costliest ticks and bursts, and the flights side by side.
     pub fn text(&self) -> String {
         let (ticks, bursts) = (self.explained.disturbed, self.explained.bursts_found);

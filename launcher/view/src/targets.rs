@@ -1,7 +1,7 @@
 //! Verdicts on targets as a table of a page.
 
 use flight::event::name;
-use outcome::target::{Target, Verdict};
+use outcome::target::{Target, TargetVerdict};
 
 use crate::draw::{DASH, escape, table};
 
@@ -9,9 +9,9 @@ use crate::draw::{DASH, escape, table};
 pub fn targets(all: &[Target]) -> String {
     let row = |target: &Target| {
         let colour = match target.verdict {
-            Verdict::Ok => "good",
-            Verdict::Short => "bad",
-            Verdict::Inconclusive => "warn",
+            TargetVerdict::Ok => "good",
+            TargetVerdict::Short => "bad",
+            TargetVerdict::Inconclusive => "warn",
         };
         vec![
             format!("<strong style=\"color:var(--{colour})\">{}</strong>", name(target.verdict)),

@@ -7,9 +7,9 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn parts(preset: Preset) -> (MixingMatrix, Limits) {
+fn parts(preset: Preset) -> (MixingMatrix, ActuatorLimits) {
     let vehicle = Parameters::from(preset);
-    (MixingMatrix::new(&vehicle, false), Limits::new(&vehicle, 100.0, 1.5, f64::to_radians(45.0)))
+    (MixingMatrix::new(&vehicle, false), ActuatorLimits::new(&vehicle, 100.0, 1.5, f64::to_radians(45.0)))
 }
 
 /// Lift, lon and lat of rotor speeds at a tilt.
@@ -18,7 +18,7 @@ fn given(mixing: &MixingMatrix, rotor_speed: [f64; 3], tilt_rad: f64) -> Vector3
     Vector3::new(-col, lon, lat)
 }
 
-fn is_inside(limits: &Limits, rotor_speed: &[f64; 3]) -> bool {
+fn is_inside(limits: &ActuatorLimits, rotor_speed: &[f64; 3]) -> bool {
     (0..3).all(|i| {
         rotor_speed[i] >= limits.rotor_speed_min * (1.0 - 1e-9)
             && rotor_speed[i] <= limits.rotor_speed_max[i] * (1.0 + 1e-9)
@@ -110,7 +110,7 @@ fn numbers_that_overflow_give_no_command() {
     let broken = Broken::new(&scenario, MixingMatrix::new(&scenario.airframe, false), &scenario.actuator_law());
     let measured = Kinematics { rates_radps: [1e300, -1e300, 1e300], ..Kinematics::default() };
     let position = Trim::solve(&scenario.airframe, false).actuation;
-    for part in [Part::Rotor(0), Part::Rotor(1), Part::Tilt(0.3)] {
+    for part in [BrokenPart::Rotor(0), BrokenPart::Rotor(1), BrokenPart::Tilt(0.3)] {
         let command = broken.command(part, &measured, &position, std::iter::empty());
         assert!(command.is_none_or(|command| command.rotor_speed.iter().all(|speed| speed.is_finite())));
     }
@@ -122,7 +122,7 @@ fn only_a_vehicle_that_reaches_the_spin_soon_descends_without_rotor_1() {
         let airframe = Parameters::from(preset);
         let scenario = Scenario { airframe, ..Scenario::default() };
         let broken = Broken::new(&scenario, MixingMatrix::new(&airframe, false), &scenario.actuator_law());
-        assert_eq!(broken.descends_without(Part::Rotor(0)), descends);
-        assert!(!broken.descends_without(Part::Rotor(1)) && broken.descends_without(Part::Tilt(0.3)));
+        assert_eq!(broken.descends_without(BrokenPart::Rotor(0)), descends);
+        assert!(!broken.descends_without(BrokenPart::Rotor(1)) && broken.descends_without(BrokenPart::Tilt(0.3)));
     }
 }

@@ -29,9 +29,9 @@ fn every_pair_of_ages_has_its_rung() {
     }
 }
 
-fn level() -> Level {
+fn level() -> LevellingLaw {
     let vehicle = Parameters::default();
-    Level::new(&vehicle, Trim::solve(&vehicle, false).roll_rad)
+    LevellingLaw::new(&vehicle, Trim::solve(&vehicle, false).roll_rad)
 }
 
 /// Demand at trim with a change to the motion.

@@ -6,10 +6,10 @@ use nalgebra::Vector3;
 use super::*;
 
 /// Model of the default vehicle, its trim, and its motion in hover.
-fn hovering() -> (Rotors, Actuation, Kinematics) {
+fn hovering() -> (RotorModel, Actuation, Kinematics) {
     let scenario = Scenario::default();
     let Trim { roll_rad, actuation } = Trim::solve(&scenario.airframe, false);
-    let rotors = Rotors::new(&scenario, MixingMatrix::new(&scenario.airframe, false), &actuation);
+    let rotors = RotorModel::new(&scenario, MixingMatrix::new(&scenario.airframe, false), &actuation);
     (rotors, actuation, Kinematics { attitude_rad: [roll_rad, 0.0, 0.0], ..Kinematics::default() })
 }
 

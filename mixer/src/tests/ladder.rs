@@ -10,7 +10,7 @@ use settings::{Profile, Scenario};
 
 use super::any_demand;
 use crate::Mixer;
-use crate::damage::{Damage, Part};
+use crate::damage::{BrokenPart, Damage};
 
 /// Demand to climb at `tick`.
 fn climb(tick: u64) -> Controls {
@@ -155,7 +155,7 @@ fn levelling_and_descending_take_the_disturbance_estimate_into_account() {
 fn a_terminated_flight_stays_without_thrust_whatever_comes() {
     let scenario = Scenario::default();
     let mut mixer = Mixer::new(&scenario);
-    mixer.memory.damage = Damage::from(Part::Rotor(1));
+    mixer.memory.damage = Damage::from(BrokenPart::Rotor(1));
     for tick in 0..5 {
         let answer = mixer.step(tick, &climb(tick), &hover(&scenario, tick));
         assert_eq!((answer.flags, answer.command.rotor_speed), (flags::CUT | flags::TERMINATED, [0.0; 3]));

@@ -2,7 +2,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::state::{ERRORS, Error, turn};
+use crate::state::{ERRORS, StateError, turn};
 use crate::tests::{G_MPS2, NOISE, START, check_mean, draw};
 
 /// Samples of the IMU, of which every tenth has a fix and a field.
@@ -49,9 +49,9 @@ fn stand(seed: u64) -> (State, State, Covariance) {
 }
 
 /// Errors of sensors that do not wander while the vehicle stands.
-fn still(noise: &Noise) -> Noise {
+fn still(noise: &ExpectedNoise) -> ExpectedNoise {
     let constant = Wander::stationary(0.0, f64::INFINITY);
-    Noise { drift: [constant; 3], barometer: constant, ..*noise }
+    ExpectedNoise { drift: [constant; 3], barometer: constant, ..*noise }
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn val_errors_are_as_large_as_the_covariance_says() {
     let mut nees = 0.0;
     for seed in 0..seeds {
         let (truth, state, covariance) = stand(seed);
-        let error: Error = state.error_to(&truth);
+        let error: StateError = state.error_to(&truth);
         // Position and drift, height and bias go together by the fixes, so the whole error is weighed at once.
         nees += error.dot(&covariance.cholesky().expect("positive").solve(&error)) / seeds as f64;
     }

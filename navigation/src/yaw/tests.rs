@@ -1,4 +1,4 @@
-use crate::noise::Start;
+use crate::noise::InitialErrors;
 use crate::state::{ATTITUDE, turn};
 use crate::tests::{DELAY, DT_S, Flight, START, truth};
 use crate::{Filter, IMUS, Navigation, Source};
@@ -10,7 +10,7 @@ fn error_rad(off_rad: f64, deviation_rad: f64) -> (f64, f64) {
     let mut flight = Flight::new(2, truth, START);
     let mut state = flight.navigation.filter().state;
     state.attitude = turn(Vector3::z() * off_rad) * state.attitude;
-    let start = Start { heading_rad: deviation_rad, ..START };
+    let start = InitialErrors { heading_rad: deviation_rad, ..START };
     let noise = crate::tests::NOISE;
     let filter =
         Filter::new(state, start.covariance(&state.attitude, &noise), noise, flight.navigation.filter().g_mps2());

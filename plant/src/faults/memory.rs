@@ -31,14 +31,14 @@ pub const FIELD: usize = 9;
 
 /// First-order low-pass, exact for readings that are constant from sample to sample.
 #[derive(Debug, Clone)]
-pub struct Filter {
+pub struct LowPass {
     time_constant_s: f64,
     sample_s: f64,
     /// Tick and output of the last sample.
     last: Option<(u64, [f64; 3])>,
 }
 
-impl Filter {
+impl LowPass {
     /// Builds a filter with a time constant \[s\], 0 for none, and a sample time \[s\].
     pub fn new(time_constant_s: f64, sample_s: f64) -> Self {
         Self { time_constant_s, sample_s, last: None }
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn a_filter_closes_the_gap_exponentially_however_it_is_sampled() {
         let step = |ticks: &[u64]| {
-            let mut filter = Filter::new(0.2, 0.01);
+            let mut filter = LowPass::new(0.2, 0.01);
             filter.settle(0, [0.0; 3]);
             ticks.iter().fold([0.0; 3], |_, tick| filter.follow(*tick, [1.0, -2.0, 0.0]))
         };
@@ -138,11 +138,11 @@ mod tests {
 
     #[test]
     fn a_filter_without_a_past_a_lag_or_a_number_begins_at_its_input() {
-        assert_eq!(Filter::new(0.2, 0.01).follow(5, [1.0; 3]), [1.0; 3]);
-        let mut instant = Filter::new(0.0, 0.01);
+        assert_eq!(LowPass::new(0.2, 0.01).follow(5, [1.0; 3]), [1.0; 3]);
+        let mut instant = LowPass::new(0.0, 0.01);
         instant.settle(5, [0.0; 3]);
         assert_eq!(instant.follow(5, [1.0; 3]), [1.0; 3]);
-        let mut broken = Filter::new(0.2, 0.01);
+        let mut broken = LowPass::new(0.2, 0.01);
         broken.settle(0, [f64::NAN, f64::INFINITY, 0.0]);
         let [x, y, z] = broken.follow(1, [1.0; 3]);
         assert_eq!([x, y], [1.0; 2]);

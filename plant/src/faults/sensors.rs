@@ -20,10 +20,10 @@ use navigation::IMUS;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use settings::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS, MAX_SENSOR_DELAY_TICKS};
-use settings::{Fault, FaultKind, FaultTarget, Filter as Choice, Mode, Scenario, Wrong};
+use settings::{Fault, FaultKind, FaultTarget, FilterName, Mode, Scenario, Wrong};
 
 use super::memory::{
-    ACCELERATION, ATTITUDE, FIELD, FLOW, Filter, HEIGHT, POSITION, Past, RATES, Reading, Readings, SENSORS, VELOCITY,
+    ACCELERATION, ATTITUDE, FIELD, FLOW, HEIGHT, LowPass, POSITION, Past, RATES, Reading, Readings, SENSORS, VELOCITY,
 };
 use crate::memory::Tape;
 use crate::random::{Stream, begin_tick, normal};
@@ -83,7 +83,7 @@ enum Effect {
     Garbage(f64),
     Bias(f64),
     Scale(f64),
-    Slow(Filter),
+    Slow(LowPass),
     /// Number of ticks.
     Delayed(u64),
     /// Share of the ticks.
@@ -98,7 +98,7 @@ impl SensorFaults {
         let sampled = Sampled {
             seed: scenario.run.seed,
             sample_s: scenario.sample_s(),
-            imus: if scenario.plant.sensors.filter == Choice::Ekf { scenario.plant.sensors.imu.count } else { 1 },
+            imus: if scenario.plant.sensors.filter == FilterName::Ekf { scenario.plant.sensors.imu.count } else { 1 },
         };
         let faults = FaultSchedule::new(scenario, |number, fault| SensorFault::new(sampled, number, fault));
         let places = faults.all().iter().flat_map(|fault| fault.effect.places.iter().flatten());
@@ -191,7 +191,7 @@ impl Effect {
             (FaultKind::Wrong, Wrong::Bias) => Self::Bias(fault.value.unwrap_or(bias) * unit),
             (FaultKind::Wrong, Wrong::Scale) => Self::Scale(fault.value.unwrap_or(SCALE)),
             (FaultKind::Wrong, Wrong::Sign) => Self::Scale(-1.0),
-            (FaultKind::Slow, _) => Self::Slow(Filter::new(fault.ms.unwrap_or(SLOW_MS) / 1e3, sample_s)),
+            (FaultKind::Slow, _) => Self::Slow(LowPass::new(fault.ms.unwrap_or(SLOW_MS) / 1e3, sample_s)),
             (FaultKind::Delayed, _) => Self::Delayed(ticks(fault.ms.unwrap_or(DELAYED_MS), sample_s)),
             (FaultKind::Intermittent, _) => Self::Intermittent(fault.probability.unwrap_or(OFF_SHARE)),
             (FaultKind::Noise, _) => Self::Noise(fault.value.unwrap_or(noise) * unit),

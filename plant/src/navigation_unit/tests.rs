@@ -1,7 +1,7 @@
 use contract::message::{Actuators, Stamp};
 use navigation::Source;
 use navigation::state::ATTITUDE;
-use settings::{Fault, FaultKind, FaultTarget, Flow, Receiver, SensorPreset, Sensors};
+use settings::{Fault, FaultKind, FaultTarget, Flow, Receiver, SensorPreset, SensorsSettings};
 
 use super::*;
 use crate::Plant;
@@ -9,7 +9,7 @@ use crate::Plant;
 /// Scenario with the sensors of `preset`, and the EKF.
 fn with(preset: SensorPreset) -> Scenario {
     let mut scenario = Scenario::default();
-    scenario.plant.sensors = Sensors { filter: Choice::Ekf, ..Sensors::from(preset) };
+    scenario.plant.sensors = SensorsSettings { filter: FilterName::Ekf, ..SensorsSettings::from(preset) };
     scenario
 }
 

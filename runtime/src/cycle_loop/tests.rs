@@ -1,5 +1,5 @@
 use super::*;
-use crate::fixture::{Ring, only_after};
+use crate::fixture::{TestRing, only_after};
 use crate::input::Input;
 use crate::output::Output;
 use crate::realtime::ControlPage;
@@ -11,7 +11,7 @@ use settings::{FaultKind, FaultTarget, Late, Mode};
 const MEMORY: Snapshot = [7; SNAPSHOT_WORDS];
 
 /// Returns loop and input of guidance as process `epoch`.
-fn guidance(ring: &Ring, epoch: u32) -> (CycleLoop, Input<State>) {
+fn guidance(ring: &TestRing, epoch: u32) -> (CycleLoop, Input<State>) {
     let mut session = ring.session(Topic::Reference, epoch);
     let input = session.input().unwrap();
     (session.ready().unwrap(), input)
@@ -25,7 +25,7 @@ fn sample(page: &ControlPage, tick: u64) {
 
 #[test]
 fn by_the_barrier_a_node_answers_once_to_each_sample() {
-    let ring = Ring::flying(Mode::Lockstep);
+    let ring = TestRing::flying(Mode::Lockstep);
     let (mut cycles, mut states) = guidance(&ring, 1);
     sample(&ring.page, 0);
     assert_eq!(cycles.next(&mut states).unwrap(), Some(0));
@@ -38,7 +38,7 @@ fn by_the_barrier_a_node_answers_once_to_each_sample() {
 
 #[test]
 fn by_the_barrier_a_node_waits_for_the_one_before_it_unless_its_role_is_vacant() {
-    let ring = Ring::flying(Mode::Lockstep);
+    let ring = TestRing::flying(Mode::Lockstep);
     let mut session = ring.session(Topic::Controls, 1);
     let mut references = session.input::<Reference>().unwrap();
     let mut cycles = session.ready().unwrap();
@@ -56,7 +56,7 @@ fn by_the_barrier_a_node_waits_for_the_one_before_it_unless_its_role_is_vacant()
 
 #[test]
 fn by_the_barrier_a_process_begins_with_the_tick_of_its_assignment() {
-    let ring = Ring::flying(Mode::Lockstep);
+    let ring = TestRing::flying(Mode::Lockstep);
     let role = ring.page.role(Topic::Reference);
     role.offer(2);
     let (mut cycles, mut states) = guidance(&ring, 2);
@@ -70,7 +70,7 @@ fn by_the_barrier_a_process_begins_with_the_tick_of_its_assignment() {
 
 #[test]
 fn a_process_ends_when_another_has_taken_over_or_the_run_is_over() {
-    let ring = Ring::flying(Mode::Lockstep);
+    let ring = TestRing::flying(Mode::Lockstep);
     let role = ring.page.role(Topic::Reference);
     role.offer(2);
     let ((mut old, mut one), (mut new, mut other)) = (guidance(&ring, 1), guidance(&ring, 2));
@@ -82,7 +82,7 @@ fn a_process_ends_when_another_has_taken_over_or_the_run_is_over() {
 
 #[test]
 fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
-    let mut ring = Ring::flying(Mode::Realtime);
+    let mut ring = TestRing::flying(Mode::Realtime);
     ring.run.run.rate_hz = 1000;
     ring.run.fault = vec![Fault::new(FaultTarget::Guidance, FaultKind::Exit, 0.005, None)];
     let (mut cycles, mut states) = guidance(&ring, 1);
@@ -92,15 +92,15 @@ fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
 }
 
 /// Makes a ring in real time with ten seconds between two samples, of which sample 0 was taken `since_ns` ago.
-fn slow_ring(since_ns: u64) -> Ring {
-    let mut ring = Ring::flying(Mode::Realtime);
+fn slow_ring(since_ns: u64) -> TestRing {
+    let mut ring = TestRing::flying(Mode::Realtime);
     ring.run.node.plant.deadline_ms = Some(2_000.0);
     ring.page.origin_ns.set(now_ns() - since_ns);
     ring
 }
 
 /// Returns its guidance, with a timer of ten seconds, which no scenario allows.
-fn slow_guidance(ring: &Ring) -> (CycleLoop, Input<State>) {
+fn slow_guidance(ring: &TestRing) -> (CycleLoop, Input<State>) {
     let (mut cycles, states) = guidance(ring, 1);
     cycles.release = Release::Timer { period_ns: TEN_S_NS };
     (cycles, states)
@@ -132,7 +132,7 @@ fn by_the_timer_a_node_answers_without_its_input_when_that_is_late() {
 
 #[test]
 fn by_the_timer_a_node_wakes_for_the_first_sample_even_if_its_input_never_comes() {
-    let mut ring = Ring::flying(Mode::Realtime);
+    let mut ring = TestRing::flying(Mode::Realtime);
     ring.run.node.plant.deadline_ms = Some(5_000.0);
     let (mut cycles, mut input) = {
         let mut session = ring.session(Topic::Controls, 1);
@@ -207,7 +207,7 @@ fn by_the_timer_no_node_answers_to_a_sample_after_the_last() {
 
 #[test]
 fn a_missed_deadline_with_the_policy_stop_ends_the_loop() {
-    let mut ring = Ring::flying(Mode::Realtime);
+    let mut ring = TestRing::flying(Mode::Realtime);
     ring.run.deadline.late = Late::Stop;
     let (mut cycles, mut input) = guidance(&ring, 1);
     let late = cycles.member.timing.ready(3, 0, 50_000_000);

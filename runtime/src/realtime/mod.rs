@@ -1,4 +1,4 @@
-//! Time, the control page, and on Linux all other services of the kernel; the only `unsafe` of the stack.
+//! Time, the control page, and on Linux all other services of the kernel.
 //!
 //! | module | holds |
 //! |---|---|

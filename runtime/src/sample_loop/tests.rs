@@ -1,32 +1,32 @@
 use super::*;
-use crate::fixture::{Ring, only_after};
+use crate::fixture::{TestRing, only_after};
 use crate::output::Output;
 use crate::shared_role::Assignment;
 use contract::message::{Actuators, State};
 use settings::{Fault, FaultKind, FaultTarget, Mode};
 
 /// Returns loop, input and output of the plant.
-fn plant(ring: &Ring) -> (SampleLoop, Input<Actuators>, Output<State>) {
+fn plant(ring: &TestRing) -> (SampleLoop, Input<Actuators>, Output<State>) {
     let mut session = ring.session(Topic::State, 1);
     let (input, output) = (session.input().unwrap(), session.output().unwrap());
     (session.ready_to_sample().unwrap(), input, output)
 }
 
 /// Marks `tick` as done by every other node.
-fn answer(ring: &Ring, tick: u64) {
+fn answer(ring: &TestRing, tick: u64) {
     for topic in Topic::OF_CONTROLLERS {
         ring.page.role(topic).done(1).set(tick as u32 + 1);
     }
 }
 
 /// Lets the launcher keep the assignment up to and including `tick`.
-fn rule(ring: &Ring, tick: u64) {
+fn rule(ring: &TestRing, tick: u64) {
     ring.page.decided.raise(tick as u32 + 1);
 }
 
 /// Makes a ring in real time whose nodes wait for the first sample.
-fn ring_by_the_timer() -> Ring {
-    let mut ring = Ring::flying(Mode::Realtime);
+fn ring_by_the_timer() -> TestRing {
+    let mut ring = TestRing::flying(Mode::Realtime);
     ring.run.run.rate_hz = 1000;
     for topic in Topic::OF_CONTROLLERS {
         ring.page.role(topic).waiting.set(1);
@@ -109,7 +109,7 @@ fn the_last_tick_is_finished_and_no_other_begins() {
 #[test]
 fn a_run_that_is_called_off_has_no_sample() {
     for mode in [Mode::Realtime, Mode::Lockstep] {
-        let ring = Ring::flying(mode);
+        let ring = TestRing::flying(mode);
         ring.page.set_phase(phase::LEAVE);
         let (mut cycles, mut commands, _states) = plant(&ring);
         assert_eq!(cycles.next(&mut commands, |_, _| {}).unwrap(), None);
@@ -127,7 +127,7 @@ fn a_fault_of_its_own_ends_the_plant() {
 
 #[test]
 fn by_the_barrier_a_command_acts_after_the_delay_of_faults() {
-    let ring = Ring::flying(Mode::Lockstep);
+    let ring = TestRing::flying(Mode::Lockstep);
     let (mut cycles, mut commands, mut states) = plant(&ring);
     let mut mixer = ring.session(Topic::Actuators, 1);
     let mut actuators = mixer.output::<Actuators>().unwrap();
@@ -144,7 +144,7 @@ fn by_the_barrier_a_command_acts_after_the_delay_of_faults() {
 
 #[test]
 fn by_the_barrier_the_launcher_is_asked_from_the_tick_that_it_names_or_when_a_role_is_vacant() {
-    let ring = Ring::flying(Mode::Lockstep);
+    let ring = TestRing::flying(Mode::Lockstep);
     let (mut cycles, mut commands, _states) = plant(&ring);
     ring.page.next_decision.set(2);
     let mut asked = vec![];
@@ -165,7 +165,7 @@ fn by_the_barrier_the_launcher_is_asked_from_the_tick_that_it_names_or_when_a_ro
 
 #[test]
 fn by_the_barrier_the_next_sample_waits_for_active_standby_and_observers() {
-    let ring = Ring::flying(Mode::Lockstep);
+    let ring = TestRing::flying(Mode::Lockstep);
     let (mut cycles, mut commands, _states) = plant(&ring);
     let mixer = ring.page.role(Topic::Actuators);
     mixer.offer(2);

@@ -7,8 +7,8 @@ use crate::table::control::{Constraints, Law};
 use crate::table::fault::{Fault, FaultKind, FaultTarget, MAX_FAULT_MS, MAX_FAULT_S};
 use crate::table::program::ProgramKind;
 use crate::table::run::{Mode, Scenario};
-use crate::table::sensors::{Filter, Sensors};
-use crate::table::vehicle::Plant;
+use crate::table::sensors::{FilterName, SensorsSettings};
+use crate::table::vehicle::PlantSettings;
 use crate::words::word;
 
 /// Largest number of bits flipped in a corrupt message: more than any message has.
@@ -123,7 +123,7 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
 }
 
 /// Requires, if a wind `blows`, a vehicle with drag or another effect of air.
-pub fn check_air(blows: bool, keys: &[&str], plant: &Plant, found: &mut Found) {
+pub fn check_air(blows: bool, keys: &[&str], plant: &PlantSettings, found: &mut Found) {
     found.require(
         !blows || plant.feels_air(),
         keys,
@@ -145,7 +145,7 @@ fn check_vehicle(fault: &Fault, scenario: &Scenario, found: &mut Found) {
 }
 
 /// Requires the sensor that has the fault, for one that only the EKF has.
-fn check_unit(fault: &Fault, sensors: &Sensors, found: &mut Found) {
+fn check_unit(fault: &Fault, sensors: &SensorsSettings, found: &mut Found) {
     let (is_there, key) = match fault.target {
         FaultTarget::Height => (sensors.barometer.rate_hz > 0.0, "plant.sensors.barometer.rate_hz"),
         FaultTarget::Flow => (sensors.flow.rate_hz > 0.0, "plant.sensors.flow.rate_hz"),
@@ -153,7 +153,7 @@ fn check_unit(fault: &Fault, sensors: &Sensors, found: &mut Found) {
         FaultTarget::Acceleration => (true, "plant.sensors.filter"),
         FaultTarget::Attitude => {
             return found.require(
-                sensors.filter != Filter::Ekf,
+                sensors.filter != FilterName::Ekf,
                 &["fault", "plant.sensors.filter"],
                 "a fault of attitude, which the EKF estimates and no sensor measures".into(),
                 "`target` = \"field\", the magnetometer's, or \"rates\", the gyros'",
@@ -163,13 +163,13 @@ fn check_unit(fault: &Fault, sensors: &Sensors, found: &mut Found) {
     };
     let name = fault.target.name();
     found.require(
-        sensors.filter == Filter::Ekf,
+        sensors.filter == FilterName::Ekf,
         &["fault", "plant.sensors.filter"],
         format!("a fault of {name} where no sensor measures it"),
         "`plant.sensors.filter` = \"ekf\", or a `plant.sensors.preset` with it",
     );
     found.require(
-        is_there || sensors.filter != Filter::Ekf,
+        is_there || sensors.filter != FilterName::Ekf,
         &["fault", key],
         format!("a fault of {name} where no sensor measures it"),
         &format!("`{key}` above 0"),
@@ -177,10 +177,10 @@ fn check_unit(fault: &Fault, sensors: &Sensors, found: &mut Found) {
 }
 
 /// Requires the IMU that has the fault.
-fn check_imu(fault: &Fault, sensors: &Sensors, found: &mut Found) {
+fn check_imu(fault: &Fault, sensors: &SensorsSettings, found: &mut Found) {
     let Some(imu) = fault.imu else { return };
     let is_of_one = matches!(fault.target, FaultTarget::Rates | FaultTarget::Acceleration);
-    let count = if sensors.filter == Filter::Ekf { sensors.imu.count } else { 0 };
+    let count = if sensors.filter == FilterName::Ekf { sensors.imu.count } else { 0 };
     found.require(
         is_of_one && (1..=count as u64).contains(&imu),
         &["fault", "plant.sensors.imu.count"],
@@ -201,7 +201,7 @@ fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
         } else {
             format!("{} with a `process`", word(fault.kind))
         },
-        "`process` = \"plant\", \"guidance\", \"attitude-mpc\" or \"mixer\" with offset, and with no other",
+        "`process`, the name of a node, with offset, and with no other",
     );
     found.require(
         !of_one || mode != Mode::Inprocess || !fault.target.kinds().contains(&fault.kind),

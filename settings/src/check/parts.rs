@@ -4,13 +4,13 @@
 use curves::fastest::MAX_POINTS;
 use curves::limits::Demand;
 use curves::stray::{Offer, Stray};
-use curves::{Excess, Limits, Planned, Quantity};
+use curves::{Excess, Planned, Quantity, VehicleLimits};
 
 use crate::check::found::Found;
 use crate::check::ranges::{DAY_S, SPACE_M};
 use crate::plan;
 use crate::table::mission::TrajectoryKind;
-use crate::table::part::{CurveKind, HeadingRule, Part, PartHeading, PartKind};
+use crate::table::part::{CurveKind, HeadingRule, MissionPart, PartHeading, PartKind};
 use crate::table::run::Scenario;
 use crate::words::word;
 
@@ -61,7 +61,7 @@ impl Place {
 }
 
 /// Requires that `part` has the keys of its kind.
-fn check_keys(part: &Part, place: &Place, found: &mut Found) {
+fn check_keys(part: &MissionPart, place: &Place, found: &mut Found) {
     let curve = part.curve.filter(|_| part.kind == PartKind::Waypoints && part.may_exceed());
     let kind = word(part.kind) + &curve.map_or(String::new(), |curve| format!(" along a {}", word(curve)));
     let [needed, possible] = part.keys();
@@ -80,7 +80,7 @@ fn check_keys(part: &Part, place: &Place, found: &mut Found) {
 }
 
 /// Requires points in number, and times that rise.
-fn check_points(part: &Part, place: &Place, found: &mut Found) {
+fn check_points(part: &MissionPart, place: &Place, found: &mut Found) {
     let Some(points_m) = &part.points_m else { return };
     let count = points_m.len();
     let most = if part.may_exceed() { MAX_TIMED_POINTS } else { MAX_POINTS };
@@ -115,7 +115,7 @@ fn check_points(part: &Part, place: &Place, found: &mut Found) {
 }
 
 /// Requires a heading for each point, and a centre where there is one.
-fn check_heading(part: &Part, place: &Place, found: &mut Found) {
+fn check_heading(part: &MissionPart, place: &Place, found: &mut Found) {
     let is_figure = matches!(part.kind, PartKind::Circle | PartKind::FigureEight | PartKind::Helix);
     let count = part.points_m.as_ref().map_or(0, Vec::len);
     let (holds, what, allowed) = match &part.heading_deg {
@@ -242,17 +242,17 @@ pub fn warnings(scenario: &Scenario) -> Vec<String> {
 }
 
 /// Limits for the curve of `part`: where the acceleration steps, the rate at which the thrust turns has no meaning.
-fn for_curve(part: &Part, limits: Limits) -> Limits {
+fn for_curve(part: &MissionPart, limits: VehicleLimits) -> VehicleLimits {
     match part.curve {
         Some(CurveKind::Line | CurveKind::Trapezoid) => {
-            Limits { most: Demand { turn_radps: f64::INFINITY, ..limits.most }, ..limits }
+            VehicleLimits { most: Demand { turn_radps: f64::INFINITY, ..limits.most }, ..limits }
         }
         _ => limits,
     }
 }
 
 /// Requires that each point of a curve lies away from the one before.
-fn check_ways(part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
+fn check_ways(part: &MissionPart, planned: &Planned, place: &Place, found: &mut Found) {
     let from_m = planned.curve.at(0.0).position_m;
     let points_m = part.points_m.iter().flatten();
     let mut ways = std::iter::once(&from_m).chain(points_m.clone()).zip(points_m).enumerate();
@@ -267,7 +267,7 @@ fn check_ways(part: &Part, planned: &Planned, place: &Place, found: &mut Found) 
 }
 
 /// Requires that each step of the heading begins within the part.
-fn check_steps(part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
+fn check_steps(part: &MissionPart, planned: &Planned, place: &Place, found: &mut Found) {
     let Some(PartHeading::Steps(steps)) = &part.heading_deg else { return };
     let (last_s, duration_s) = (steps.last().map_or(0.0, |(t_s, _)| *t_s), planned.curve.duration_s());
     place.require(
@@ -280,7 +280,7 @@ fn check_steps(part: &Part, planned: &Planned, place: &Place, found: &mut Found)
 }
 
 /// Finds the first leg that asks for more than the vehicle has: the key that could mend it, and what it asks for.
-fn excess(part: &Part, planned: &Planned, limits: &Limits) -> Option<(&'static str, String)> {
+fn excess(part: &MissionPart, planned: &Planned, limits: &VehicleLimits) -> Option<(&'static str, String)> {
     let legs = planned.legs();
     let exceeded = |(leg, of)| Some((leg, limits.demand(of, 1.0).excess(limits)?));
     let (leg, excess) = legs.iter().enumerate().find_map(exceeded)?;
@@ -334,12 +334,12 @@ fn describe(Excess { quantity, asked, has }: &Excess, g_mps2: f64) -> String {
 }
 
 /// Key that decides where the curve of a part goes.
-fn culprit(part: &Part) -> &'static str {
+fn culprit(part: &MissionPart) -> &'static str {
     if part.kind == PartKind::Waypoints { "points_m" } else { "kind" }
 }
 
 /// Requires that a curve stays within the space of the plant.
-fn check_space(part: &Part, planned: &Planned, place: &Place, found: &mut Found) {
+fn check_space(part: &MissionPart, planned: &Planned, place: &Place, found: &mut Found) {
     let [low, high] = planned.curve.range_m();
     let farthest_m = low.amax().max(high.amax());
     place.require(

@@ -9,40 +9,40 @@ use toml::Value;
 use crate::check::found::Found;
 
 /// Lowest and highest value.
-pub type Range = (Bound<f64>, Bound<f64>);
+pub type AllowedRange = (Bound<f64>, Bound<f64>);
 /// Largest magnitude of any setting: a larger number means nothing to a vehicle, and computations with it may overflow.
 const MAX: f64 = 1e9;
-const ANY: Range = (Included(-MAX), Included(MAX));
+const ANY: AllowedRange = (Included(-MAX), Included(MAX));
 /// Range of a bound on a metric; an infinite bound is lifted.
-const LIFTED: Range = (Excluded(0.0), Unbounded);
-const POSITIVE: Range = (Included(1e-9), Included(MAX));
-const NOT_NEGATIVE: Range = (Included(0.0), Included(MAX));
+const LIFTED: AllowedRange = (Excluded(0.0), Unbounded);
+const POSITIVE: AllowedRange = (Included(1e-9), Included(MAX));
+const NOT_NEGATIVE: AllowedRange = (Included(0.0), Included(MAX));
 /// Longest horizon of a plan \[samples\].
 pub const MAX_HORIZON: usize = 200;
 /// Shortest integration step \[s\]: the longest sample then has 2000 steps.
 const MIN_STEP_S: f64 = 1e-5;
-const MASS: Range = (Included(1e-4), Included(1e6));
-const LATENCY_MS: Range = (Included(0.0), Included(500.0));
-const INERTIA: Range = (Included(1e-9), Included(1e6));
-const ARM: Range = (Included(1e-3), Included(1e3));
-const ROTOR_CONSTANT: Range = (Included(1e-12), Included(1e3));
+const MASS: AllowedRange = (Included(1e-4), Included(1e6));
+const LATENCY_MS: AllowedRange = (Included(0.0), Included(500.0));
+const INERTIA: AllowedRange = (Included(1e-9), Included(1e6));
+const ARM: AllowedRange = (Included(1e-3), Included(1e3));
+const ROTOR_CONSTANT: AllowedRange = (Included(1e-12), Included(1e3));
 /// `SCHED_FIFO` has 1 to 99; the nodes downstream of the plant add up to 3, and the highest belong to the kernel.
-const PRIORITY: Range = (Included(1.0), Included(95.0));
+const PRIORITY: AllowedRange = (Included(1.0), Included(95.0));
 /// One sample at the highest rate, to the longest horizon at the lowest.
-const HORIZON_S: Range = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
+const HORIZON_S: AllowedRange = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
 /// Longest flight \[s\].
 pub const DAY_S: f64 = 86_400.0;
-const TIME_S: Range = (Included(0.0), Included(DAY_S));
-const DURATION_S: Range = (Included(0.1), Included(DAY_S));
+const TIME_S: AllowedRange = (Included(0.0), Included(DAY_S));
+const DURATION_S: AllowedRange = (Included(0.1), Included(DAY_S));
 /// Distance from the origin on any axis beyond which the plant ends a flight \[m\].
 pub const SPACE_M: f64 = 500.0;
-const POSITION_M: Range = (Included(-SPACE_M), Included(SPACE_M));
-const CPU: Range = (Included(0.0), Included(1023.0));
+const POSITION_M: AllowedRange = (Included(-SPACE_M), Included(SPACE_M));
+const CPU: AllowedRange = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key, in which `*` is any name; arrays are checked element by element, tables
 /// key by key. Check, schema and reference pages have their ranges from here; those of a fault depend on its kind, and
 /// are with it.
-const RANGES: &[(&str, Range)] = &[
+const RANGES: &[(&str, AllowedRange)] = &[
     ("mission.heading_deg", ANY),
     ("initial", ANY),
     ("plant", ANY),
@@ -198,9 +198,9 @@ pub fn shown(key: &str) -> String {
 
 /// Returns the range of the numbers under `key`: the part that is common to its own range and those of the tables that
 /// it is in.
-pub fn range_of(key: &str) -> Range {
+pub fn range_of(key: &str) -> AllowedRange {
     // Split once: every flight of a campaign checks all of its settings.
-    static TABLES: LazyLock<Vec<(Vec<&str>, Range)>> =
+    static TABLES: LazyLock<Vec<(Vec<&str>, AllowedRange)>> =
         LazyLock::new(|| RANGES.iter().map(|(table, range)| (table.split('.').collect(), *range)).collect());
     let names: Vec<&str> = key.split('.').filter(|name| !is_index(name)).collect();
     let is_under = |table: &[&str]| {
@@ -218,7 +218,7 @@ pub fn range_of(key: &str) -> Range {
     })
 }
 
-fn describe((low, high): Range) -> String {
+fn describe((low, high): AllowedRange) -> String {
     let plain = |x: f64| if x == 0.0 || (1e-3..1e6).contains(&x.abs()) { x.to_string() } else { format!("{x:e}") };
     let side = |bound, inclusive, exclusive| match bound {
         Included(x) => Some(format!("{inclusive} {}", plain(x))),

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 #[expect(clippy::struct_excessive_bools, reason = "independent switches of the file")]
-pub struct Guidance {
+pub struct GuidanceSettings {
     /// Gain of the roll reference, on the lateral position error, to the right \[rad/m\].
     pub kp_phi: f64,
     /// Gain of the roll reference, on the integral of the lateral position error, to the right \[rad/(m s)\].
@@ -113,7 +113,7 @@ pub struct Attitude {
     /// own.
     pub disturbance_gain: f64,
     /// Model and costs of the laws `mpc` and `lqr`; horizons and constraints of `mpc`.
-    pub mpc: Mpc,
+    pub mpc: MpcSettings,
     /// Gains of the law `pid`.
     pub pid: PidGains,
     /// Gains of the law `geometric`, as of `pid`; those of phi, theta, psi are about x, y, z of the level frame, and w
@@ -126,7 +126,7 @@ pub struct Attitude {
 /// Model and costs of the laws `mpc` and `lqr`, `[attitude.mpc]`. Only `mpc` has horizons and constraints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Mpc {
+pub struct MpcSettings {
     /// Point at which the prediction model is linearised.
     pub model: Model,
     /// Diagonal of Q: cost of the squared errors of w \[s2/m2\], of phi, theta, psi \[1/rad2\] and of p, q, r
@@ -149,7 +149,7 @@ pub struct Mpc {
     /// Actuator constraints on the moves.
     pub constraints: Constraints,
     /// Solver of the constrained problem.
-    pub solver: Solver,
+    pub solver: SolverName,
     /// Largest number of iterations of a solve.
     pub max_iterations: u32,
     /// Longest solve of Clarabel in real time \[ms\]; 0 = unlimited. It has no effect in lockstep and in process,
@@ -272,7 +272,7 @@ pub enum Model {
 /// Solver of the constrained problem, `attitude.mpc.solver`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Solver {
+pub enum SolverName {
     /// Clarabel, an interior-point method.
     Clarabel,
     /// Our own dual active-set method.
@@ -316,7 +316,7 @@ pub enum Constraints {
 /// Settings of the control allocation, `[mixer]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Mixer {
+pub struct MixerSettings {
     /// `true` to use the mixing matrix with the tilt reaction.
     pub tilt_reaction: bool,
     /// `true` to replace a demand outside the exact actuator set by the nearest one inside.

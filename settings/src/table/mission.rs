@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::table::part::{MissionLimits, Part};
+use crate::table::part::{MissionLimits, MissionPart};
 
 /// Trajectory and heading reference, `[mission]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -20,7 +20,7 @@ pub struct Mission {
     pub limits: MissionLimits,
     /// `parts`: parts in order.
     #[schemars(example = serde_json::json!([{ "kind": "takeoff", "height_m": 5.0 }]))]
-    pub part: Vec<Part>,
+    pub part: Vec<MissionPart>,
 }
 
 /// Kind of trajectory, `mission.trajectory`.

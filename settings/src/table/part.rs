@@ -1,6 +1,7 @@
 //! `[[mission.part]]` and `[mission.limits]`: a mission of parts, flown one after the other.
 //!
-//! Each part begins where the part before ends. The check refuses a key that its kind does not use ([`Part::keys`]).
+//! Each part begins where the part before ends. The check refuses a key that its kind does not use
+//! ([`MissionPart::keys`]).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,7 +11,7 @@ use crate::words::given_keys;
 /// One `[[mission.part]]`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Part {
+pub struct MissionPart {
     /// Kind of the part, which decides the keys that it has.
     pub kind: PartKind,
     /// `takeoff`: height gained \[m\], 0.1 to 500.
@@ -153,7 +154,7 @@ impl Default for MissionLimits {
     }
 }
 
-impl Part {
+impl MissionPart {
     /// Makes a part without keys.
     pub fn new(kind: PartKind) -> Self {
         Self { kind, ..Self::default() }

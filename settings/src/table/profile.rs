@@ -7,16 +7,18 @@
 use airframe::{Parameters, Preset, projection};
 
 use crate::table::control::{
-    Attitude, BrokenVehicle, Constraints, DelayCompensation, DelayName, Derivative, Guidance, IndiGains, Law, Mixer,
-    Model, Mpc, PidGains, RateReference, RollReference, Solver, StateConstraints, Terminal,
+    Attitude, BrokenVehicle, Constraints, DelayCompensation, DelayName, Derivative, GuidanceSettings, IndiGains, Law,
+    MixerSettings, Model, MpcSettings, PidGains, RateReference, RollReference, SolverName, StateConstraints, Terminal,
 };
 use crate::table::mission::{Initial, Mission, Ramp, TrajectoryKind};
 use crate::table::part::MissionLimits;
 use crate::table::program::Nodes;
 use crate::table::run::{Bounds, Mode, Profile, Run, Scenario};
-use crate::table::sensors::Sensors;
-use crate::table::timing::{Deadline, Late, Policy, Realtime, Supervision};
-use crate::table::vehicle::{Battery, FlownAirframe, Ground, Noise, Plant, Rotor, Turbulence};
+use crate::table::sensors::SensorsSettings;
+use crate::table::timing::{Deadline, Late, Realtime, SchedulingPolicy, Supervision};
+use crate::table::vehicle::{
+    BatterySettings, FlownAirframe, GroundSettings, Noise, PlantSettings, Rotor, TurbulenceSettings,
+};
 
 /// Returns all defaults of a profile.
 impl From<Profile> for Scenario {
@@ -50,10 +52,10 @@ pub(crate) fn for_choice(chosen: &Scenario) -> Scenario {
     let ratios = scenario.airframe.inertia().component_div(&vehicle.inertia());
     let weights = scenario.attitude.mpc.r;
     let r = std::array::from_fn(|i| (weights[i] * ratios[i] * ratios[i]).clamp(LEAST_WEIGHT, MOST_WEIGHT));
-    let mpc = Mpc { r, ..scenario.attitude.mpc };
+    let mpc = MpcSettings { r, ..scenario.attitude.mpc };
     let plant = match vehicle.preset {
         Preset::Paper => scenario.plant,
-        Preset::TenInch => Plant {
+        Preset::TenInch => PlantSettings {
             rotor_speed_min: 100.0,
             rotor_speed_max_ratio: 1.5,
             rotor_rate_limit: 5000.0,
@@ -76,7 +78,7 @@ fn for_law(scenario: Scenario, chosen: &Attitude, rate_hz: f64) -> Scenario {
     let (law, plan, attitude) = (chosen.law, &chosen.mpc, scenario.attitude);
     let has_gain = matches!(law, Law::Mpc | Law::Lqr);
     let most_moves = if plan.constraints == Constraints::None { MOST_SAMPLES } else { MOST_MOVES };
-    let mpc = Mpc {
+    let mpc = MpcSettings {
         model: if has_gain && chosen.disturbance_gain > 0.0 { Model::Coupled } else { Model::Hover },
         prediction_horizon_s: attitude.mpc.prediction_horizon_s.min(MOST_SAMPLES / rate_hz),
         control_horizon_s: plan.prediction_horizon_s.min(attitude.mpc.control_horizon_s).min(most_moves / rate_hz),
@@ -92,7 +94,7 @@ fn for_law(scenario: Scenario, chosen: &Attitude, rate_hz: f64) -> Scenario {
         ..attitude
     };
     let preview_s = if law == Law::Mpc { scenario.guidance.preview_s } else { 0.0 };
-    Scenario { attitude, guidance: Guidance { preview_s, ..scenario.guidance }, ..scenario }
+    Scenario { attitude, guidance: GuidanceSettings { preview_s, ..scenario.guidance }, ..scenario }
 }
 
 impl Default for Scenario {
@@ -109,7 +111,8 @@ macro_rules! default_is_robust {
     )*};
 }
 default_is_robust!(
-    Run: run, Mission: mission, Plant: plant, Guidance: guidance, Attitude: attitude, Mpc: attitude.mpc, Mixer: mixer
+    Run: run, Mission: mission, PlantSettings: plant, GuidanceSettings: guidance, Attitude: attitude,
+    MpcSettings: attitude.mpc, MixerSettings: mixer
 );
 
 fn paper() -> Scenario {
@@ -128,7 +131,7 @@ fn paper() -> Scenario {
         mission: survey(),
         initial: Initial::default(),
         airframe: Parameters::default(),
-        plant: Plant {
+        plant: PlantSettings {
             substep_s: 0.001,
             rotor_lag_s: 0.03,
             servo_lag_s: 0.03,
@@ -144,15 +147,15 @@ fn paper() -> Scenario {
             wind_ned_mps: vec![],
             disturbance: vec![],
             noise: Noise::default(),
-            sensors: Sensors::default(),
+            sensors: SensorsSettings::default(),
             airframe: FlownAirframe::default(),
             rotor: Rotor::default(),
-            battery: Battery::default(),
-            ground: Ground::default(),
+            battery: BatterySettings::default(),
+            ground: GroundSettings::default(),
             wind_roughness_m: 0.0,
-            turbulence: Turbulence::default(),
+            turbulence: TurbulenceSettings::default(),
         },
-        guidance: Guidance {
+        guidance: GuidanceSettings {
             kp_phi: 0.5,
             ki_phi: 0.01,
             kd_phi: 0.1,
@@ -200,8 +203,8 @@ fn paper() -> Scenario {
     }
 }
 
-fn horizon() -> Mpc {
-    Mpc {
+fn horizon() -> MpcSettings {
+    MpcSettings {
         model: Model::Hover,
         q: [1e2, 1e3, 1e3, 1e3, 1e4, 1e4, 1e4],
         r: [0.1, 0.1, 0.001, 0.001],
@@ -210,7 +213,7 @@ fn horizon() -> Mpc {
         control_horizon_s: 0.05,
         terminal: Terminal::Zero,
         constraints: Constraints::None,
-        solver: Solver::Clarabel,
+        solver: SolverName::Clarabel,
         max_iterations: 100,
         time_limit_ms: 5.0,
         state_constraints: StateConstraints::None,
@@ -219,8 +222,8 @@ fn horizon() -> Mpc {
     }
 }
 
-fn allocation() -> Mixer {
-    Mixer {
+fn allocation() -> MixerSettings {
+    MixerSettings {
         tilt_reaction: false,
         projection: false,
         projection_weights: projection::WEIGHTS,
@@ -242,8 +245,8 @@ fn robust() -> Scenario {
     let paper = paper();
     Scenario {
         profile: Profile::Robust,
-        plant: Plant { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
-        guidance: Guidance {
+        plant: PlantSettings { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
+        guidance: GuidanceSettings {
             kp_phi: 0.55,
             ki_phi: 0.1,
             kd_phi: 0.45,
@@ -271,26 +274,26 @@ fn robust() -> Scenario {
             actuator_lag_model_s: 0.035,
             delay_compensation: DelayCompensation::Named(DelayName::Measured),
             disturbance_gain: 0.02,
-            mpc: Mpc {
+            mpc: MpcSettings {
                 model: Model::Coupled,
                 q: [1e2, 1e3, 1e3, 1e3, 5.0, 5.0, 0.0],
                 r: [0.3, 70.0, 20.0, 1200.0],
                 prediction_horizon_s: 0.2,
                 control_horizon_s: 0.2,
                 terminal: Terminal::Dare,
-                solver: Solver::ActiveSet,
+                solver: SolverName::ActiveSet,
                 ..paper.attitude.mpc
             },
             ..paper.attitude
         },
-        mixer: Mixer { projection: true, ..paper.mixer },
+        mixer: MixerSettings { projection: true, ..paper.mixer },
         ..paper
     }
 }
 
 impl Default for Realtime {
     fn default() -> Self {
-        Self { policy: Policy::Fifo, priority: 70, affinity: vec![], lock_memory: true, rttime_ms: 500.0 }
+        Self { policy: SchedulingPolicy::Fifo, priority: 70, affinity: vec![], lock_memory: true, rttime_ms: 500.0 }
     }
 }
 

@@ -15,7 +15,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-use crate::table::timing::{Late, Policy};
+use crate::table::timing::{Late, SchedulingPolicy};
 
 /// Settings of single nodes, `[node]`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -56,7 +56,7 @@ pub struct NodeSettings {
     pub env: BTreeMap<String, String>,
     /// Scheduling class; absent = `realtime.policy`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub policy: Option<Policy>,
+    pub policy: Option<SchedulingPolicy>,
     /// `SCHED_FIFO` priority; absent = that of the node's place in the ring, from `realtime.priority` on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub priority: Option<u32>,

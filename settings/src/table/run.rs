@@ -1,17 +1,17 @@
 //! The scenario as a whole, `[run]` and `[bounds]`. Names and units are the file's.
 
-use airframe::{ActuatorLaw, Limits, Parameters, Trim};
+use airframe::{ActuatorLaw, ActuatorLimits, Parameters, Trim};
 use contract::topic::{GRAPH, Topic};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::table::control::{Attitude, Guidance, Mixer};
+use crate::table::control::{Attitude, GuidanceSettings, MixerSettings};
 use crate::table::fault::Fault;
 use crate::table::mission::{Initial, Mission};
 use crate::table::program::Nodes;
 use crate::table::swap::Swap;
 use crate::table::timing::{Deadline, NodeDeadline, Realtime, Scheduling, Supervision};
-use crate::table::vehicle::{FlownAirframe, Plant};
+use crate::table::vehicle::{FlownAirframe, PlantSettings};
 
 /// All settings that decide a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,13 +30,13 @@ pub struct Scenario {
     /// Vehicle that the controllers know: Table I.
     pub airframe: Parameters,
     /// Simulated vehicle and its surroundings.
-    pub plant: Plant,
+    pub plant: PlantSettings,
     /// The position controller.
-    pub guidance: Guidance,
+    pub guidance: GuidanceSettings,
     /// The attitude controller.
     pub attitude: Attitude,
     /// The control allocation.
-    pub mixer: Mixer,
+    pub mixer: MixerSettings,
     /// Bounds that the run must keep to count as flown.
     pub bounds: Bounds,
     /// Scheduling of all nodes.
@@ -209,9 +209,9 @@ impl Scenario {
     }
 
     /// Amplitude limits of the actuators.
-    pub fn limits(&self) -> Limits {
+    pub fn limits(&self) -> ActuatorLimits {
         let p = &self.plant;
-        Limits::new(&self.airframe, p.rotor_speed_min, p.rotor_speed_max_ratio, p.tilt_max_deg.to_radians())
+        ActuatorLimits::new(&self.airframe, p.rotor_speed_min, p.rotor_speed_max_ratio, p.tilt_max_deg.to_radians())
     }
 
     /// Idle speed of the rotors, on the ground before the take-off and after the touchdown \[rotor speed unit\].
@@ -235,7 +235,7 @@ impl Scenario {
 mod tests {
     use super::*;
     use crate::table::program::NodeSettings;
-    use crate::table::timing::{Late, Policy};
+    use crate::table::timing::{Late, SchedulingPolicy};
 
     #[test]
     fn priorities_rise_downstream_and_a_node_s_own_table_overrides() {
@@ -246,7 +246,7 @@ mod tests {
         scenario.realtime.affinity = vec![0];
         let [guidance, mixer] = [1, 3].map(|rank| scenario.scheduling_of(rank));
         assert_eq!((guidance.priority, guidance.affinity), (71, vec![0]));
-        assert_eq!((mixer.priority, mixer.affinity, mixer.policy), (40, vec![1], Policy::Fifo));
+        assert_eq!((mixer.priority, mixer.affinity, mixer.policy), (40, vec![1], SchedulingPolicy::Fifo));
     }
 
     #[test]

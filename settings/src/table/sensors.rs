@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 /// Sensors of the navigation unit, `[plant.sensors]`; without a unit `plant.noise` is the only error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Sensors {
+pub struct SensorsSettings {
     /// Preset that the other settings start from.
     pub preset: SensorPreset,
     /// Position of the satellite receiver: axes north, east, down; unit m.
-    pub position: Sensor,
+    pub position: SensorSettings,
     /// Velocity of the satellite receiver: axes north, east, down; unit m/s.
     pub velocity: Velocity,
     /// Gyros: p, q, r; unit deg/s.
     pub rates: Gyros,
     /// Filter between the measurements and the controllers.
-    pub filter: Filter,
+    pub filter: FilterName,
     /// Inertial measurement unit of the EKF; its gyros have the errors of `rates` too.
     pub imu: ImuSettings,
     /// Satellite receiver of the EKF, which measures `position` and `velocity`.
@@ -30,7 +30,7 @@ pub struct Sensors {
     /// Error of the EKF at the start.
     pub alignment: Alignment,
     /// Sensors of rotor speeds and tilt.
-    pub telemetry: Telemetry,
+    pub telemetry: TelemetrySettings,
 }
 
 /// Preset of the sensors, `plant.sensors.preset`.
@@ -49,7 +49,7 @@ pub enum SensorPreset {
 /// Filter of the measurements, `plant.sensors.filter`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Filter {
+pub enum FilterName {
     /// No unit: the controllers get the true motion with `plant.noise`.
     #[default]
     None,
@@ -60,7 +60,7 @@ pub enum Filter {
 /// Position of the satellite receiver, `[plant.sensors.position]`: errors per axis, in the unit of the sensor.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Sensor {
+pub struct SensorSettings {
     /// One-sided density of white noise \[unit / sqrt(Hz)\].
     pub noise_density: [f64; 3],
     /// Standard deviation of the bias at the start \[unit\].
@@ -88,7 +88,7 @@ pub struct Velocity {
     pub rate_hz: f64,
 }
 
-impl From<&Velocity> for Sensor {
+impl From<&Velocity> for SensorSettings {
     fn from(velocity: &Velocity) -> Self {
         let Velocity { noise_density, quantum, rate_hz } = *velocity;
         Self { noise_density, quantum, rate_hz, ..Self::default() }
@@ -235,7 +235,7 @@ pub struct Alignment {
 /// `indi` uses them, with `attitude.indi.actuators` = "sensed".
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Telemetry {
+pub struct TelemetrySettings {
     /// Standard deviation of each rotor speed, as a share of its trim speed.
     pub rotor_speed_noise: f64,
     /// Standard deviation of the tilt \[deg\].
@@ -244,7 +244,7 @@ pub struct Telemetry {
     pub latency_ms: f64,
 }
 
-impl From<SensorPreset> for Sensors {
+impl From<SensorPreset> for SensorsSettings {
     /// Returns a preset. `typical` and `good` are in the order of the parts that docs/navigation.md names.
     fn from(preset: SensorPreset) -> Self {
         let sensors = match preset {
@@ -256,27 +256,27 @@ impl From<SensorPreset> for Sensors {
     }
 }
 
-impl Sensors {
+impl SensorsSettings {
     fn ideal() -> Self {
         Self {
             preset: SensorPreset::Ideal,
-            position: Sensor::default(),
+            position: SensorSettings::default(),
             velocity: Velocity::default(),
             rates: Gyros::default(),
-            filter: Filter::None,
+            filter: FilterName::None,
             imu: ImuSettings::default(),
             receiver: Receiver::default(),
             barometer: Barometer::default(),
             magnetometer: Magnetometer::default(),
             flow: Flow::default(),
             alignment: Alignment::default(),
-            telemetry: Telemetry::default(),
+            telemetry: TelemetrySettings::default(),
         }
     }
 
     fn good() -> Self {
         Self {
-            position: Sensor {
+            position: SensorSettings {
                 noise_density: [0.0045, 0.0045, 0.0067],
                 bias: [0.01, 0.01, 0.015],
                 bias_walk: [0.0014, 0.0014, 0.0021],
@@ -291,7 +291,7 @@ impl Sensors {
                 bias_walk: [0.002; 3],
                 quantum: [1.0 / 131.0; 3],
             },
-            filter: Filter::Ekf,
+            filter: FilterName::Ekf,
             imu: ImuSettings {
                 count: 2,
                 acceleration_noise_density: 0.0007,
@@ -324,7 +324,7 @@ impl Sensors {
                 heading_deg: 1.0,
                 standing_s: 0.0,
             },
-            telemetry: Telemetry { rotor_speed_noise: 0.005, tilt_noise_deg: 0.3, latency_ms: 0.0 },
+            telemetry: TelemetrySettings { rotor_speed_noise: 0.005, tilt_noise_deg: 0.3, latency_ms: 0.0 },
             ..Self::ideal()
         }
     }
@@ -332,7 +332,7 @@ impl Sensors {
     fn typical() -> Self {
         let good = Self::good();
         Self {
-            position: Sensor {
+            position: SensorSettings {
                 noise_density: [0.067, 0.067, 0.11],
                 bias: [1.3, 1.3, 2.6],
                 bias_walk: [0.184, 0.184, 0.368],
@@ -363,7 +363,7 @@ impl Sensors {
     }
 }
 
-impl Default for Sensors {
+impl Default for SensorsSettings {
     fn default() -> Self {
         Self::from(SensorPreset::Ideal)
     }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Realtime {
     /// Scheduling class to ask for; without the privilege the stack runs as `other` and says so.
-    pub policy: Policy,
+    pub policy: SchedulingPolicy,
     /// `SCHED_FIFO` priority of the plant; each node downstream has a priority one higher than the node before it. 95
     /// is the highest, because the kernel needs those above.
     pub priority: u32,
@@ -25,7 +25,7 @@ pub struct Realtime {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scheduling {
     /// Scheduling class.
-    pub policy: Policy,
+    pub policy: SchedulingPolicy,
     /// `SCHED_FIFO` priority, 1 to 99.
     pub priority: u32,
     /// CPUs; empty = all.
@@ -39,7 +39,7 @@ pub struct Scheduling {
 /// Scheduling class, `realtime.policy`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Policy {
+pub enum SchedulingPolicy {
     /// `SCHED_FIFO`, priorities rising downstream.
     Fifo,
     /// `SCHED_OTHER`.

@@ -4,12 +4,12 @@ use airframe::Drag;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::table::sensors::Sensors;
+use crate::table::sensors::SensorsSettings;
 
 /// Settings of the simulated vehicle, `[plant]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Plant {
+pub struct PlantSettings {
     /// Longest RK4 step \[s\]; a sample is divided into equal steps.
     pub substep_s: f64,
     /// Rotor time constant \[s\].
@@ -42,27 +42,27 @@ pub struct Plant {
     /// Standard deviations of the measurement noise.
     pub noise: Noise,
     /// Further errors of the sensors, and the filter behind them.
-    pub sensors: Sensors,
+    pub sensors: SensorsSettings,
     /// Differences between the vehicle that flies and the one that the controllers know: any key of `[airframe]` but
     /// `g_mps2` and `preset`, and those below. Absent = as in `[airframe]`.
     pub airframe: FlownAirframe,
     /// Rotor effects that the paper neglects.
     pub rotor: Rotor,
     /// Battery; without effect by default.
-    pub battery: Battery,
+    pub battery: BatterySettings,
     /// Ground; absent by default.
-    pub ground: Ground,
+    pub ground: GroundSettings,
     /// Roughness of the ground \[m\]. The horizontal part of the wind steps is then the wind 6.096 m (20 ft) above the
     /// ground, with less wind below and more above; 0 = the same wind at every height.
     pub wind_roughness_m: f64,
     /// Continuous gusts.
-    pub turbulence: Turbulence,
+    pub turbulence: TurbulenceSettings,
 }
 
 /// Gusts, `[plant.turbulence]`: Dryden form, MIL-F-8785C, low altitude, at fixed or present wind, height and airspeed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Turbulence {
+pub struct TurbulenceSettings {
     /// `true` if the gusts follow from `plant.wind_ned_mps` and the present height and airspeed, in place of the four
     /// settings below.
     pub from_wind: bool,
@@ -77,20 +77,20 @@ pub struct Turbulence {
     pub direction_deg: f64,
 }
 
-impl Default for Turbulence {
+impl Default for TurbulenceSettings {
     fn default() -> Self {
         Self { from_wind: false, wind_at_6m_mps: 0.0, height_m: 8.0, airspeed_mps: 5.0, direction_deg: 0.0 }
     }
 }
 
-impl Turbulence {
+impl TurbulenceSettings {
     /// Returns whether there are gusts.
     pub fn is_on(&self) -> bool {
         self.from_wind || self.wind_at_6m_mps > 0.0
     }
 }
 
-impl Plant {
+impl PlantSettings {
     /// Returns the down coordinate of height zero \[m\]: that of the ground, or 0 without a ground.
     pub fn height_zero_m(&self) -> f64 {
         if self.ground.present { self.ground.down_m } else { 0.0 }
@@ -152,7 +152,7 @@ pub struct FlownAirframe {
 /// Battery, `[plant.battery]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Battery {
+pub struct BatterySettings {
     /// Energy at the shafts from full to empty \[W h\]; 0 = no effect of the battery on the rotors.
     pub energy_wh: f64,
     /// Share of the voltage lost from full to empty.
@@ -161,7 +161,7 @@ pub struct Battery {
     pub sag: f64,
 }
 
-impl Default for Battery {
+impl Default for BatterySettings {
     /// Returns a lithium polymer battery, switched off: 4.2 V to 3.5 V per cell, and 5 % lost at hover.
     fn default() -> Self {
         Self { energy_wh: 0.0, droop: 0.17, sag: 0.05 }
@@ -171,7 +171,7 @@ impl Default for Battery {
 /// Ground as a level plane, `[plant.ground]`. With the defaults a vehicle at the origin stands on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Ground {
+pub struct GroundSettings {
     /// `true` if there is a ground; without it the vehicle can fly at any altitude.
     pub present: bool,
     /// Down coordinate of the plane, NED \[m\].
@@ -184,14 +184,14 @@ pub struct Ground {
     pub max_sink_mps: f64,
 }
 
-impl Ground {
+impl GroundSettings {
     /// Down coordinate of a vehicle that stands on the ground \[m\].
     pub fn standing_down_m(&self) -> f64 {
         self.down_m - self.leg_m
     }
 }
 
-impl Default for Ground {
+impl Default for GroundSettings {
     fn default() -> Self {
         Self { present: false, down_m: 0.15, leg_m: 0.15, friction: 0.6, max_sink_mps: 1.5 }
     }

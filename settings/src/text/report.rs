@@ -47,14 +47,14 @@ impl ScenarioError {
 }
 
 /// Text that settings come from: a file, or the argument of one `--set`.
-pub struct Source {
+pub struct SettingsText {
     /// Name of the file; `None` for `--set`, which is shown in full.
     pub path: Option<String>,
     /// Settings in TOML.
     pub text: String,
 }
 
-impl Source {
+impl SettingsText {
     /// Reads the scenario file at `path`.
     pub fn read(path: &Path) -> Result<Self, ScenarioError> {
         let name = path.display().to_string();
@@ -88,7 +88,7 @@ pub struct Problem<'a> {
     /// Description of the problem.
     pub title: String,
     /// Source, and bytes of its text; `None` if it was written in no file.
-    pub place: Option<(&'a Source, Range<usize>)>,
+    pub place: Option<(&'a SettingsText, Range<usize>)>,
     /// Advice on the fix; may be empty.
     pub help: String,
 }

@@ -16,7 +16,7 @@ fn parts() -> (Parameters, Trim, MixingMatrix) {
 fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
     let (vehicle, trim, mixing) = parts();
     let gains = IndiGains::default();
-    let indi = Indi::new(Level::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S);
+    let indi = Indi::new(RigidBody::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S);
     let inertia = vehicle.inertia();
     let at = |t_s: f64| {
         let mut actuation = trim.actuation;
@@ -27,7 +27,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
         actuation.tilt_rad += 0.1 * swing;
         actuation
     };
-    let mut memory = Memory::new(7, trim.actuation);
+    let mut memory = AttitudeMemory::new(7, trim.actuation);
     let (mut measured, mut slow) = (Kinematics::default(), [Vector4::zeros(); 2]);
     measured.attitude_rad[0] = trim.roll_rad; // held: the rates are not integrated
     let sample = |measured: &Kinematics| {
@@ -41,7 +41,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
         let x = sample(&measured);
         memory.x.rows_mut(0, 7).copy_from(&before);
         let state = State { measured, ..State::default() };
-        indi.estimate(&Sample { tick, state: &state, modelled: actuation, x: &x }, &mut memory);
+        indi.estimate(&EstimateInput { tick, state: &state, modelled: actuation, x: &x }, &mut memory);
         let acceleration = (&x - &before) / SAMPLE_S;
         let force = Vector4::new(acceleration[0], acceleration[5], acceleration[4], acceleration[6]);
         let share = 1.0 - (-gains.filter_radps * SAMPLE_S).exp();
@@ -93,15 +93,15 @@ fn weak_actuators_are_a_disturbance_of_what_they_lack() {
 #[test]
 fn a_gap_in_the_samples_teaches_nothing() {
     let (vehicle, trim, mixing) = parts();
-    let indi = Indi::new(Level::new(&vehicle, &trim, &mixing), &IndiGains::default(), SAMPLE_S);
-    let mut memory = Memory::new(7, trim.actuation);
+    let indi = Indi::new(RigidBody::new(&vehicle, &trim, &mixing), &IndiGains::default(), SAMPLE_S);
+    let mut memory = AttitudeMemory::new(7, trim.actuation);
     memory.x.fill(0.1);
     let (still, fast) = (DVector::zeros(7), DVector::from_element(7, 0.1));
     let measured = Kinematics { attitude_rad: [trim.roll_rad, 0.0, 0.0], ..Kinematics::default() };
     let state = State { measured, ..State::default() };
     for (tick, x, learns) in [(7, &still, false), (9, &fast, false), (10, &still, true)] {
         let before = memory.disturbance;
-        indi.estimate(&Sample { tick, state: &state, modelled: trim.actuation, x }, &mut memory);
+        indi.estimate(&EstimateInput { tick, state: &state, modelled: trim.actuation, x }, &mut memory);
         assert_eq!(memory.disturbance != before, learns, "sample {tick}");
     }
 }
@@ -111,7 +111,7 @@ fn a_faster_filter_takes_in_more() {
     let share = |filter_radps: f64| {
         let (vehicle, trim, mixing) = parts();
         let gains = IndiGains { filter_radps, ..IndiGains::default() };
-        Indi::new(Level::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S).share
+        Indi::new(RigidBody::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S).share
     };
     assert!(share(10.0) < share(30.0) && share(1e6) <= 1.0 && share(1e-9) > 0.0);
 }
@@ -121,7 +121,7 @@ fn sensed_positions_are_used_where_asked_for_and_numbers() {
     let (vehicle, trim, mixing) = parts();
     let of = |actuators, sensed| {
         let gains = IndiGains { actuators, ..IndiGains::default() };
-        Indi::new(Level::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S).actuators(sensed, trim.actuation)
+        Indi::new(RigidBody::new(&vehicle, &trim, &mixing), &gains, SAMPLE_S).actuators(sensed, trim.actuation)
     };
     let sensed = Actuation { rotor_speed: [1.0, 2.0, 3.0], tilt_rad: 0.4 };
     assert_eq!(of(IndiActuators::Sensed, sensed), sensed);

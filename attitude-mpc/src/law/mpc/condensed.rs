@@ -30,12 +30,12 @@
 use airframe::linear::{INPUTS, STATES};
 use airframe::riccati;
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn, Vector4};
-use settings::{Attitude, Mpc, Scenario, ScenarioError, Terminal};
+use settings::{Attitude, MpcSettings, Scenario, ScenarioError, Terminal};
 
 use crate::disturbance::DRIVEN;
 use crate::law::attitude_law::Aim;
 use crate::law::mpc::at_speed::FlightModel;
-use crate::memory::Memory;
+use crate::memory::AttitudeMemory;
 use crate::model::PredictionModel;
 
 /// Number of given numbers beside the state: r, d, v.
@@ -58,7 +58,7 @@ pub struct Condensed {
     /// Gain of `U*`.
     pub gain: Gain,
     /// Predicted states.
-    pub course: Course,
+    pub course: PredictedStates,
 }
 
 /// Gain of `U* = given (x; r; d; v) + changes (dr_1; ...; dr_Np)`. Each move is col, lon, lat, ped.
@@ -95,7 +95,7 @@ impl Gain {
 
 /// Predicted states of the first Nu samples, stacked: `free (x; r; d; v) + forced U`.
 #[derive(Debug, Clone)]
-pub struct Course {
+pub struct PredictedStates {
     /// Matrix of the given numbers, nNu x (n + 15).
     pub free: DMatrix<f64>,
     /// Matrix of the moves, nNu x 4Nu.
@@ -138,7 +138,7 @@ impl Condensed {
         let mut gradient = DMatrix::zeros(INPUTS * nu, n + GIVEN);
         let mut pull_of_changes = DMatrix::zeros(INPUTS * nu, change_count(scenario));
         let mut course =
-            Course { free: DMatrix::zeros(n * nu, n + GIVEN), forced: DMatrix::zeros(n * nu, INPUTS * nu) };
+            PredictedStates { free: DMatrix::zeros(n * nu, n + GIVEN), forced: DMatrix::zeros(n * nu, INPUTS * nu) };
 
         for k in 1..=np {
             let newest = (k - 1).min(nu - 1); // after Nu the last move is held
@@ -183,7 +183,7 @@ impl Condensed {
 }
 
 /// Writes the given numbers `(x; r; d; v)` of `aim`, with the disturbance and the last demand in `memory`.
-pub fn write_given(aim: &Aim, memory: &Memory, given: &mut DVector<f64>) {
+pub fn write_given(aim: &Aim, memory: &AttitudeMemory, given: &mut DVector<f64>) {
     let n = aim.start.len();
     given.rows_mut(0, n).copy_from(aim.start);
     given.rows_mut(n, STATES).copy_from_slice(&aim.reference);
@@ -197,7 +197,7 @@ pub fn change_count(scenario: &Scenario) -> usize {
 }
 
 /// Weights `Q`, n x n with zeros for the lag states, and `R`.
-fn stage_weights(n: usize, weights: &Mpc) -> (DMatrix<f64>, DMatrix<f64>) {
+fn stage_weights(n: usize, weights: &MpcSettings) -> (DMatrix<f64>, DMatrix<f64>) {
     let mut q = DMatrix::zeros(n, n);
     q.view_mut((0, 0), (STATES, STATES)).set_diagonal(&DVector::from_row_slice(&weights.q));
     (q, DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r)))
@@ -206,7 +206,7 @@ fn stage_weights(n: usize, weights: &Mpc) -> (DMatrix<f64>, DMatrix<f64>) {
 /// Terminal weight `P`, n x n.
 fn terminal_weight(
     model: &PredictionModel,
-    weights: &Mpc,
+    weights: &MpcSettings,
     q: &DMatrix<f64>,
     r: &DMatrix<f64>,
 ) -> Result<DMatrix<f64>, ScenarioError> {

@@ -14,11 +14,11 @@ use nalgebra::{DMatrix, DVector};
 use settings::fault_schedule::FaultSchedule;
 use settings::{Fault, FaultKind, FaultTarget, Scenario};
 
-use crate::law::attitude_law::Account;
+use crate::law::attitude_law::PlanEffort;
 use crate::law::mpc::clearance::Clearance;
 use crate::law::mpc::condensed::Condensed;
 use crate::law::mpc::constraints::PlanSet;
-use crate::law::mpc::solver::{Solver, Verdict};
+use crate::law::mpc::solver::{SolveVerdict, Solver};
 
 /// Largest accepted violation of a solver's plan, which is then drawn inside; also the largest slack of a limit that
 /// counts as touched. In the units of the slacks.
@@ -80,21 +80,21 @@ impl Constrained {
         given: &DVector<f64>,
         tick: u64,
         plan: &mut DVector<f64>,
-    ) -> (SolveStatus, Account) {
+    ) -> (SolveStatus, PlanEffort) {
         self.set.start(given);
         let fault = self.faults.on(tick).next().map(|fault| fault.effect);
-        let mut account = Account::default();
+        let mut account = PlanEffort::default();
         let inside = self.set.violation(unconstrained) <= 0.0 && self.set.excess(unconstrained) <= 0.0;
         let status = if inside && fault.is_none() {
             plan.copy_from(unconstrained);
             SolveStatus::Explicit
         } else if self.hurried {
-            self.fall_back(unconstrained, Verdict::Failed, plan)
+            self.fall_back(unconstrained, SolveVerdict::Failed, plan)
         } else {
             let Self { set, solver, solved, .. } = self;
             let (outcome, solve_ns) = runtime::timed(|| solver.solve(unconstrained, set, fault, solved));
             (account.iterations, account.solve_ns) = (outcome.iterations, solve_ns);
-            if outcome.verdict == Verdict::Solved && set.violation(solved) <= MAX_VIOLATION {
+            if outcome.verdict == SolveVerdict::Solved && set.violation(solved) <= MAX_VIOLATION {
                 set.retract(solved);
                 plan.copy_from(solved);
                 SolveStatus::Solved
@@ -107,13 +107,18 @@ impl Constrained {
     }
 
     /// Writes a plan inside the set without a solution: 3. of the module's list, or 4. if `verdict` is a limit.
-    fn fall_back(&mut self, unconstrained: &DVector<f64>, verdict: Verdict, plan: &mut DVector<f64>) -> SolveStatus {
+    fn fall_back(
+        &mut self,
+        unconstrained: &DVector<f64>,
+        verdict: SolveVerdict,
+        plan: &mut DVector<f64>,
+    ) -> SolveStatus {
         let Self { set, hessian, projection, solved, spare, .. } = self;
         for first in (0..plan.len()).step_by(INPUTS) {
             let wanted = unconstrained.fixed_rows::<INPUTS>(first).into_owned();
             plan.fixed_rows_mut::<INPUTS>(first).copy_from(&projection.nearest(&wanted).unwrap_or(wanted));
         }
-        if verdict != Verdict::LimitReached {
+        if verdict != SolveVerdict::LimitReached {
             return SolveStatus::Fallback;
         }
         spare.copy_from(plan);

@@ -17,9 +17,9 @@
 use airframe::DemandSet;
 use airframe::envelope::Envelope;
 use nalgebra::{DMatrix, DVector, Vector4};
-use settings::{Constraints, Mpc, Scenario, StateConstraints};
+use settings::{Constraints, MpcSettings, Scenario, StateConstraints};
 
-use crate::law::mpc::condensed::Course;
+use crate::law::mpc::condensed::PredictedStates;
 
 /// States with a limit: phi, theta, psi, p, q, r.
 const LIMITED: usize = 6;
@@ -54,7 +54,7 @@ pub struct StateLimits {
 
 impl PlanSet {
     /// Builds the set of a scenario; `None` if the scenario has no constraint on the moves.
-    pub fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Option<Self> {
+    pub fn new(scenario: &Scenario, course: &PredictedStates, roll_trim_rad: f64) -> Option<Self> {
         let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
         let moves = match scenario.attitude.mpc.constraints {
             Constraints::None => return None,
@@ -124,8 +124,8 @@ impl PlanSet {
 }
 
 impl StateLimits {
-    fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Self {
-        let Mpc { attitude_limit_deg, rates_limit_dps, .. } = &scenario.attitude.mpc;
+    fn new(scenario: &Scenario, course: &PredictedStates, roll_trim_rad: f64) -> Self {
+        let MpcSettings { attitude_limit_deg, rates_limit_dps, .. } = &scenario.attitude.mpc;
         let rows = LIMITED * scenario.nu();
         let limits: Vec<f64> =
             attitude_limit_deg.iter().chain(rates_limit_dps).map(|limit| limit.to_radians()).collect();

@@ -12,10 +12,10 @@ use settings::{Fault, Model, Scenario, ScenarioError};
 use super::condensed::{self, Condensed, GIVEN, Gain};
 use super::constrained::Constrained;
 use super::preview;
-use super::schedule::Schedule;
-use crate::law::attitude_law::{Account, Aim, AttitudeLaw, Decision, is_computable};
+use super::schedule::GainSchedule;
+use crate::law::attitude_law::{Aim, AttitudeLaw, Decision, PlanEffort, is_computable};
 use crate::law::coupling::Coupling;
-use crate::memory::{Memory, WarmStart};
+use crate::memory::{AttitudeMemory, WarmStart};
 use crate::model::PredictionModel;
 
 /// Model predictive control.
@@ -40,7 +40,7 @@ enum UnconstrainedLaw {
     /// One gain for every condition, with the coupling term in the prediction behind the estimate or without.
     Gain(Gain, Option<Coupling>),
     /// One gain for each of several flight conditions.
-    Scheduled(Box<Schedule>),
+    Scheduled(Box<GainSchedule>),
 }
 
 impl Mpc {
@@ -53,7 +53,7 @@ impl Mpc {
             constrained: Constrained::new(scenario, &problem, model.trim.roll_rad),
             unconstrained_law: match scenario.attitude.mpc.model {
                 Model::Hover | Model::Coupled => UnconstrainedLaw::Gain(problem.gain, Coupling::of(scenario)),
-                Model::Scheduled => UnconstrainedLaw::Scheduled(Box::new(Schedule::new(scenario)?)),
+                Model::Scheduled => UnconstrainedLaw::Scheduled(Box::new(GainSchedule::new(scenario)?)),
             },
             sample_ns: scenario.sample_ns(),
             given: DVector::zeros(model.states() + GIVEN),
@@ -94,7 +94,7 @@ impl AttitudeLaw for Mpc {
         }
     }
 
-    fn plan(&mut self, aim: &Aim, memory: &mut Memory) -> Option<Decision> {
+    fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision> {
         let Self { given, changes, unconstrained, computed, followed, .. } = self;
         condensed::write_given(aim, memory, given);
         preview::write_changes(aim.goal, aim.age_ns, self.sample_ns, changes);
@@ -115,7 +115,7 @@ impl AttitudeLaw for Mpc {
             }
             _ => {
                 followed.rows_mut(0, *computed).copy_from(&unconstrained.rows(0, *computed));
-                (SolveStatus::Explicit, Account::default())
+                (SolveStatus::Explicit, PlanEffort::default())
             }
         };
         Some(Decision { demand: followed.fixed_rows::<INPUTS>(0).into_owned(), status, account }) // (6)

@@ -24,7 +24,7 @@ const PER_AXIS: usize = 7;
 const SPACING_MPS: f64 = 5.0;
 
 /// All conditions, and their present weights.
-pub struct Schedule {
+pub struct GainSchedule {
     /// Conditions row by row: those with the same velocity ahead are adjacent.
     conditions: Vec<Condition>,
     /// Indices of the four conditions around the measured velocity, with their weights, which add up to 1.
@@ -41,7 +41,7 @@ struct Condition {
     gain: Gain,
 }
 
-impl Schedule {
+impl GainSchedule {
     /// Builds every condition of a scenario; an error if one has no level flight or a singular problem.
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let velocity = |i: usize| SPACING_MPS * (i as f64 - (PER_AXIS / 2) as f64);

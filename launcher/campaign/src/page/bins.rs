@@ -2,7 +2,7 @@
 
 use view::draw::{Axis, short};
 
-use crate::table::Table;
+use crate::table::FlightTable;
 
 /// Largest number of different numbers that are shown one by one; more are divided into parts.
 const FEW: usize = 10;
@@ -47,7 +47,7 @@ pub struct Binned {
 impl Binned {
     /// Bins the column of a key; `None` if it does not vary or has too many words. If it has many different numbers,
     /// `parts` gives the number of parts for a number of flights.
-    pub fn of(flights: &Table, key: &str, parts: impl Fn(usize) -> usize) -> Option<Self> {
+    pub fn of(flights: &FlightTable, key: &str, parts: impl Fn(usize) -> usize) -> Option<Self> {
         let column = flights.column(key)?;
         let rows = 0..flights.rows();
         let title = title(key);
@@ -163,10 +163,10 @@ fn alike(edges: &[f64], part: f64) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::{Cell, Kind};
+    use crate::table::{Cell, ColumnType};
 
     fn binned(values: impl IntoIterator<Item = f64>) -> Option<Binned> {
-        let mut table = Table::new(&[("x".to_owned(), Kind::Real)]);
+        let mut table = FlightTable::new(&[("x".to_owned(), ColumnType::Real)]);
         values.into_iter().for_each(|value| table.push(vec![Cell::Real(value)]));
         Binned::of(&table, "x", |_| 8)
     }
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn words_and_none_are_entries() {
-        let mut table = Table::new(&[("x".to_owned(), Kind::Text)]);
+        let mut table = FlightTable::new(&[("x".to_owned(), ColumnType::Text)]);
         for cell in [Cell::Text("kill".into()), Cell::None, Cell::Text("drop".into())] {
             table.push(vec![cell]);
         }

@@ -9,9 +9,9 @@ use outcome::metrics::Metrics;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use view::draw::short;
 
-use crate::plan::Plan;
+use crate::plan::CampaignPlan;
 use crate::row::Standing;
-use crate::table::{Cell, Table};
+use crate::table::{Cell, FlightTable};
 
 /// Largest number of limits that are listed; with more, only the lowest and the highest are shown.
 const NAMED: usize = 4;
@@ -59,7 +59,7 @@ impl Bound {
 }
 
 /// Collects the bounds of the flights that were flown.
-pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
+pub fn of(plan: &CampaignPlan, flights: &FlightTable) -> Vec<Bound> {
     let (Some(numbers), Some(verdicts)) = (flights.column("flight"), flights.column("verdict")) else { return vec![] };
     let is_flown = |row: &usize| verdicts.text(*row) != Standing::Invalid.name();
     let rows: Vec<usize> = (0..flights.rows()).filter(is_flown).collect();

@@ -6,17 +6,17 @@ use super::bins::Binned;
 use super::bounds::{self, Bound};
 use crate::evidence::Evidence;
 use crate::observed::Observed;
-use crate::plan::Plan;
+use crate::plan::CampaignPlan;
 use crate::rate::Rate;
 use crate::row::Standing;
-use crate::table::{Cell, Table};
+use crate::table::{Cell, FlightTable};
 
 /// Columns of a plan that are not factors.
 const NO_FACTORS: [&str; 3] = ["flight", "controller", "run.seed"];
 
-pub struct Page<'a> {
-    pub plan: &'a Plan,
-    pub flights: &'a Table,
+pub struct CampaignPage<'a> {
+    pub plan: &'a CampaignPlan,
+    pub flights: &'a FlightTable,
     /// Names of the controllers.
     pub names: Vec<&'a str>,
     /// Number of the flight of each row.
@@ -26,14 +26,14 @@ pub struct Page<'a> {
     /// Verdict of each row: `true` if passed; `None` if it could not be flown.
     pub passed: Vec<Option<bool>>,
     pub bounds: Vec<Bound>,
-    pub error: Error,
+    pub error: ShownError,
     pub evidence: Evidence,
     /// Value of the limit's setting in a flight in real time, which stands beside the limits.
     pub observed: Option<Observed>,
 }
 
 /// Position error shown in the plots.
-pub struct Error {
+pub struct ShownError {
     pub words: &'static str,
     /// Bound \[m\], if all flights have the same one.
     pub limit: Option<f64>,
@@ -41,9 +41,9 @@ pub struct Error {
     values: Vec<Option<f64>>,
 }
 
-impl Error {
+impl ShownError {
     /// Takes the largest error, or the error at the end if the campaign bounds only that.
-    fn new(flights: &Table, bounds: &[Bound]) -> Self {
+    fn new(flights: &FlightTable, bounds: &[Bound]) -> Self {
         let of = |metric: &str| bounds.iter().find(|bound| bound.metric == metric);
         let (largest, last) = ("max_position_error_m", "final_position_error_m");
         let (metric, words) = match (of(largest), of(last)) {
@@ -61,8 +61,8 @@ impl Error {
     }
 }
 
-impl<'a> Page<'a> {
-    pub fn new(plan: &'a Plan, flights: &'a Table) -> Self {
+impl<'a> CampaignPage<'a> {
+    pub fn new(plan: &'a CampaignPlan, flights: &'a FlightTable) -> Self {
         let names: Vec<&str> = plan.campaign.controllers.iter().map(|(name, _)| name.as_str()).collect();
         let number = |row: usize| match flights.column("flight").map(|all| all.cell(row)) {
             Some(Cell::Int(number)) => number as u64,
@@ -79,7 +79,7 @@ impl<'a> Page<'a> {
         Self {
             controllers: numbers.iter().map(|number| (number % names.len() as u64) as usize).collect(),
             passed: (0..flights.rows()).map(passed).collect(),
-            error: Error::new(flights, &bounds),
+            error: ShownError::new(flights, &bounds),
             evidence: Evidence::of(plan, flights),
             observed: None,
             plan,

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use view::draw::{escape, short, table};
-use view::table::Table as Text;
+use view::table::Table;
 
-use super::data::Page;
+use super::data::CampaignPage;
 use super::pairs::holm;
 use crate::difference::MetricDifference;
 use crate::file::CASE;
@@ -24,7 +24,7 @@ struct Row<'a> {
 }
 
 /// Returns the section; empty if the file compares nothing.
-pub fn section(page: &Page) -> String {
+pub fn section(page: &CampaignPage) -> String {
     let Some(compare) = page.plan.campaign.compare() else { return String::new() };
     let (headings, rows) = cells(page);
     let rows = rows.into_iter().map(|row| row.iter().map(|cell| escape(cell)).collect());
@@ -40,14 +40,14 @@ pub fn section(page: &Page) -> String {
 }
 
 /// Returns the table for a terminal; empty if the file compares nothing.
-pub fn text(page: &Page) -> String {
+pub fn text(page: &CampaignPage) -> String {
     let Some(compare) = page.plan.campaign.compare() else { return String::new() };
     let (headings, rows) = cells(page);
-    Text::new(&format!("less {}, where both passed", compare.with), &headings, rows).text()
+    Table::new(&format!("less {}, where both passed", compare.with), &headings, rows).text()
 }
 
 /// Returns headings and cells of the table.
-fn cells(page: &Page) -> (Vec<&'static str>, Vec<Vec<String>>) {
+fn cells(page: &CampaignPage) -> (Vec<&'static str>, Vec<Vec<String>>) {
     let rows = rows(page);
     let mut headings = vec!["metric", "case", "controller", "pairs", "left out", "mean", "of the other"];
     let has_cases = page.plan.campaign.cases().next().is_some();
@@ -86,7 +86,7 @@ fn adjusted(rows: &[Row]) -> Vec<Option<f64>> {
 }
 
 /// Compares each controller in each metric and case.
-fn rows<'a>(page: &'a Page<'a>) -> Vec<Row<'a>> {
+fn rows<'a>(page: &'a CampaignPage<'a>) -> Vec<Row<'a>> {
     let campaign = &page.plan.campaign;
     let Some(compare) = campaign.compare() else { return vec![] };
     let Some(with) = page.names.iter().position(|name| *name == compare.with) else { return vec![] };
@@ -107,7 +107,7 @@ fn rows<'a>(page: &'a Page<'a>) -> Vec<Row<'a>> {
 }
 
 fn row<'a>(
-    page: &'a Page<'a>,
+    page: &'a CampaignPage<'a>,
     flights: &BTreeMap<u64, Vec<Option<usize>>>,
     metric: &'a str,
     case: Option<&'a str>,
@@ -144,7 +144,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::{Campaign, Plan, local};
+    use crate::{Campaign, CampaignPlan, local};
 
     const CAMPAIGN: &str = "samples = 6\n[settings]\nrun.duration_s = 1.0\nmission.trajectory = 'hover'\n\
         initial.velocity_mps = [1.0, 0.0, 0.0]\n[vary]\nplant.airframe.mass_kg = { uniform = [1.05, 1.15] }\n\
@@ -154,11 +154,11 @@ mod tests {
     fn said(compare: &str) -> String {
         let campaign = Campaign::read(&format!("{CAMPAIGN}[compare]\n{compare}"), "x.toml", "x", Path::new(""));
         let plan = match campaign {
-            Ok(campaign) => Plan::new(campaign).unwrap(),
+            Ok(campaign) => CampaignPlan::new(campaign).unwrap(),
             Err(error) => return format!("{error:#}"),
         };
         let table = local::fly_all(&plan);
-        let page = Page::new(&plan, &table);
+        let page = CampaignPage::new(&plan, &table);
         let (headings, rows) = cells(&page);
         assert!(section(&page).contains("Each controller less <b>soft</b>"));
         let by_hand = |controller: &str, case: &str| {

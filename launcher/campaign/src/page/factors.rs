@@ -4,7 +4,7 @@ use statrs::statistics::{Data, OrderStatistics};
 use view::draw::{self, Axis, Dots, MapCell, Quartiles, legend, map, short};
 
 use super::bins::{Binned, parts};
-use super::data::Page;
+use super::data::CampaignPage;
 use super::limits;
 use super::maps::{cells, share_cell};
 use super::words::heading;
@@ -17,7 +17,7 @@ const DOTS: usize = 2000;
 const FEWEST: usize = 5;
 
 /// Returns the section; empty if nothing varies.
-pub fn section(page: &Page) -> String {
+pub fn section(page: &CampaignPage) -> String {
     let factors: Vec<Binned> = page.factors(parts);
     if factors.is_empty() {
         return String::new();
@@ -55,17 +55,17 @@ pub fn section(page: &Page) -> String {
     )
 }
 
-fn one(page: &Page, factor: &Binned) -> String {
+fn one(page: &CampaignPage, factor: &Binned) -> String {
     let plots = if has_rows(page, factor) { rows(page, factor) } else { shares(page, factor) + &errors(page, factor) };
     format!("<h3>{}</h3><div class=\"plots\">{plots}</div>", heading(&factor.key))
 }
 
 /// Returns whether a map with rows is needed: for limits, and for more controllers or words than a plot holds.
-fn has_rows(page: &Page, factor: &Binned) -> bool {
+fn has_rows(page: &CampaignPage, factor: &Binned) -> bool {
     page.plan.campaign.limit().is_some() || page.names.len() > COLOURED || !(factor.is_number || factor.axis.fits())
 }
 
-fn shares(page: &Page, factor: &Binned) -> String {
+fn shares(page: &CampaignPage, factor: &Binned) -> String {
     draw::shares("passed", &factor.axis, &page.names, |controller, bin| {
         let rate = page.rate(|row| factor.bin(row) == Some(bin) && page.controllers[row] == controller);
         (rate.flights > 0).then(|| rate.picture())
@@ -79,7 +79,7 @@ fn chosen(rows: usize) -> impl Iterator<Item = usize> {
     (0..rows).filter(move |row| rows <= DOTS || place(*row) * (rows as f64) < DOTS as f64)
 }
 
-fn errors(page: &Page, factor: &Binned) -> String {
+fn errors(page: &CampaignPage, factor: &Binned) -> String {
     let of_controller = |controller: usize| {
         let value = |row: usize| Some((factor.bin(row)?, page.error.of(row)?));
         let of_it = |row: &usize| page.controllers[*row] == controller;
@@ -96,7 +96,7 @@ fn errors(page: &Page, factor: &Binned) -> String {
 }
 
 /// Renders maps of share and median error with a row for each controller, or for each word of a factor of words.
-fn rows(page: &Page, factor: &Binned) -> String {
+fn rows(page: &CampaignPage, factor: &Binned) -> String {
     let names: Vec<String> = page.names.iter().map(|name| (*name).to_owned()).collect();
     let controllers = Axis::of_values("", names);
     let [across, mut up] = if factor.is_number {

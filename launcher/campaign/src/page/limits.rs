@@ -6,9 +6,9 @@ use view::draw::{self, Axis, MapCell, escape, short};
 use view::table::Table;
 
 use super::bins::{title, unit};
-use super::data::Page;
+use super::data::CampaignPage;
 use crate::file::SEED;
-use crate::limit::{FLIGHTS, ISLANDS, LIMIT, Limit, Steps};
+use crate::limit::{FLIGHTS, ISLANDS, LIMIT, Limit, LimitSteps};
 use crate::median;
 
 /// Largest number of lines that the terminal shows.
@@ -24,18 +24,18 @@ struct Line<'a> {
     /// Row of one of its searches, for the listed values.
     row: usize,
     /// Limits, the worst first.
-    limits: Vec<Steps>,
+    limits: Vec<LimitSteps>,
     /// Islands, with the number of draws that have each.
     islands: BTreeMap<String, usize>,
 }
 
 /// Limit of a row; `None` if the flight fails already at the safe end.
-pub fn of(page: &Page, limit: &Limit, row: usize) -> Steps {
+pub fn of(page: &CampaignPage, limit: &Limit, row: usize) -> LimitSteps {
     page.flights.column(LIMIT)?.number(row).map(|value| limit.step(value))
 }
 
 /// Returns the lines: controller by controller, in the order of the searches.
-fn lines<'a>(page: &'a Page<'a>, limit: &Limit) -> Vec<Line<'a>> {
+fn lines<'a>(page: &'a CampaignPage<'a>, limit: &Limit) -> Vec<Line<'a>> {
     let mut rows: BTreeMap<(usize, u64), Vec<usize>> = BTreeMap::new();
     for row in (0..page.rows()).filter(|row| page.passed[*row].is_some()) {
         let place = (page.controllers[row], page.evidence.in_first_draw(page.numbers[row]));
@@ -54,7 +54,7 @@ fn lines<'a>(page: &'a Page<'a>, limit: &Limit) -> Vec<Line<'a>> {
                 *islands.entry(island.to_owned()).or_default() += 1;
             }
         }
-        let mut limits: Vec<Steps> = rows.iter().map(|row| of(page, limit, *row)).collect();
+        let mut limits: Vec<LimitSteps> = rows.iter().map(|row| of(page, limit, *row)).collect();
         limits.sort_unstable();
         Line { controller: page.names[controller], row: rows[0], limits, islands }
     };
@@ -62,7 +62,7 @@ fn lines<'a>(page: &'a Page<'a>, limit: &Limit) -> Vec<Line<'a>> {
 }
 
 /// Returns the table of the limits: a row for each line.
-fn table(page: &Page, limit: &Limit) -> Table {
+fn table(page: &CampaignPage, limit: &Limit) -> Table {
     let unit = unit(&limit.key).unwrap_or_default();
     let is_sample = page.evidence.is_sample();
     let keys: Vec<&str> = page.plan.listed_axes().into_iter().map(|(key, _)| key).filter(|key| *key != SEED).collect();
@@ -91,7 +91,7 @@ fn table(page: &Page, limit: &Limit) -> Table {
         let median = words(median::place(limits.len()));
         cells.extend([limits.len().to_string(), median, interval.unwrap_or("-".into()), words(0), islands.join(", ")]);
         cells.extend(page.observed.iter().map(|observed| {
-            let is_below = |steps: &&Steps| limit.is_before(**steps, observed.value);
+            let is_below = |steps: &&LimitSteps| limit.is_before(**steps, observed.value);
             limits.iter().filter(is_below).count().to_string()
         }));
         cells
@@ -102,7 +102,7 @@ fn table(page: &Page, limit: &Limit) -> Table {
 }
 
 /// Returns the table for the terminal.
-pub fn text(page: &Page, limit: &Limit) -> String {
+pub fn text(page: &CampaignPage, limit: &Limit) -> String {
     let mut table = table(page, limit);
     let left_out = table.rows.len().saturating_sub(LINES);
     table.rows.truncate(LINES);
@@ -111,14 +111,14 @@ pub fn text(page: &Page, limit: &Limit) -> String {
 }
 
 /// Describes the value of a flight in real time.
-fn observed(page: &Page) -> Option<String> {
+fn observed(page: &CampaignPage) -> Option<String> {
     let (observed, limit) = (page.observed.as_ref()?, page.plan.campaign.limit()?);
     let unit = unit(&limit.key).unwrap_or_default();
     Some(format!("Observed in real time: {} {unit}, the {}.", short(observed.value), observed.words).replace(" ,", ","))
 }
 
 /// Returns the sentences on what a limit is, and on its intervals.
-pub fn sentences(page: &Page, limit: &Limit) -> String {
+pub fn sentences(page: &CampaignPage, limit: &Limit) -> String {
     let unit = unit(&limit.key).unwrap_or_default();
     let Limit { key, from, to, resolution, .. } = limit;
     let grid = limit.grid().len();
@@ -140,10 +140,10 @@ pub fn sentences(page: &Page, limit: &Limit) -> String {
 }
 
 /// Numbers of the searches, for the head of the page: what they flew, and how many met an end of the range.
-pub fn tiles(page: &Page, limit: &Limit) -> Vec<(String, String)> {
+pub fn tiles(page: &CampaignPage, limit: &Limit) -> Vec<(String, String)> {
     let rows = || (0..page.rows()).filter(|row| page.passed[*row].is_some());
     let flights: f64 = rows().filter_map(|row| page.flights.column(FLIGHTS)?.number(row)).sum();
-    let count = |meant: Steps| rows().filter(|row| of(page, limit, *row) == meant).count().to_string();
+    let count = |meant: LimitSteps| rows().filter(|row| of(page, limit, *row) == meant).count().to_string();
     vec![
         ("flights of all searches".to_owned(), short(flights)),
         (format!("fail already at {}", short(limit.from)), count(None)),
@@ -152,7 +152,7 @@ pub fn tiles(page: &Page, limit: &Limit) -> Vec<(String, String)> {
 }
 
 /// Returns the section; empty without `[limit]`.
-pub fn section(page: &Page) -> String {
+pub fn section(page: &CampaignPage) -> String {
     let Some(limit) = page.plan.campaign.limit() else { return String::new() };
     let observed = observed(page).map_or(String::new(), |words| format!("<p>{}</p>", escape(&words)));
     let legend = if page.names.len() > 1 { draw::legend(&page.names) } else { String::new() };
@@ -165,7 +165,7 @@ pub fn section(page: &Page) -> String {
 }
 
 /// Draws the share of searches whose limit is at least each value of the grid.
-fn distribution(page: &Page, limit: &Limit) -> String {
+fn distribution(page: &CampaignPage, limit: &Limit) -> String {
     let grid = limit.grid();
     let axis = Axis::of_values(&title(&limit.key), grid.iter().map(|step| short(limit.value(*step))).collect());
     let reaches = |row: usize, step: u64| of(page, limit, row).is_some_and(|limit| limit >= step);
@@ -177,15 +177,15 @@ fn distribution(page: &Page, limit: &Limit) -> String {
 }
 
 /// Median limit of some rows; `None` without one.
-pub fn median_of(page: &Page, limit: &Limit, rows: &[usize]) -> Option<Steps> {
+pub fn median_of(page: &CampaignPage, limit: &Limit, rows: &[usize]) -> Option<LimitSteps> {
     let flown = rows.iter().filter(|row| page.passed[**row].is_some());
-    let mut limits: Vec<Steps> = flown.map(|row| of(page, limit, *row)).collect();
+    let mut limits: Vec<LimitSteps> = flown.map(|row| of(page, limit, *row)).collect();
     limits.sort_unstable();
     limits.get(median::place(limits.len())).copied()
 }
 
 /// Returns the cell of a median limit, bright for a far one; `None` without a search.
-pub fn cell(page: &Page, limit: &Limit, rows: &[usize], of: &str) -> Option<MapCell> {
+pub fn cell(page: &CampaignPage, limit: &Limit, rows: &[usize], of: &str) -> Option<MapCell> {
     let median = median_of(page, limit, rows)?;
     let words = limit.words(median, unit(&limit.key).unwrap_or_default());
     let label = match median {

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use view::draw::{Axis, MapCell, map};
 
 use super::bins::{Binned, parts_of_two};
-use super::data::Page;
+use super::data::CampaignPage;
 use super::limits;
 use super::words::heading;
 use crate::Rate;
@@ -19,7 +19,7 @@ const ENTRIES: usize = 10;
 const MAPS: usize = 12;
 
 /// Returns the section; empty if there is no pair of factors.
-pub fn section(page: &Page) -> String {
+pub fn section(page: &CampaignPage) -> String {
     let mut factors = page.factors(parts_of_two);
     factors.retain(|factor| factor.axis.entries.len() <= ENTRIES);
     let mut by_effect: Vec<(f64, &Binned)> = factors.iter().map(|factor| (effect(page, factor), factor)).collect();
@@ -73,14 +73,14 @@ pub fn section(page: &Page) -> String {
 }
 
 /// Returns whether a factor is a list, of which each value is flown with each value of the others.
-fn is_listed(page: &Page, factor: &Binned) -> bool {
+fn is_listed(page: &CampaignPage, factor: &Binned) -> bool {
     let own = page.plan.campaign.factors.iter().find(|own| own.key == factor.key);
     own.is_some_and(|own| matches!(own.values, Values::Listed(_)))
 }
 
 /// Statistically sure effect of a factor: the largest gap between the intervals of two entries; below 0 if all overlap.
 /// For limits the largest difference of two medians.
-fn effect(page: &Page, factor: &Binned) -> f64 {
+fn effect(page: &CampaignPage, factor: &Binned) -> f64 {
     if let Some(limit) = page.plan.campaign.limit() {
         let of = |bin: usize| (0..page.rows()).filter(|row| factor.bin(*row) == Some(bin)).collect::<Vec<_>>();
         let medians = (0..factor.axis.entries.len()).filter_map(|bin| limits::median_of(page, limit, &of(bin)));
@@ -97,7 +97,7 @@ fn effect(page: &Page, factor: &Binned) -> f64 {
     low - high
 }
 
-fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool) -> String {
+fn one(page: &CampaignPage, controller: usize, [across, up]: [&Binned; 2], is_grid: bool) -> String {
     let [columns, rows] = [across, up].map(|factor| factor.axis.entries.len());
     let mut of_cells = vec![vec![vec![]; columns]; rows];
     for row in (0..page.rows()).filter(|row| page.controllers[*row] == controller) {

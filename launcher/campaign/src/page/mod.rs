@@ -33,12 +33,12 @@ mod worst;
 
 use view::draw::{self, STYLE};
 
-pub use data::Page;
+pub use data::CampaignPage;
 
 const OWN_STYLE: &str = include_str!("../../assets/campaign.css");
 
 /// Renders the page of some flights of a plan. The command `again`, followed by a number, flies one flight again.
-pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
+pub fn page(all: &CampaignPage, again: &str) -> anyhow::Result<String> {
     let worst = worst::section(all, again)?;
     let body = [
         all.head(),
@@ -55,7 +55,7 @@ pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
 }
 
 /// Returns the sections on the controllers: their limits, or their shares of passed flights.
-fn results(all: &Page) -> String {
+fn results(all: &CampaignPage) -> String {
     if all.plan.campaign.limit().is_some() {
         return limits::section(all);
     }
@@ -67,14 +67,14 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::plan::Plan;
+    use crate::plan::CampaignPlan;
     use crate::rate::Rate;
-    use crate::table::Table;
+    use crate::table::FlightTable;
     use crate::{Campaign, local, shard};
 
     /// Flies all flights of a campaign.
-    fn flown(text: &str) -> (Plan, Table) {
-        let plan = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+    fn flown(text: &str) -> (CampaignPlan, FlightTable) {
+        let plan = CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let table = local::fly_all(&plan);
         (plan, table)
     }
@@ -88,11 +88,11 @@ mod tests {
         );
         assert_eq!(table.rows(), 24);
         assert_eq!(
-            Page::new(&plan, &table).rates(),
+            CampaignPage::new(&plan, &table).rates(),
             [("scenario", Rate::over(vec![(3, 6); 3]))],
             "6 that could not be flown are counted as neither"
         );
-        let html = page(&Page::new(&plan, &table), "trefoil campaign x.toml --only").unwrap();
+        let html = page(&CampaignPage::new(&plan, &table), "trefoil campaign x.toml --only").unwrap();
         for part in [
             "50.0 <small>%</small>",
             "14.6 to 85.4 %",
@@ -114,7 +114,7 @@ mod tests {
              attitude.mpc.control_horizon_s = [0.03, 0.05]\n\
              bounds.max_position_error_m = [1e-9, 1.0]\n",
         );
-        let html = page(&Page::new(&plan, &table), "").unwrap();
+        let html = page(&CampaignPage::new(&plan, &table), "").unwrap();
         for part in [
             "<th scope=\"col\">position error</th>",
             "<td data-label=\"position error\">3</td>",
@@ -133,12 +133,12 @@ mod tests {
             "seeds = 5\n[settings]\nrun.duration_s = 1.0\nplant.noise.position_m = 0.01\n[controller.lax]\nbounds.max_position_error_m = 1.0\n\
              [controller.strict]\nbounds.max_position_error_m = 1e-9\n",
         );
-        let page_of = Page::new(&plan, &table);
+        let page_of = CampaignPage::new(&plan, &table);
         let verdicts = |rows: Vec<Option<usize>>| rows.into_iter().map(|row| page_of.passed[row?]).collect::<Vec<_>>();
         let cases: Vec<_> = page_of.by_case(|_| true).into_values().map(verdicts).collect();
         assert_eq!(cases, vec![vec![Some(true), Some(false)]; 5]);
         assert_eq!(page_of.rows(), 10);
-        let html = page(&Page::new(&plan, &table), "").unwrap();
+        let html = page(&CampaignPage::new(&plan, &table), "").unwrap();
         assert!(
             html.contains("<td data-label=\"only A passes\">5</td><td data-label=\"only B passes\">0</td>"),
             "{html}"
@@ -160,7 +160,7 @@ mod tests {
              [controller.b]\nattitude.law = 'pid'\nattitude.mpc.control_horizon_s = 0.04\n[controller.mpc]\n\
              attitude.law = 'mpc'\n",
         );
-        let html = page(&Page::new(&plan, &table), "").unwrap();
+        let html = page(&CampaignPage::new(&plan, &table), "").unwrap();
         for part in [
             "Of 24 flights 12 differ; the others are copies bit for bit.",
             "a and b flew every flight alike: they are one law.",
@@ -175,7 +175,7 @@ mod tests {
              attitude.mpc.prediction_horizon_s = { uniform = [0.1, 0.5] }\n\
              [controller.lax]\nbounds.max_position_error_m = 1.0\n[controller.strict]\nbounds.max_position_error_m = 1e-9\n",
         );
-        let html = page(&Page::new(&plan, &table), "").unwrap();
+        let html = page(&CampaignPage::new(&plan, &table), "").unwrap();
         assert!(html.contains("All 40 draws flew the same flights bit for bit: they are one observation"), "{html}");
         assert!(!html.contains("McNemar") && !html.contains("Clopper"), "{html}");
     }
@@ -187,7 +187,7 @@ mod tests {
             "{seconds}[vary]\nplant.airframe.mass_kg = {{ range = {{ from = 1.0, to = 1.1, steps = 64 }} }}\n\
              bounds.max_position_error_m = [0.05, 0.5]\n"
         ));
-        let html = page(&Page::new(&plan, &table), "").unwrap();
+        let html = page(&CampaignPage::new(&plan, &table), "").unwrap();
         assert_eq!(table.rows(), 128);
         assert!(html.contains("position error at most 0.05 m in 64 flights, 0.5 m in 64 flights"), "{html}");
         assert!(html.contains("altitude error at most 1 m;"), "{html}");
@@ -195,9 +195,9 @@ mod tests {
 
     #[test]
     fn a_campaign_without_flights_has_a_page() {
-        let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
-        let empty = Table::new(&shard::columns_of(&plan));
-        let html = page(&Page::new(&plan, &empty), "").unwrap();
+        let plan = CampaignPlan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let empty = FlightTable::new(&shard::columns_of(&plan));
+        let html = page(&CampaignPage::new(&plan, &empty), "").unwrap();
         assert!(html.contains("0 of 1 flights are there"), "{html}");
     }
 }

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use view::draw::{self, escape, list};
 
 use super::bounds;
-use super::data::Page;
+use super::data::CampaignPage;
 use super::limits;
 use crate::rate::Rate;
 
 /// Largest number of reasons that are shown.
 const REASONS: usize = 12;
 
-impl Page<'_> {
+impl CampaignPage<'_> {
     pub fn head(&self) -> String {
         let (there, planned) = (self.rows() as u64, self.plan.flights());
         let partial = if there < planned {

@@ -5,7 +5,7 @@
 
 use view::draw::{escape, short, table};
 
-use super::data::Page;
+use super::data::CampaignPage;
 use crate::difference::Difference;
 
 /// Number of comparisons that are shown; the others are folded.
@@ -23,7 +23,7 @@ struct Pair {
 }
 
 /// Returns the section; empty with one law only, and with limits, of which there are no shares.
-pub fn section(page: &Page) -> String {
+pub fn section(page: &CampaignPage) -> String {
     let pairs = compare(page);
     if pairs.is_empty() || page.plan.campaign.limit().is_some() {
         return String::new();
@@ -65,7 +65,7 @@ pub fn section(page: &Page) -> String {
 }
 
 /// Describes interval and tests of `pairs` pairs in sentences.
-fn explained(page: &Page, pairs: usize) -> String {
+fn explained(page: &CampaignPage, pairs: usize) -> String {
     let test = if page.each() > 1 {
         "exact two-sided permutation test, which flips the sign of each draw's difference"
     } else {
@@ -88,7 +88,7 @@ fn explained(page: &Page, pairs: usize) -> String {
 }
 
 /// Compares every pair of controllers; sorted by p-value, the smallest first.
-fn compare(page: &Page) -> Vec<Pair> {
+fn compare(page: &CampaignPage) -> Vec<Pair> {
     let cases = page.by_case(|_| true);
     let pair = |a: usize, b: usize| {
         let flown =
@@ -116,7 +116,7 @@ fn compare(page: &Page) -> Vec<Pair> {
 }
 
 /// Returns the names of all controllers that flew as `first` did.
-fn law(page: &Page, first: usize) -> String {
+fn law(page: &CampaignPage, first: usize) -> String {
     let same = (0..page.names.len()).filter(|i| page.evidence.same_as[*i] == first);
     same.map(|i| escape(page.names[i])).collect::<Vec<_>>().join(" = ")
 }

@@ -1,9 +1,9 @@
 //! Verdicts on the promises of the campaign file.
 
-use outcome::target::{Target, Verdict};
+use outcome::target::{Target, TargetVerdict};
 use toml::Value;
 
-use super::data::Page;
+use super::data::CampaignPage;
 use super::limits;
 use crate::file::CASE;
 use crate::limit::LIMIT;
@@ -19,7 +19,7 @@ struct Group<'a> {
 }
 
 /// Returns a verdict for each controller of the promise in each of its cases.
-fn targets_of(promise: &Promise, page: &Page) -> Vec<Target> {
+fn targets_of(promise: &Promise, page: &CampaignPage) -> Vec<Target> {
     let each = |names: &'_ [String]| -> Vec<Option<String>> {
         if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }
     };
@@ -33,7 +33,7 @@ fn targets_of(promise: &Promise, page: &Page) -> Vec<Target> {
     targets
 }
 
-fn target(promise: &Promise, page: &Page, group: &Group) -> Target {
+fn target(promise: &Promise, page: &CampaignPage, group: &Group) -> Target {
     let figure = promise.figure.replace("{controller}", group.controller.unwrap_or("all"));
     let figure = figure.replace("{case}", group.case.unwrap_or("all"));
     let rows = rows_of(promise, page, group);
@@ -71,14 +71,14 @@ fn target(promise: &Promise, page: &Page, group: &Group) -> Target {
 
 /// Holds a share of passed flights against its 95 % interval: the promise is kept if the interval lies above the limit,
 /// broken if the interval lies below, and else undecided. Without an interval the share itself is judged.
-fn share(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whole: bool) -> Target {
+fn share(promise: &Promise, page: &CampaignPage, figure: String, rows: &[usize], is_whole: bool) -> Target {
     let limit = promise.at_least.unwrap_or_default();
     let rate = page.rate_of(rows.iter().copied());
     let measured = is_whole.then_some(rate.share);
     let target = Target::at_least(figure, measured, limit);
     let is_open = rate.draws > 0 && rate.low < limit && rate.high >= limit;
     if is_open && is_whole {
-        let verdict = Verdict::Inconclusive;
+        let verdict = TargetVerdict::Inconclusive;
         return Target { verdict, target: format!("{}, by its interval {}", target.target, rate.interval()), ..target };
     }
     target
@@ -86,7 +86,7 @@ fn share(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whol
 
 /// Holds limits against a promise. One beyond an end of the range may be any value there: what it leaves open is
 /// inconclusive.
-fn limit(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whole: bool) -> Target {
+fn limit(promise: &Promise, page: &CampaignPage, figure: String, rows: &[usize], is_whole: bool) -> Target {
     let Some(limit) = page.plan.campaign.limit().filter(|_| is_whole) else {
         return Target::at_most(figure, None, promise.at_most.unwrap_or_default(), "");
     };
@@ -104,9 +104,9 @@ fn limit(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whol
         (None, bound) => (Target::at_least(figure, Some(value), bound), least >= bound, largest < bound),
     };
     let verdict = match (is_kept, is_broken) {
-        (true, _) => Verdict::Ok,
-        (_, true) => Verdict::Short,
-        _ => Verdict::Inconclusive,
+        (true, _) => TargetVerdict::Ok,
+        (_, true) => TargetVerdict::Short,
+        _ => TargetVerdict::Inconclusive,
     };
     let target = Target { verdict, unit, ..target };
     target.noting(match () {
@@ -117,7 +117,7 @@ fn limit(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whol
 }
 
 /// Returns the promised figure: the metric of `rows`, as a multiple of the best controller's if that is asked for.
-fn figure_of(promise: &Promise, page: &Page, metric: &str, group: &Group, rows: &[usize]) -> f64 {
+fn figure_of(promise: &Promise, page: &CampaignPage, metric: &str, group: &Group, rows: &[usize]) -> f64 {
     let own = gathered(promise, page, metric, rows);
     if !promise.over_best || own.is_infinite() {
         return own;
@@ -130,7 +130,7 @@ fn figure_of(promise: &Promise, page: &Page, metric: &str, group: &Group, rows: 
 }
 
 /// Gathers a metric over flights. If one of them failed the result is infinite, on the side that breaks the promise.
-fn gathered(promise: &Promise, page: &Page, metric: &str, rows: &[usize]) -> f64 {
+fn gathered(promise: &Promise, page: &CampaignPage, metric: &str, rows: &[usize]) -> f64 {
     if rows.iter().any(|row| page.passed[*row] != Some(true)) {
         return if promise.at_least.is_some() { f64::NEG_INFINITY } else { f64::INFINITY };
     }
@@ -151,7 +151,7 @@ fn gathered(promise: &Promise, page: &Page, metric: &str, rows: &[usize]) -> f64
 }
 
 /// Returns the rows of the flights that a verdict is about.
-fn rows_of(promise: &Promise, page: &Page, group: &Group) -> Vec<usize> {
+fn rows_of(promise: &Promise, page: &CampaignPage, group: &Group) -> Vec<usize> {
     let is_it = |row: &usize| {
         group.controller.is_none_or(|name| page.names[page.controllers[*row]] == name)
             && group.case.is_none_or(|case| page.flights.column(CASE).is_some_and(|all| all.text(*row) == case))
@@ -164,7 +164,7 @@ fn rows_of(promise: &Promise, page: &Page, group: &Group) -> Vec<usize> {
 }
 
 /// Returns the number of flights that a whole campaign has of them.
-fn expected(promise: &Promise, page: &Page, group: &Group) -> u64 {
+fn expected(promise: &Promise, page: &CampaignPage, group: &Group) -> u64 {
     let campaign = &page.plan.campaign;
     let controllers = if group.controller.is_some() { 1 } else { page.names.len() as u64 };
     let meant = |factor: &Factor, value: &Value| {
@@ -195,7 +195,7 @@ fn is(cell: &Cell, value: &Value) -> bool {
 }
 
 /// Returns the section on what the campaign file promises; empty if it promises nothing.
-pub fn section(page: &Page) -> String {
+pub fn section(page: &CampaignPage) -> String {
     let targets = targets(page);
     if targets.is_empty() {
         return String::new();
@@ -204,7 +204,7 @@ pub fn section(page: &Page) -> String {
 }
 
 /// Returns the verdicts on all promises of a campaign, in their order.
-pub fn targets(page: &Page) -> Vec<Target> {
+pub fn targets(page: &CampaignPage) -> Vec<Target> {
     page.plan.campaign.promises().iter().flat_map(|promise| targets_of(promise, page)).collect()
 }
 
@@ -214,8 +214,8 @@ mod tests {
 
     use super::*;
     use crate::shard;
-    use crate::table::Table as Flights;
-    use crate::{Campaign, Plan, row};
+    use crate::table::FlightTable;
+    use crate::{Campaign, CampaignPlan, row};
 
     /// Three settings of a short hover under two controllers, of which `strict` fails by its bound.
     const CAMPAIGN: &str = "[settings]\nrun.duration_s = 0.5\n[case.calm]\n[case.pushed]\ninitial.velocity_mps = [1.0, 0.0, 0.0]\n\
@@ -225,17 +225,17 @@ mod tests {
     /// Flies the campaign, without its last `missing` flights; returns the verdicts on `promise`.
     fn verdicts(promise: &str, missing: u64) -> Vec<Target> {
         let text = format!("{CAMPAIGN}[[promise]]\nfigure = \"{{case}} {{controller}}\"\n{promise}");
-        let plan = Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
-        let mut flights = Flights::new(&shard::columns_of(&plan));
+        let plan = CampaignPlan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let mut flights = FlightTable::new(&shard::columns_of(&plan));
         for number in 0..plan.flights() - missing {
             let flight = plan.flight(number);
             let outcome = row::fly(&flight, || true, |_| {}).unwrap();
             flights.push([plan.cells(&flight), outcome.cells].concat());
         }
-        targets(&Page::new(&plan, &flights))
+        targets(&CampaignPage::new(&plan, &flights))
     }
 
-    fn told(promise: &str) -> Vec<(String, Verdict)> {
+    fn told(promise: &str) -> Vec<(String, TargetVerdict)> {
         verdicts(promise, 0).into_iter().map(|target| (target.figure, target.verdict)).collect()
     }
 
@@ -243,32 +243,36 @@ mod tests {
     fn each_controller_in_each_case_has_a_verdict() {
         let all = told("cases = [\"calm\", \"pushed\"]\ncontrollers = [\"lax\", \"strict\"]\npassed = \"all\"");
         let names = ["calm lax", "calm strict", "pushed lax", "pushed strict"];
-        let expected = [Verdict::Ok, Verdict::Short, Verdict::Ok, Verdict::Short];
+        let expected = [TargetVerdict::Ok, TargetVerdict::Short, TargetVerdict::Ok, TargetVerdict::Short];
         assert_eq!(all, names.map(str::to_owned).into_iter().zip(expected).collect::<Vec<_>>());
-        assert_eq!(told("controllers = [\"strict\"]\npassed = \"none\"")[0].1, Verdict::Ok);
-        assert_eq!(told("passed = \"none\"")[0].1, Verdict::Short);
+        assert_eq!(told("controllers = [\"strict\"]\npassed = \"none\"")[0].1, TargetVerdict::Ok);
+        assert_eq!(told("passed = \"none\"")[0].1, TargetVerdict::Short);
     }
 
     #[test]
     fn a_failed_flight_breaks_every_promise_on_a_metric() {
         let error = "metric = \"max_position_error_m\"\n";
         let lax = format!("controllers = [\"lax\"]\n{error}");
-        assert_eq!(told(&format!("{lax}at_most = 5.0"))[0].1, Verdict::Ok);
-        assert_eq!(told(&format!("{lax}at_most = 0.001"))[0].1, Verdict::Short);
-        assert_eq!(told(&format!("{error}at_most = 5.0"))[0].1, Verdict::Short, "strict failed");
+        assert_eq!(told(&format!("{lax}at_most = 5.0"))[0].1, TargetVerdict::Ok);
+        assert_eq!(told(&format!("{lax}at_most = 0.001"))[0].1, TargetVerdict::Short);
+        assert_eq!(told(&format!("{error}at_most = 5.0"))[0].1, TargetVerdict::Short, "strict failed");
         for of in ["max", "min", "mean", "sum"] {
             let promised = format!("metric = \"flown_s\"\nof = \"{of}\"\n");
-            assert_eq!(told(&format!("{promised}at_least = 0.1"))[0].1, Verdict::Short, "{of}");
-            assert_eq!(told(&format!("{promised}at_most = 1e9"))[0].1, Verdict::Short, "{of}");
+            assert_eq!(told(&format!("{promised}at_least = 0.1"))[0].1, TargetVerdict::Short, "{of}");
+            assert_eq!(told(&format!("{promised}at_most = 1e9"))[0].1, TargetVerdict::Short, "{of}");
         }
         let strict = "controllers = [\"strict\"]\nmetric = \"max_position_error_m\"\nat_least = 0.5\nover_best = true";
         assert_eq!(
             told(strict)[0].1,
-            Verdict::Short,
+            TargetVerdict::Short,
             "a failed flight is not twice as bad as the best: it is no figure"
         );
         let ratio = verdicts(&format!("{lax}at_most = 1.0\nover_best = true"), 0);
-        assert_eq!((ratio[0].measured, ratio[0].verdict), (Some(1.0), Verdict::Ok), "lax is the best that passed");
+        assert_eq!(
+            (ratio[0].measured, ratio[0].verdict),
+            (Some(1.0), TargetVerdict::Ok),
+            "lax is the best that passed"
+        );
     }
 
     #[test]
@@ -276,12 +280,12 @@ mod tests {
         let at = |mass: &str| {
             told(&format!("at = {{ \"plant.airframe.mass_kg\" = {mass} }}\ncontrollers = [\"lax\"]\npassed = \"all\""))
         };
-        assert_eq!(at("1.15")[0].1, Verdict::Ok);
-        assert_eq!(at("1.3")[0].1, Verdict::Inconclusive, "no such flight");
+        assert_eq!(at("1.15")[0].1, TargetVerdict::Ok);
+        assert_eq!(at("1.3")[0].1, TargetVerdict::Inconclusive, "no such flight");
         let missing = verdicts("controllers = [\"lax\"]\npassed = \"all\"", 2);
         assert_eq!(
             (missing[0].verdict, missing[0].note.as_str()),
-            (Verdict::Inconclusive, "not all of its flights are there")
+            (TargetVerdict::Inconclusive, "not all of its flights are there")
         );
     }
 

@@ -4,10 +4,10 @@
 use rayon::ThreadPoolBuilder;
 use view::draw::{self, STYLE, escape};
 
-use super::data::Page;
+use super::data::CampaignPage;
 use super::{OWN_STYLE, factors, limits, maps, pairs, setup, worst};
-use crate::plan::Plan;
-use crate::table::Table;
+use crate::plan::CampaignPlan;
+use crate::table::FlightTable;
 
 /// Warning about the figures of an unfinished campaign.
 const PARTIAL: &str = "The flights that are there are no random sample of the campaign: short ones end first. Intervals \
@@ -15,8 +15,8 @@ const PARTIAL: &str = "The flights that are there are no random sample of the ca
 
 /// Renders the page of the `flights` that are there, in one thread of the caller's priority; `words` tell the progress.
 /// The command `again`, followed by a number, flies one flight again.
-pub fn page(plan: &Plan, flights: &Table, words: &str, again: &str) -> String {
-    let render = || render(&Page::new(plan, flights), words, again);
+pub fn page(plan: &CampaignPlan, flights: &FlightTable, words: &str, again: &str) -> String {
+    let render = || render(&CampaignPage::new(plan, flights), words, again);
     // The threads of the campaign would take up the work only after the last flight.
     match ThreadPoolBuilder::new().num_threads(1).build() {
         Ok(own) => own.install(render),
@@ -24,7 +24,7 @@ pub fn page(plan: &Plan, flights: &Table, words: &str, again: &str) -> String {
     }
 }
 
-fn render(all: &Page, words: &str, again: &str) -> String {
+fn render(all: &CampaignPage, words: &str, again: &str) -> String {
     let (there, planned) = (all.rows(), all.plan.flights());
     let body = [
         all.title(),

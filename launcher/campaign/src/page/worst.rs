@@ -13,9 +13,9 @@ use serde_json::{Value, json};
 use settings::Scenario;
 use view::draw::{self, FlightColumns, HAPPENED_HINT, Plot, Series, TimePlots, escape, short};
 
-use super::data::Page;
+use super::data::CampaignPage;
 use crate::row;
-use crate::table::{Cell, Column};
+use crate::table::{Cell, TableColumn};
 
 /// Number of flights that are shown.
 const SHOWN: usize = 10;
@@ -23,7 +23,7 @@ const SHOWN: usize = 10;
 const POINTS: u64 = 200;
 
 /// Returns the section of the worst flights that did not pass; empty if all passed.
-pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
+pub fn section(page: &CampaignPage, again: &str) -> anyhow::Result<String> {
     let worst = worst(page);
     if worst.is_empty() {
         return Ok(String::new());
@@ -38,7 +38,7 @@ pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
 }
 
 /// Returns the section of the worst flights as a table, for which none is flown again; empty if all passed.
-pub fn listed(page: &Page, again: &str) -> String {
+pub fn listed(page: &CampaignPage, again: &str) -> String {
     let worst = worst(page);
     if worst.is_empty() {
         return String::new();
@@ -57,7 +57,7 @@ pub fn listed(page: &Page, again: &str) -> String {
 }
 
 /// Rows of the flights that failed worst, the worst first; one controller of each case.
-fn worst(page: &Page) -> Vec<usize> {
+fn worst(page: &CampaignPage) -> Vec<usize> {
     let flights = page.flights;
     let (Some(errors), Some(flown), Some(outcomes)) =
         (flights.column("max_position_error_m"), flights.column("flown_s"), flights.column("outcome"))
@@ -67,7 +67,7 @@ fn worst(page: &Page) -> Vec<usize> {
     let mut failed: Vec<usize> = (0..page.rows()).filter(|row| page.passed[*row] == Some(false)).collect();
     let came_to_its_end = |row: usize| outcomes.text(row).starts_with("flown");
     failed.sort_by(|a, b| {
-        let number = |column: &Column, row: usize| column.number(row).unwrap_or(f64::INFINITY);
+        let number = |column: &TableColumn, row: usize| column.number(row).unwrap_or(f64::INFINITY);
         let ends = came_to_its_end(*a).cmp(&came_to_its_end(*b));
         let earlier = || number(flown, *a).total_cmp(&number(flown, *b));
         let larger = || number(errors, *b).total_cmp(&number(errors, *a));
@@ -80,7 +80,7 @@ fn worst(page: &Page) -> Vec<usize> {
 }
 
 /// Renders the report of one flight.
-fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
+fn one(page: &CampaignPage, row: usize, again: &str) -> anyhow::Result<String> {
     let (flights, number) = (page.flights, page.numbers[row]);
     let flight = page.plan.flight(number);
     let Ok(scenario) = &flight.scenario else { return Ok(String::new()) };
@@ -154,7 +154,7 @@ fn bound(scenario: &Scenario) -> Value {
     json!({ "error": bound.map(|y| json!({ "y": y, "label": "bound" })).into_iter().collect::<Value>() })
 }
 
-impl Page<'_> {
+impl CampaignPage<'_> {
     /// Returns the verdicts on the same case under the other controllers.
     fn others(&self, row: usize) -> String {
         let same = |other: &usize| *other != row && self.case(*other) == self.case(row);

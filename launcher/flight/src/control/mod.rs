@@ -27,7 +27,7 @@ const SOCKET: &str = "control";
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Request {
+pub enum ControlRequest {
     /// Asks for the state of the nodes, the faults in force and the last events.
     Status,
     /// Asks for the events of the flight.
@@ -58,7 +58,7 @@ pub enum Response {
 }
 
 /// Sends `request` to the launcher of `domain` and waits for the answer, at most `ANSWER_LIMIT`.
-pub fn ask(domain: &Domain, request: &Request) -> anyhow::Result<Value> {
+pub fn ask(domain: &Domain, request: &ControlRequest) -> anyhow::Result<Value> {
     let silent =
         || format!("the launcher of '{}' does not answer: its stack is starting or ending", domain.namespace());
     let mut stream = UnixStream::connect(domain.file(SOCKET)).with_context(silent)?;

@@ -9,8 +9,8 @@ use std::time::Instant;
 use runtime::domain::Domain;
 use runtime::realtime::peer_of;
 
-use super::{Request, Response, SOCKET};
-use crate::event::Sender;
+use super::{ControlRequest, Response, SOCKET};
+use crate::event::CommandSender;
 use crate::limits::{CLIENTS, NEW_CLIENTS, REQUEST_BYTES, REQUEST_LIMIT};
 
 /// Socket, and its clients.
@@ -46,7 +46,7 @@ impl Server {
 
     /// Returns a request that has come, and where its answer goes. Clients without a valid one are told so and
     /// disconnected.
-    pub fn request(&mut self) -> Option<(Request, Reply)> {
+    pub fn request(&mut self) -> Option<(ControlRequest, Reply)> {
         self.accept_new();
         self.served = false;
         let mut i = 0;
@@ -84,7 +84,7 @@ impl Server {
 
 impl Client {
     /// Reads the request, or why there is none; `None` while one may still come.
-    fn listen(&mut self) -> Option<Result<Request, String>> {
+    fn listen(&mut self) -> Option<Result<ControlRequest, String>> {
         let mut bytes = [0; REQUEST_BYTES];
         match self.stream.read(&mut bytes) {
             Ok(0) => return Some(Err("no request: a request is one line".into())),
@@ -105,8 +105,8 @@ impl Client {
 
 impl Reply {
     /// Returns the process that sent the request.
-    pub fn sender(&self) -> Option<Sender> {
-        peer_of(&self.0).map(|(pid, user)| Sender { pid, user })
+    pub fn sender(&self) -> Option<CommandSender> {
+        peer_of(&self.0).map(|(pid, user)| CommandSender { pid, user })
     }
 
     /// Sends the answer, and closes the connection.

@@ -5,7 +5,7 @@ use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase as phases};
 use serde_json::{Value, json};
 
-use super::{Request, ask};
+use super::{ControlRequest, ask};
 use crate::log::Record;
 
 /// Returns the state of one stack: its settings, its control page, and the launcher's answer. Fields that cannot be
@@ -23,7 +23,7 @@ pub fn view(domain: &Domain) -> Value {
         view["phase"] = json!(phase);
     }
     // The rest is known to the launcher only, which does not answer while it ends.
-    if let (Some(view), Ok(Value::Object(told))) = (view.as_object_mut(), ask(domain, &Request::Status)) {
+    if let (Some(view), Ok(Value::Object(told))) = (view.as_object_mut(), ask(domain, &ControlRequest::Status)) {
         view.extend(told);
     }
     view

@@ -11,8 +11,8 @@ use runtime::error::{SessionError, words_of_panic};
 use runtime::realtime::{SharedPipes, WordPipe, die_of_crashes, now_ns};
 use rustix::process::{Signal, getpid, set_child_subreaper, set_parent_process_death_signal};
 
-use super::frames::{Answer, End, Request, Work};
-use super::surroundings::Surroundings;
+use super::frames::{ChildAnswer, ChildRequest, ChildWork, End};
+use super::surroundings::ProcessSurroundings;
 use crate::libraries;
 use crate::log::{Memory, Record};
 use crate::nodes;
@@ -42,11 +42,11 @@ pub fn serve() -> io::Result<u8> {
     set_parent_process_death_signal(Some(Signal::KILL))?;
     // Processes that a library starts and leaves behind are then children of this one, so that they are seen.
     set_child_subreaper(Some(getpid()))?;
-    let before = Surroundings::now();
+    let before = ProcessSurroundings::now();
     let mut words = vec![];
     loop {
         let request = loop {
-            if let Some(request) = Request::take(&mut words) {
+            if let Some(request) = ChildRequest::take(&mut words) {
                 break request;
             }
             if pipes.requests.read(&mut words) == 0 {
@@ -64,7 +64,7 @@ pub fn serve() -> io::Result<u8> {
             Err(why) => End::Refused(why),
         };
         let mut sender = sender.into_inner();
-        Answer::end(flight, &end, Surroundings::now() == before, &mut sender.words);
+        ChildAnswer::end(flight, &end, ProcessSurroundings::now() == before, &mut sender.words);
         sender.send();
         pipes.answers.wake_reader();
         if matches!(end, End::Panicked(_)) {
@@ -73,9 +73,12 @@ pub fn serve() -> io::Result<u8> {
     }
 }
 
-fn carry_out(Request { work, scenario, .. }: &Request, sender: &RefCell<Sender>) -> Result<End, SessionError> {
+fn carry_out(
+    ChildRequest { work, scenario, .. }: &ChildRequest,
+    sender: &RefCell<Sender>,
+) -> Result<End, SessionError> {
     match work {
-        Work::Fly { with_checksums } => {
+        ChildWork::Fly { with_checksums } => {
             let watch = |record: &Record| {
                 sender.borrow_mut().record(record);
                 true
@@ -83,12 +86,12 @@ fn carry_out(Request { work, scenario, .. }: &Request, sender: &RefCell<Sender>)
             let ring = nodes::ring(scenario, *with_checksums)?;
             ring.fly(watch, |memory| sender.borrow_mut().memory(memory)).map(End::Flown)
         }
-        Work::Try { node: Some(name) } => {
+        ChildWork::Try { node: Some(name) } => {
             let topic = Topic::of_node(name);
             let topic = topic.ok_or_else(|| SessionError::UnknownNode(name.clone()))?;
             foreign::try_out(topic, scenario).map(|()| End::Tried)
         }
-        Work::Try { node: None } => {
+        ChildWork::Try { node: None } => {
             let mut all = libraries::all(scenario).into_iter();
             all.try_for_each(|(topic, own)| foreign::try_out(topic, &own)).map(|()| End::Tried)
         }
@@ -97,12 +100,12 @@ fn carry_out(Request { work, scenario, .. }: &Request, sender: &RefCell<Sender>)
 
 impl Sender<'_> {
     fn record(&mut self, record: &Record) {
-        Answer::record(self.flight, record, &mut self.words);
+        ChildAnswer::record(self.flight, record, &mut self.words);
         self.send();
     }
 
     fn memory(&mut self, memory: &Memory) {
-        Answer::memory(self.flight, memory, &mut self.words);
+        ChildAnswer::memory(self.flight, memory, &mut self.words);
         self.send();
     }
 

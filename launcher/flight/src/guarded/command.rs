@@ -10,7 +10,7 @@ use runtime::realtime::die_of_crashes;
 use rustix::process::getppid;
 
 use super::host::in_words;
-use crate::strays::Mark;
+use crate::strays::ChildMark;
 
 /// Variable that the child has: the pid of its parent, so that its own children are none.
 const CHILD_OF: &str = "TREFOIL_CHILD_OF";
@@ -33,7 +33,7 @@ pub fn command() -> io::Result<Option<u8>> {
         return Ok(None);
     }
     let mut child = Command::new(env::current_exe()?);
-    let mark = Mark::on(&mut child);
+    let mark = ChildMark::on(&mut child);
     let status = child.args(env::args_os().skip(1)).env(CHILD_OF, std::process::id().to_string()).status();
     mark.kill_all();
     let status = status?;

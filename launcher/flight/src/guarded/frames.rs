@@ -4,7 +4,7 @@
 use bytemuck::{cast_slice, pod_read_unaligned};
 use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
 use contract::topic::Topic;
-use ring::stepped::Flown;
+use ring::stepped::SteppedResult;
 use runtime::shared_role::Origin;
 use serde::{Deserialize, Serialize};
 use settings::{Scenario, to_toml};
@@ -20,7 +20,7 @@ const FLIGHT_SHIFT: u32 = 40;
 
 /// Work of a child with the libraries of a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Work {
+pub enum ChildWork {
     Fly {
         with_checksums: bool,
     },
@@ -32,10 +32,10 @@ pub enum Work {
 
 /// Flight to be flown, or trial.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Request {
+pub struct ChildRequest {
     /// Number of the flight among those of the child, which every answer repeats.
     pub flight: u16,
-    pub work: Work,
+    pub work: ChildWork,
     pub scenario: Scenario,
 }
 
@@ -44,7 +44,7 @@ pub struct Request {
     clippy::large_enum_variant,
     reason = "an answer lives for a moment, and a box would cost an allocation for each message"
 )]
-pub enum Answer {
+pub enum ChildAnswer {
     Record(Record),
     Memory(Memory),
     /// End of the flight; `true` if the child is as it was at its start, and can fly the next.
@@ -54,7 +54,7 @@ pub enum Answer {
 /// End of a flight, in words that travel.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum End {
-    Flown(Flown),
+    Flown(SteppedResult),
     /// The libraries have answered.
     Tried,
     /// The flight cannot be flown.
@@ -63,7 +63,7 @@ pub enum End {
     Panicked(String),
 }
 
-impl Request {
+impl ChildRequest {
     pub fn to_words(&self) -> Vec<u64> {
         let work = serde_json::to_string(&self.work).expect("a flag and text");
         text_frame(self.flight, &format!("{work}\n{}", to_toml(&self.scenario)))
@@ -88,7 +88,7 @@ impl Request {
     }
 }
 
-impl Answer {
+impl ChildAnswer {
     /// Appends the frame of a message of `flight` to `words`.
     pub fn record(flight: u16, record: &Record, words: &mut Vec<u64>) {
         push_frame(flight, record.kind() as u64, record.words(), words);
@@ -189,13 +189,13 @@ mod tests {
 
     #[test]
     fn a_request_is_taken_when_it_is_complete() {
-        let work = Work::Try { node: Some("mixer".into()) };
-        let request = Request { flight: u16::MAX, work, scenario: Scenario::default() };
+        let work = ChildWork::Try { node: Some("mixer".into()) };
+        let request = ChildRequest { flight: u16::MAX, work, scenario: Scenario::default() };
         let words = request.to_words();
         let mut part = words[..words.len() - 1].to_vec();
-        assert!(Request::take(&mut part).is_none());
+        assert!(ChildRequest::take(&mut part).is_none());
         part.push(words[words.len() - 1]);
-        assert_eq!(Request::take(&mut part).unwrap().unwrap(), request);
+        assert_eq!(ChildRequest::take(&mut part).unwrap().unwrap(), request);
         assert!(part.is_empty());
     }
 
@@ -204,20 +204,20 @@ mod tests {
         let record = Record::from(State { status: 3, ..State::default() });
         let memory = Memory::new(7, Topic::Actuators, Origin { epoch: 2, done: 8 }, &[1, 2, 3]);
         let mut words = vec![];
-        Answer::record(7, &record, &mut words);
-        Answer::memory(7, &memory, &mut words);
-        Answer::end(7, &End::Refused("no \u{3bc}".into()), true, &mut words);
+        ChildAnswer::record(7, &record, &mut words);
+        ChildAnswer::memory(7, &memory, &mut words);
+        ChildAnswer::end(7, &End::Refused("no \u{3bc}".into()), true, &mut words);
         let mut at = 0;
-        let mut take = || Answer::take(7, &words, &mut at);
-        assert!(matches!(take(), Ok(Some(Answer::Record(got))) if got == record));
-        assert!(matches!(take(), Ok(Some(Answer::Memory(got))) if got == memory));
-        assert!(matches!(take(), Ok(Some(Answer::End(End::Refused(why), true))) if why == "no \u{3bc}"));
+        let mut take = || ChildAnswer::take(7, &words, &mut at);
+        assert!(matches!(take(), Ok(Some(ChildAnswer::Record(got))) if got == record));
+        assert!(matches!(take(), Ok(Some(ChildAnswer::Memory(got))) if got == memory));
+        assert!(matches!(take(), Ok(Some(ChildAnswer::End(End::Refused(why), true))) if why == "no \u{3bc}"));
         assert!(matches!(take(), Ok(None)));
-        assert!(Answer::take(8, &words, &mut 0).is_err(), "an answer of another flight");
+        assert!(ChildAnswer::take(8, &words, &mut 0).is_err(), "an answer of another flight");
         for damaged in
             [vec![9 << KIND_SHIFT], vec![1, 0], vec![MEMORY << KIND_SHIFT], vec![TEXT << KIND_SHIFT | 1, 900]]
         {
-            assert!(Answer::take(0, &damaged, &mut 0).is_err(), "{damaged:?}");
+            assert!(ChildAnswer::take(0, &damaged, &mut 0).is_err(), "{damaged:?}");
         }
     }
 }

@@ -8,27 +8,27 @@ use std::time::{Duration, Instant};
 
 use contract::guard::Refusal;
 use contract::topic::Topic;
-use ring::stepped::Flown;
+use ring::stepped::SteppedResult;
 use runtime::error::SessionError;
 use runtime::realtime::{SharedPipes, die_with_parent, now_ns};
 use settings::Scenario;
 
-use super::frames::{Answer, End, Request, Work};
+use super::frames::{ChildAnswer, ChildRequest, ChildWork, End};
 use crate::event::{Event, What};
 use crate::log::{Memory, Record};
 use crate::stack::Ended;
 use crate::stack::children::kill;
-use crate::strays::Mark;
+use crate::strays::ChildMark;
 use crate::{libraries, own_program};
 
 /// Longest time until the end of a child, or of its wait for a flight, is noticed.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// Child, alive unless its last flight has cost it.
-pub struct Host {
+pub struct ChildHost {
     child: Child,
     /// Mark of the processes that come from it.
-    mark: Mark,
+    mark: ChildMark,
     pipes: SharedPipes,
     /// Number of the newest flight.
     flight: u16,
@@ -49,7 +49,7 @@ struct Loss {
     why: String,
 }
 
-impl Host {
+impl ChildHost {
     /// Starts a child for these `libraries`, with these variables. What it prints goes to the launcher's stderr.
     pub fn start(env: BTreeMap<String, String>, libraries: BTreeSet<(String, String)>) -> Result<Self, SessionError> {
         let start = || -> io::Result<Self> {
@@ -58,7 +58,7 @@ impl Host {
             command.arg("fly-guarded").envs(&env).process_group(0);
             command.stdin(file).stdout(io::stderr()).stderr(Stdio::inherit());
             die_with_parent(&mut command);
-            let mark = Mark::on(&mut command);
+            let mark = ChildMark::on(&mut command);
             let child = command.spawn()?;
             Ok(Self { child, mark, pipes, flight: 0, env, libraries, words: vec![], taken: 0, is_idle: true })
         };
@@ -81,11 +81,11 @@ impl Host {
         with_checksums: bool,
         mut watch: impl FnMut(&Record) -> bool,
         mut remember: impl FnMut(&Memory),
-    ) -> Result<Flown, SessionError> {
+    ) -> Result<SteppedResult, SessionError> {
         self.is_idle = false;
         self.flight = self.flight.wrapping_add(1);
-        let work = Work::Fly { with_checksums };
-        let request = Request { flight: self.flight, work, scenario: scenario.clone() };
+        let work = ChildWork::Fly { with_checksums };
+        let request = ChildRequest { flight: self.flight, work, scenario: scenario.clone() };
         let limit_s = scenario.supervision.wall_limit_s;
         let limit = (limit_s > 0.0).then(|| Duration::from_secs_f64(limit_s));
         let mut tick = 0;
@@ -93,14 +93,14 @@ impl Host {
             Err(loss) => loss,
             Ok(()) => loop {
                 match self.next(limit) {
-                    Ok(Answer::Record(record)) => {
+                    Ok(ChildAnswer::Record(record)) => {
                         tick = record.tick();
                         if !watch(&record) {
                             return Ok(flown(Ended::Flown, vec![]));
                         }
                     }
-                    Ok(Answer::Memory(memory)) => remember(&memory),
-                    Ok(Answer::End(end, is_as_before)) => {
+                    Ok(ChildAnswer::Memory(memory)) => remember(&memory),
+                    Ok(ChildAnswer::End(end, is_as_before)) => {
                         self.is_idle = is_as_before && self.taken == self.words.len();
                         return match end {
                             End::Flown(flown) => Ok(flown),
@@ -118,15 +118,15 @@ impl Host {
 
     /// Lets the child try the library of `node`, or all libraries of `scenario`; returns why they cannot be flown.
     pub fn try_out(mut self, scenario: &Scenario, node: Option<Topic>, limit: Duration) -> Result<(), String> {
-        let work = Work::Try { node: node.map(|topic| topic.publisher().to_owned()) };
-        let request = Request { flight: self.flight, work, scenario: scenario.clone() };
+        let work = ChildWork::Try { node: node.map(|topic| topic.publisher().to_owned()) };
+        let request = ChildRequest { flight: self.flight, work, scenario: scenario.clone() };
         match self.send(&request.to_words()).and_then(|()| self.next(Some(limit))) {
-            Ok(Answer::End(End::Tried, _)) => Ok(()),
-            Ok(Answer::End(End::Refused(why), _)) => Err(why),
+            Ok(ChildAnswer::End(End::Tried, _)) => Ok(()),
+            Ok(ChildAnswer::End(End::Refused(why), _)) => Err(why),
             Err(Loss { what: What::Hung, .. }) => {
                 Err(format!("it did not load and answer within {} s", limit.as_secs()))
             }
-            Err(Loss { why, .. }) | Ok(Answer::End(End::Panicked(why), _)) => {
+            Err(Loss { why, .. }) | Ok(ChildAnswer::End(End::Panicked(why), _)) => {
                 Err(format!("it ended the process that tried it ({why})"))
             }
             Ok(_) => Err("it has damaged the memory of its process".into()),
@@ -147,7 +147,7 @@ impl Host {
     }
 
     /// Waits for the next answer, at most `limit`.
-    fn next(&mut self, limit: Option<Duration>) -> Result<Answer, Loss> {
+    fn next(&mut self, limit: Option<Duration>) -> Result<ChildAnswer, Loss> {
         let began = Instant::now();
         loop {
             if let Some(answer) = self.take()? {
@@ -169,8 +169,8 @@ impl Host {
     }
 
     /// Takes the next answer of those read; `None` if there is none.
-    fn take(&mut self) -> Result<Option<Answer>, Loss> {
-        let taken = Answer::take(self.flight, &self.words, &mut self.taken);
+    fn take(&mut self) -> Result<Option<ChildAnswer>, Loss> {
+        let taken = ChildAnswer::take(self.flight, &self.words, &mut self.taken);
         let taken = taken.map_err(|why| Loss { what: What::Died, why })?;
         if taken.is_none() {
             self.words.drain(..self.taken);
@@ -186,7 +186,7 @@ impl Host {
     }
 }
 
-impl Drop for Host {
+impl Drop for ChildHost {
     fn drop(&mut self) {
         kill(&mut self.child);
         self.mark.kill_all();
@@ -211,7 +211,7 @@ pub(super) fn in_words(status: ExitStatus) -> String {
 }
 
 /// Makes the result of a flight that its library has ended after `tick`.
-fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> Flown {
+fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> SteppedResult {
     let names: Vec<&str> = scenario.node.libraries().map(Topic::publisher).collect();
     let name = if names.is_empty() { "a candidate".to_owned() } else { names.join(" or ") };
     let events = names.first().map(|node| Event::new(tick, node, 1, *what).because(format!("its library {why}")));
@@ -219,7 +219,7 @@ fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> Flo
 }
 
 /// Makes the result of a flight that the child has not told to its end.
-fn flown(ended: Ended, events: Vec<Event>) -> Flown {
+fn flown(ended: Ended, events: Vec<Event>) -> SteppedResult {
     let refused = Topic::ALL.map(|topic| (topic.publisher().into(), [0; Refusal::ALL.len()])).into();
-    Flown { ended, events, refused, failures: vec![] }
+    SteppedResult { ended, events, refused, failures: vec![] }
 }

@@ -33,7 +33,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use contract::Topic;
-use ring::stepped::Flown;
+use ring::stepped::SteppedResult;
 use runtime::error::SessionError;
 use settings::Scenario;
 
@@ -43,7 +43,7 @@ pub use command::{command, exit_code};
 use crate::libraries;
 use crate::log::{Memory, Record};
 use crate::nodes;
-use host::Host;
+use host::ChildHost;
 
 /// Most children of a thread that wait; beyond them the one that has waited longest ends.
 const MOST_IDLE: usize = 8;
@@ -51,7 +51,7 @@ const MOST_IDLE: usize = 8;
 thread_local! {
     /// Children of this thread that wait for the next flight, one for each set of libraries: two controllers that
     /// cannot be in one process are compared in a campaign all the same.
-    static IDLE: RefCell<Vec<Host>> = const { RefCell::new(vec![]) };
+    static IDLE: RefCell<Vec<ChildHost>> = const { RefCell::new(vec![]) };
 }
 
 /// Longest time that a library may take to be loaded and to answer to a few samples.
@@ -67,7 +67,7 @@ pub fn fly(
     with_checksums: bool,
     watch: impl FnMut(&Record) -> bool,
     remember: impl FnMut(&Memory),
-) -> Result<Flown, SessionError> {
+) -> Result<SteppedResult, SessionError> {
     if libraries::all(scenario).is_empty() {
         return nodes::ring(scenario, with_checksums)?.fly(watch, remember);
     }
@@ -75,7 +75,8 @@ pub fn fly(
         let suits = idle.iter().position(|host| host.suits(scenario));
         suits.map(|at| idle.remove(at))
     });
-    let mut host = idle.map_or_else(|| Host::start(libraries::env_of(scenario), libraries::files(scenario)), Ok)?;
+    let mut host =
+        idle.map_or_else(|| ChildHost::start(libraries::env_of(scenario), libraries::files(scenario)), Ok)?;
     let flown = host.fly(scenario, with_checksums, watch, remember)?;
     if host.is_idle {
         IDLE.with_borrow_mut(|idle| {
@@ -96,6 +97,6 @@ pub fn changes_messages(scenario: &Scenario) -> bool {
 /// Tries the library of `node` in a child with the variables `env`, or without a node all libraries of `scenario` side
 /// by side; returns why they cannot be flown. What they print goes to the launcher's stderr.
 pub fn try_out(scenario: &Scenario, node: Option<Topic>, env: BTreeMap<String, String>) -> Result<(), String> {
-    let host = Host::start(env, BTreeSet::new());
+    let host = ChildHost::start(env, BTreeSet::new());
     host.map_err(|error| error.to_string())?.try_out(scenario, node, TRIAL_LIMIT)
 }

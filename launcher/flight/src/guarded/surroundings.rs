@@ -13,7 +13,7 @@ const STAY: [&str; 10] =
 
 /// Surroundings of this process.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Surroundings {
+pub struct ProcessSurroundings {
     status: Vec<String>,
     limits: String,
     /// `None` if there is no such folder any more.
@@ -22,7 +22,7 @@ pub struct Surroundings {
     has_children: bool,
 }
 
-impl Surroundings {
+impl ProcessSurroundings {
     /// Reads them; what cannot be read counts as empty.
     pub fn now() -> Self {
         let status = fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -11,7 +11,7 @@ use contract::message::Truth;
 use runtime::node::Open;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use settings::{Mission, Part, PartKind, Scenario, TrajectoryKind};
+use settings::{Mission, MissionPart, PartKind, Scenario, TrajectoryKind};
 
 use super::held::{HELD, STEP_TICK, STEPS};
 use super::small::{SMALL, fly};
@@ -72,8 +72,9 @@ pub fn position_bandwidths(scenario: &Scenario) -> PositionBandwidths {
     let stepped = |i: usize| {
         let mut point_m = [0.0; 3];
         point_m[i] = SMALL;
-        let wait = Part { duration_s: Some(step_at_s), ..Part::new(PartKind::Loiter) };
-        let step = Part { point_m: Some(point_m), duration_s: Some(POSITION_S), ..Part::new(PartKind::Jump) };
+        let wait = MissionPart { duration_s: Some(step_at_s), ..MissionPart::new(PartKind::Loiter) };
+        let step =
+            MissionPart { point_m: Some(point_m), duration_s: Some(POSITION_S), ..MissionPart::new(PartKind::Jump) };
         let part = vec![wait, step];
         let mission = Mission { trajectory: TrajectoryKind::Parts, part, ..scenario.mission.clone() };
         Scenario { mission, ..scenario.clone() }

@@ -10,8 +10,8 @@ use ring::ended::Ended;
 use ring::stepped::Stepped;
 use runtime::node::Open;
 use settings::{
-    Battery, Ground, Guidance, Initial, Mission, Noise, Plant, RollReference, Run, Scenario, Sensors, TrajectoryKind,
-    Turbulence,
+    BatterySettings, GroundSettings, GuidanceSettings, Initial, Mission, Noise, PlantSettings, RollReference, Run,
+    Scenario, SensorsSettings, TrajectoryKind, TurbulenceSettings,
 };
 
 /// Size of perturbations and steps \[m\], \[m/s\], \[rad\].
@@ -29,18 +29,18 @@ pub fn scenario(scenario: &Scenario) -> Scenario {
             attitude_deg: [(known.roll_rad - flown.roll_rad).to_degrees(), 0.0, 0.0],
             ..Initial::default()
         },
-        plant: Plant {
+        plant: PlantSettings {
             wind_ned_mps: vec![],
             disturbance: vec![],
             noise: Noise::default(),
-            sensors: Sensors::default(),
-            battery: Battery::default(),
-            ground: Ground::default(),
+            sensors: SensorsSettings::default(),
+            battery: BatterySettings::default(),
+            ground: GroundSettings::default(),
             wind_roughness_m: 0.0,
-            turbulence: Turbulence::default(),
+            turbulence: TurbulenceSettings::default(),
             ..scenario.plant.clone()
         },
-        guidance: Guidance { roll_reference: RollReference::Trim, ..scenario.guidance.clone() },
+        guidance: GuidanceSettings { roll_reference: RollReference::Trim, ..scenario.guidance.clone() },
         fault: vec![],
         swap: vec![],
         ..scenario.clone()

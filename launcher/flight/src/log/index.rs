@@ -14,22 +14,23 @@ use super::{EVENTS, MEMORY};
 use crate::limits::MAX_INDEX_BYTES;
 
 /// A span of simulated time \[ns\], compared with the `log_time` of messages.
-pub type Span = RangeInclusive<u64>;
+pub type LogSpan = RangeInclusive<u64>;
 /// Span of a whole flight.
-pub const ALL: Span = 0..=u64::MAX;
+pub const ALL: LogSpan = 0..=u64::MAX;
 
 /// Records that a reader wants of a log.
 #[derive(Debug, Clone)]
-pub enum Wanted {
+pub enum WantedRecords {
     /// Messages of a span of time, and every event.
-    Messages(Span),
+    Messages(LogSpan),
     /// Snapshots of the nodes in a span of time.
-    Memories(Span),
+    Memories(LogSpan),
 }
 
-impl Wanted {
+impl WantedRecords {
     fn has(&self, chunk: &ChunkIndex, topics: &HashMap<u16, String>) -> bool {
-        let overlaps = |span: &Span| chunk.message_start_time <= *span.end() && chunk.message_end_time >= *span.start();
+        let overlaps =
+            |span: &LogSpan| chunk.message_start_time <= *span.end() && chunk.message_end_time >= *span.start();
         let holds = |topic| {
             chunk.message_index_offsets.keys().any(|channel| topics.get(channel).is_none_or(|known| known == topic))
         };
@@ -50,9 +51,9 @@ pub struct Parts {
 
 impl Parts {
     /// Reads from a `file` of `size` bytes the parts that may hold something `wanted`; all of it if it has no index.
-    pub fn of(mut file: File, size: u64, wanted: &Wanted) -> Result<Self> {
+    pub fn of(mut file: File, size: u64, wanted: &WantedRecords) -> Result<Self> {
         let left_out = match wanted {
-            Wanted::Messages(span) if *span == ALL => None,
+            WantedRecords::Messages(span) if *span == ALL => None,
             _ => left_out(&mut file, size, wanted),
         };
         file.rewind()?;
@@ -86,7 +87,7 @@ impl Read for Parts {
 }
 
 /// Returns the byte ranges of unwanted chunks and their message indexes, in order; `None` without a consistent index.
-fn left_out(file: &mut File, size: u64, wanted: &Wanted) -> Option<Vec<Range<u64>>> {
+fn left_out(file: &mut File, size: u64, wanted: &WantedRecords) -> Option<Vec<Range<u64>>> {
     let index = read_index(file, size)?;
     let records = || LinearReader::sans_magic(&index).map_while(std::result::Result::ok);
     let topics = records().filter_map(|record| match record {

@@ -13,7 +13,7 @@ use contract::message::{Stamp, Truth};
 use contract::Topic;
 use settings::Scenario;
 
-use super::index::{ALL, Span};
+use super::index::{ALL, LogSpan};
 use super::order::TickByTick;
 use super::outcome::LogOutcome;
 use super::read::{read_in_order, read_memories};
@@ -115,7 +115,7 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
 ///
 /// # Errors
 /// Fails if no part can be read.
-pub fn stream(first: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
+pub fn stream(first: &Path, span: LogSpan, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let mut parts = parts_of(first);
     let mut whole = Log::default();
     let mut run = None;
@@ -183,7 +183,7 @@ pub fn memories(first: &Path, until_ns: u64) -> anyhow::Result<Vec<Memory>> {
 }
 
 /// Reads the newest snapshots of the nodes in a `span` of time.
-fn memories_of(first: &Path, span: Span) -> anyhow::Result<Vec<Memory>> {
+fn memories_of(first: &Path, span: LogSpan) -> anyhow::Result<Vec<Memory>> {
     let mut newest: Vec<Memory> = vec![];
     let (mut run, mut failed, mut read) = (None, None, 0);
     for part in parts_of(first) {
@@ -236,7 +236,7 @@ fn others(first: &Path) -> Vec<u32> {
 /// message of the `wanted` parts once, in the order of writing. A single part is always wanted.
 fn gather(
     parts: &[PathBuf],
-    span: &Span,
+    span: &LogSpan,
     mut wanted: impl FnMut(&Log) -> bool,
     mut each: impl FnMut(&Log, &Record),
 ) -> Vec<anyhow::Result<Log>> {

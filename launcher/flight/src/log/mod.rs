@@ -29,7 +29,7 @@ mod tests;
 mod write;
 
 pub use channel::{Channel, channels};
-pub use index::{ALL, Span};
+pub use index::{ALL, LogSpan};
 pub use join::{join, memories, part, read_parts, rest, stream};
 pub use lz4::Lz4;
 pub use order::last_tick;

@@ -17,17 +17,17 @@ use mcap::{
 };
 use settings::file::MAX_LOG_BYTES;
 
-use super::index::{ALL, Parts, Span, Wanted};
+use super::index::{ALL, LogSpan, Parts, WantedRecords};
 use super::lz4::Lz4;
 use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, order, schema};
 use crate::event::Event;
 use crate::limits::{MAX_EVENTS, MAX_RECORD_BYTES};
-use crate::provenance::{Git, Program};
+use crate::provenance::{Git, ProgramIdentity};
 
 /// Program and run that wrote a log.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WrittenBy {
-    pub program: Program,
+    pub program: ProgramIdentity,
     /// Layout of its messages, as in [`LAYOUT`].
     pub layout: String,
     /// Name of the run, the same in each of its logs.
@@ -38,13 +38,13 @@ impl WrittenBy {
     fn of(mut keys: BTreeMap<String, String>) -> Self {
         let mut text = |key| keys.remove(key).unwrap_or_default();
         let git = Git { commit: text("commit"), changed: text("changed") == "true" };
-        let program = Program { version: text("version"), git: Some(git).filter(|git| !git.commit.is_empty()) };
+        let program = ProgramIdentity { version: text("version"), git: Some(git).filter(|git| !git.commit.is_empty()) };
         Self { program, layout: text("layout"), run: text("run") }
     }
 
     /// Returns a note for users that another program wrote the log, or may have; `None` if it is known to be this one.
     pub fn other_program(&self) -> Option<String> {
-        let this = Program::this();
+        let this = ProgramIdentity::this();
         (!self.program.is_same(&this)).then(|| format!("the log was written by {}, and this is {this}", self.program))
     }
 
@@ -53,7 +53,7 @@ impl WrittenBy {
     /// # Errors
     /// Fails if the layouts differ; the error names both versions and both layouts.
     pub fn check_layout(&self) -> anyhow::Result<()> {
-        let (this, layout) = (Program::this(), LAYOUT.join(" "));
+        let (this, layout) = (ProgramIdentity::this(), LAYOUT.join(" "));
         let Self { program, layout: theirs, .. } = self;
         ensure!(
             *theirs == layout,
@@ -125,8 +125,8 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 
 /// Reads the log at `path` without its messages: `each` gets those of the `span` one by one, in the order of writing,
 /// with what was read before them, which includes the scenario and the origin of the log.
-pub fn read_in_order(path: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
-    walk(path, &Wanted::Messages(span), |log, found| {
+pub fn read_in_order(path: &Path, span: LogSpan, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
+    walk(path, &WantedRecords::Messages(span), |log, found| {
         if let Found::Message(record) = found {
             each(log, record);
         }
@@ -134,8 +134,8 @@ pub fn read_in_order(path: &Path, span: Span, mut each: impl FnMut(&Log, &Record
 }
 
 /// Reads the snapshots in the `span` of the log at `path`, up to a defect; `each` gets them with what was read before.
-pub fn read_memories(path: &Path, span: Span, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
-    let read = walk(path, &Wanted::Memories(span), |log, found| {
+pub fn read_memories(path: &Path, span: LogSpan, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
+    let read = walk(path, &WantedRecords::Memories(span), |log, found| {
         if let Found::Memory(memory) = found {
             each(log, memory);
         }
@@ -150,7 +150,7 @@ enum Found<'a> {
 }
 
 /// Reads what is `wanted` of the log at `path`; `each` gets each record found, with what was read before.
-fn walk(path: &Path, wanted: &Wanted, each: impl FnMut(&Log, Found)) -> anyhow::Result<Log> {
+fn walk(path: &Path, wanted: &WantedRecords, each: impl FnMut(&Log, Found)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
     let (file, size) = files::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = Parts::of(file, size, wanted).with_context(cannot_read)?;
@@ -203,7 +203,7 @@ fn walk(path: &Path, wanted: &Wanted, each: impl FnMut(&Log, Found)) -> anyhow::
 struct Contents<'a, F> {
     /// Called with each message and snapshot that is wanted.
     each: F,
-    wanted: &'a Wanted,
+    wanted: &'a WantedRecords,
     /// Everything else that was read.
     log: Log,
     has_scenario: bool,
@@ -244,11 +244,11 @@ impl<F: FnMut(&Log, Found)> Contents<'_, F> {
             McapRecord::Message { header, data } => {
                 if let Some(&kind) = self.channels.get(&header.channel_id) {
                     ensure!(self.has_scenario, "a message stands before the scenario");
-                    if matches!(self.wanted, Wanted::Messages(span) if span.contains(&header.log_time)) {
+                    if matches!(self.wanted, WantedRecords::Messages(span) if span.contains(&header.log_time)) {
                         (self.each)(&self.log, Found::Message(&schema::decode(kind, &data)?));
                     }
                 } else if self.memory == Some(header.channel_id) {
-                    if matches!(self.wanted, Wanted::Memories(span) if span.contains(&header.log_time)) {
+                    if matches!(self.wanted, WantedRecords::Memories(span) if span.contains(&header.log_time)) {
                         let memory = schema::decode_memory(&data).context("what a node remembers cannot be read")?;
                         (self.each)(&self.log, Found::Memory(memory));
                     }

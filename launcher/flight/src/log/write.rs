@@ -20,7 +20,7 @@ use super::lz4::Compressor;
 use super::{Channel, Memory, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
-use crate::provenance::{Git, Program};
+use crate::provenance::{Git, ProgramIdentity};
 
 type Mcap = Writer<Compressor<BufWriter<File>>>;
 
@@ -187,7 +187,7 @@ fn open(
     sample_ns: u64,
     run: &str,
 ) -> McapResult<(Mcap, [u16; Record::KINDS], [u16; 2])> {
-    let Program { version, git } = Program::this();
+    let ProgramIdentity { version, git } = ProgramIdentity::this();
     let Git { commit, changed } = git.unwrap_or_default();
     let mut mcap = WriteOptions::new()
         .compression(None) // `Compressor` compresses the chunks

@@ -20,7 +20,7 @@ use ring::roles::process_faults::FaultInputs;
 use ring::roles::role::{Action, Now, RoleInput};
 use ring::roles::supervised::Supervised;
 
-pub struct Realtime {
+pub struct RealtimeRoles {
     page: Arc<ControlPage>,
     nodes: [Supervised; Topic::COUNT],
     faults: FaultInputs,
@@ -33,7 +33,7 @@ pub struct Realtime {
     due: Instant,
 }
 
-impl Realtime {
+impl RealtimeRoles {
     /// Creates the driver of a run of `scenario` whose first processes are active.
     pub fn new(scenario: &Scenario, page: Arc<ControlPage>) -> Self {
         Self {
@@ -91,7 +91,7 @@ impl Realtime {
     }
 }
 
-impl Driver for Realtime {
+impl Driver for RealtimeRoles {
     fn nodes(&self) -> &[Supervised; Topic::COUNT] {
         &self.nodes
     }

@@ -6,8 +6,8 @@
 //! recorder 2 -> flight.2.mcap        /
 //! ```
 //!
-//! If a recorder dies, the launcher writes its last moments, and what is sent until the next one records ([`Rest`]). No
-//! node notices.
+//! If a recorder dies, the launcher writes its last moments, and what is sent until the next one records
+//! ([`LogRemainder`]). No node notices.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::io::Read;
@@ -22,9 +22,9 @@ use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
 use settings::Scenario;
 
-use super::children::{Process, RECORDER, SpawnRequest, wait};
-use super::rest::Rest;
-use super::run::{Run, unix};
+use super::children::{ChildProcess, RECORDER, SpawnRequest, wait};
+use super::rest::LogRemainder;
+use super::run::{FlightRun, unix};
 use crate::event::{self, Event};
 use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
 use crate::log::LogOutcome;
@@ -41,7 +41,7 @@ pub struct Archive {
     count: Count,
     /// Messages sent, as far as `count` tells.
     sent: u64,
-    rest: Rest,
+    rest: LogRemainder,
     /// Recorder that was active last, and those whose rest the launcher has written.
     active: u32,
     rests: BTreeSet<u32>,
@@ -55,7 +55,7 @@ impl Archive {
             path: path.into(),
             count: Count::default(),
             sent: 0,
-            rest: Rest::new(scenario),
+            rest: LogRemainder::new(scenario),
             active: 1,
             rests: BTreeSet::new(),
         }
@@ -69,18 +69,18 @@ impl Archive {
     }
 
     /// Starts the first recorder, which is active at once.
-    pub fn start(&self, run: &mut Run) -> anyhow::Result<()> {
+    pub fn start(&self, run: &mut FlightRun) -> anyhow::Result<()> {
         run.page.recorder.assign(0, |_| Assignment { active: 1, standby: 0 });
         self.spawn(run, 1)
     }
 
     /// Handles the end of the recorder that is child number `i`, whether it was asked to end or not.
-    pub fn exited(&mut self, run: &mut Run, i: usize, tick: u64) {
+    pub fn exited(&mut self, run: &mut FlightRun, i: usize, tick: u64) {
         self.on(run, tick, RoleInput::Exited(run.children.all[i].epoch));
     }
 
     /// Supervises the recorder. The flight is worth more than its log, whose loss is told at the end.
-    pub fn look(&mut self, run: &mut Run, tick: u64) {
+    pub fn look(&mut self, run: &mut FlightRun, tick: u64) {
         self.rest.look();
         let mut inputs = vec![RoleInput::Tick];
         inputs
@@ -102,11 +102,11 @@ impl Archive {
     }
 
     /// Waits until the log is closed, and returns its outcome. All nodes must have left.
-    pub fn close(mut self, run: &mut Run, interrupts: &AtomicU32) -> LogOutcome {
+    pub fn close(mut self, run: &mut FlightRun, interrupts: &AtomicU32) -> LogOutcome {
         self.look(run, run.page.plant_tick()); // a recorder that is ready takes over now
         let (untold, active) = (run.events.len() - run.children.told, run.page.recorder.active());
         let mut last = None;
-        for Process { epoch, child, .. } in run.children.all.iter_mut().filter(|process| process.topic.is_none()) {
+        for ChildProcess { epoch, child, .. } in run.children.all.iter_mut().filter(|process| process.topic.is_none()) {
             let starts = self.role.starting() == Some(*epoch);
             wait(child, RECORDER, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
             if *epoch == active {
@@ -124,7 +124,7 @@ impl Archive {
     }
 
     /// Begins to write the messages that the last active recorder did not.
-    fn write_rest(&mut self, run: &Run) {
+    fn write_rest(&mut self, run: &FlightRun) {
         match run_of(run.domain.namespace()) {
             Ok(name) => {
                 self.rest.begin(&log::rest(&self.path, self.active), &run.scenario, &name);
@@ -135,7 +135,7 @@ impl Archive {
     }
 
     /// Gives `input` to the role, and carries out its actions.
-    fn on(&mut self, run: &mut Run, tick: u64, input: RoleInput) {
+    fn on(&mut self, run: &mut FlightRun, tick: u64, input: RoleInput) {
         let now = Now { ns: self.started.elapsed().as_nanos() as u64, tick };
         let mut inputs = VecDeque::from([input]);
         while let Some(input) = inputs.pop_front() {
@@ -173,7 +173,7 @@ impl Archive {
         }
     }
 
-    fn spawn(&self, run: &mut Run, epoch: u32) -> anyhow::Result<()> {
+    fn spawn(&self, run: &mut FlightRun, epoch: u32) -> anyhow::Result<()> {
         run.children.spawn(&SpawnRequest { epoch, log: Some(&self.part(epoch)), ..SpawnRequest::default() })
     }
 

@@ -31,7 +31,7 @@ use crate::event::{self, Event};
 use crate::limits::{CLEAN_UP_LIMIT, KILL_LIMIT, SAY_AFTER};
 use crate::own_program;
 use crate::provenance::status_of;
-use crate::strays::Mark;
+use crate::strays::ChildMark;
 use runtime::console::eprint_line;
 
 /// Longest output of a program that its last lines are shown of \[byte\].
@@ -58,7 +58,7 @@ pub struct SpawnRequest<'a> {
     pub shares_cpu: bool,
 }
 
-pub struct Process {
+pub struct ChildProcess {
     /// Topic that the process publishes on; `None` for the recorder.
     pub topic: Option<Topic>,
     pub epoch: u32,
@@ -70,12 +70,12 @@ pub struct Process {
     /// File that its output goes to, for a program of a user.
     output: Option<PathBuf>,
     /// Mark of the processes that come from it, for a program or library of a user.
-    mark: Option<Mark>,
+    mark: Option<ChildMark>,
     /// Descriptor that becomes readable when the process ends.
     pidfd: Option<OwnedFd>,
 }
 
-impl Process {
+impl ChildProcess {
     /// Prints the last lines that the program of a user has written.
     pub fn tell_output(&self) {
         let text = self.output.as_ref().and_then(|path| read_text(path, MOST_OUTPUT_BYTES).ok()).unwrap_or_default();
@@ -101,7 +101,7 @@ pub struct Children {
     /// Folder for the output of programs of users; `None` if it goes where that of the launcher goes.
     pub outputs: Option<PathBuf>,
     /// Children that have not been seen to end.
-    pub all: Vec<Process>,
+    pub all: Vec<ChildProcess>,
     /// Number of events that the recorder was told of.
     pub told: usize,
     cleaners: Vec<JoinHandle<()>>,
@@ -137,7 +137,7 @@ impl Children {
         let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // the recorder, both ways
         command.stdin(talks()).stdout(talks());
         let is_ours = program.is_none_or(|program| program.kind() == ProgramKind::Own);
-        let mark = (!is_ours).then(|| Mark::on(&mut command));
+        let mark = (!is_ours).then(|| ChildMark::on(&mut command));
         let folder = self.outputs.as_ref().filter(|_| !is_ours && topic.is_some());
         let output = folder.map(|folder| folder.join(format!("{name}.{epoch}.log")));
         if let Some(path) = &output {
@@ -161,7 +161,7 @@ impl Children {
         }
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
-        self.all.push(Process { topic, epoch, child, killed: false, awaited: false, output, mark, pidfd });
+        self.all.push(ChildProcess { topic, epoch, child, killed: false, awaited: false, output, mark, pidfd });
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
@@ -186,7 +186,7 @@ impl Children {
         let mark = self.all.remove(i).mark;
         let domain = self.domain.clone();
         let clean_up = move || {
-            mark.iter().for_each(Mark::kill_all);
+            mark.iter().for_each(ChildMark::kill_all);
             let _ = Bus::remove_dead_ports(&domain); // what stays is wiped at the end of the run
         };
         self.cleaners.retain(|cleaner| !cleaner.is_finished());
@@ -196,7 +196,7 @@ impl Children {
     /// Signals the process `epoch` of a node, or of the recorder without a topic, if it is there.
     pub fn signal(&mut self, topic: impl Into<Option<Topic>>, epoch: u32, signal: Signal) {
         let topic = topic.into();
-        let is = |process: &&mut Process| process.topic == topic && process.epoch == epoch;
+        let is = |process: &&mut ChildProcess| process.topic == topic && process.epoch == epoch;
         for process in self.all.iter_mut().filter(is) {
             process.killed |= signal == Signal::KILL;
             // Fails for a process that has just ended, which the next look finds.
@@ -227,7 +227,7 @@ impl Children {
 impl Drop for Children {
     fn drop(&mut self) {
         self.all.iter_mut().filter(|process| !process.awaited).for_each(|process| kill(&mut process.child));
-        self.all.iter().filter_map(|process| process.mark.as_ref()).for_each(Mark::kill_all);
+        self.all.iter().filter_map(|process| process.mark.as_ref()).for_each(ChildMark::kill_all);
         // A cleaner that still works would leave traces in what is wiped next; one that is stuck is not waited for.
         let deadline = Instant::now() + CLEAN_UP_LIMIT;
         while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {

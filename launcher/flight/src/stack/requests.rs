@@ -11,12 +11,12 @@ use settings::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
 use settings::{Fault, FaultKind, FaultTarget, Mode, Swap, check_fault, check_swaps};
 
 use super::end::refused;
-use super::run::Run;
+use super::run::FlightRun;
 use super::swaps::settle;
 use crate::control::server::Server;
 use crate::control::view::rung;
-use crate::control::{Request, Response};
-use crate::event::{Event, Sender, TimedEvent, What};
+use crate::control::{ControlRequest, Response};
+use crate::event::{CommandSender, Event, TimedEvent, What};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
 use crate::log::Record;
 use ring::states::{self, length_m};
@@ -27,7 +27,7 @@ pub struct Requests {
     /// `true` if the flight was asked to end.
     pub stopped: bool,
     /// Sender of each swap that was ordered in flight, by its number.
-    orderers: BTreeMap<usize, Sender>,
+    orderers: BTreeMap<usize, CommandSender>,
 }
 
 impl Requests {
@@ -36,7 +36,7 @@ impl Requests {
     }
 
     /// Answers one request, if there is any: the next waits until the processes have been looked at again.
-    pub fn answer_one(&mut self, run: &mut Run) {
+    pub fn answer_one(&mut self, run: &mut FlightRun) {
         if let Some((request, reply)) = self.server.request() {
             let done = self.answer(run, request, reply.sender());
             reply.send(&done.map_or_else(Response::Error, Response::Ok));
@@ -44,7 +44,7 @@ impl Requests {
     }
 
     /// Tells the recorder the new events. The first event of a swap that was ordered in flight names the sender.
-    pub fn tell_recorder(&self, run: &mut Run) {
+    pub fn tell_recorder(&self, run: &mut FlightRun) {
         for event in run.events.iter_mut().skip(run.children.told) {
             event.by = event.by.or_else(|| self.orderers.get(&event.swap?).copied());
         }
@@ -52,21 +52,26 @@ impl Requests {
     }
 
     /// Carries out `request`, which came from `sender`.
-    fn answer(&mut self, run: &mut Run, request: Request, sender: Option<Sender>) -> Result<Value, String> {
+    fn answer(
+        &mut self,
+        run: &mut FlightRun,
+        request: ControlRequest,
+        sender: Option<CommandSender>,
+    ) -> Result<Value, String> {
         match request {
-            Request::Status => Ok(status(run)),
-            Request::Events { since } => {
+            ControlRequest::Status => Ok(status(run)),
+            ControlRequest::Events { since } => {
                 let news = run.events.iter().skip(since).take(ANSWER_EVENTS);
                 Ok(json!(TimedEvent::all(news, run.scenario.run.rate_hz)))
             }
-            Request::Inject { fault } => inject(run, fault, sender),
-            Request::Clear { target } => clear(run, target, sender),
-            Request::Swap(swap) => {
+            ControlRequest::Inject { fault } => inject(run, fault, sender),
+            ControlRequest::Clear { target } => clear(run, target, sender),
+            ControlRequest::Swap(swap) => {
                 let number = order_swap(run, swap)?;
                 self.orderers.extend(sender.map(|sender| (number, sender)));
                 Ok(json!({ "swap": number, "since": run.events.len() }))
             }
-            Request::Stop => {
+            ControlRequest::Stop => {
                 self.stopped = true;
                 Ok(Value::Null)
             }
@@ -75,7 +80,7 @@ impl Requests {
 }
 
 /// Reports the state of the nodes, the faults in force and the last events.
-fn status(run: &Run) -> Value {
+fn status(run: &FlightRun) -> Value {
     let last = run.events.iter().skip(run.events.len().saturating_sub(STATUS_EVENTS));
     let (tick, sample_s) = (run.page.plant_tick(), run.scenario.sample_s());
     let at_work = |fault: &&Fault| fault.is_active(tick, sample_s) && !fault.is_momentary();
@@ -89,14 +94,14 @@ fn status(run: &Run) -> Value {
 }
 
 /// Distance of the vehicle from its trajectory at the newest sample \[m\]; `None` before the first one.
-fn position_error_m(run: &Run) -> Option<f64> {
+fn position_error_m(run: &FlightRun) -> Option<f64> {
     let Some(Record::Truth(truth)) = &run.newest[Topic::COUNT] else { return None };
     let wanted_m = run.trajectory.at(run.time_s(truth.tick)).position_m;
     Some(length_m(states::position_error_m(wanted_m, truth)))
 }
 
 /// Reports the state of one node. Its `tick` counts the ticks done since the first of the run.
-fn node_status(run: &Run, topic: Topic) -> Value {
+fn node_status(run: &FlightRun, topic: Topic) -> Value {
     let role = run.page.role(topic);
     let (epoch, standby) = (role.active(), role.assignment().standby);
     let done = (epoch > 0).then(|| u64::from(role.done(epoch).get()));
@@ -118,7 +123,7 @@ fn node_status(run: &Run, topic: Topic) -> Value {
 }
 
 /// Adds `fault` to the flight, to begin `at_s` after the next sample but one; returns it with its time in the flight.
-fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Value, String> {
+fn inject(run: &mut FlightRun, mut fault: Fault, sender: Option<CommandSender>) -> Result<Value, String> {
     needs_a_clock(run)?;
     let (is_known, kind) = (fault.target.kinds().contains(&fault.kind), fault.kind);
     if is_known && !fault.target.kinds_in_flight().any(|given| given == kind) {
@@ -146,7 +151,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
 }
 
 /// Ends the faults of `target`, or all; returns those that were not over, with the time that they have lasted.
-fn clear(run: &mut Run, target: Option<FaultTarget>, sender: Option<Sender>) -> Result<Value, String> {
+fn clear(run: &mut FlightRun, target: Option<FaultTarget>, sender: Option<CommandSender>) -> Result<Value, String> {
     needs_a_clock(run)?;
     let end = run.next_tick();
     let sought = |fault: &Fault| target.is_none_or(|target| target == fault.target) && !is_over(run, fault);
@@ -168,11 +173,11 @@ fn clear(run: &mut Run, target: Option<FaultTarget>, sender: Option<Sender>) -> 
     Ok(cleared.iter().map(|(_, fault)| json!(fault)).collect())
 }
 
-fn check(run: &Run, fault: &Fault) -> Result<(), String> {
+fn check(run: &FlightRun, fault: &Fault) -> Result<(), String> {
     check_fault(&run.scenario, fault).map_err(|error| error.to_string())
 }
 
-fn needs_a_clock(run: &Run) -> Result<(), String> {
+fn needs_a_clock(run: &FlightRun) -> Result<(), String> {
     match run.scenario.run.mode {
         Mode::Realtime => Ok(()),
         _ => Err("a flight in lockstep is over in a blink and must repeat: write the fault into its scenario".into()),
@@ -180,13 +185,13 @@ fn needs_a_clock(run: &Run) -> Result<(), String> {
 }
 
 /// Returns whether no tick of `fault` is to come.
-fn is_over(run: &Run, fault: &Fault) -> bool {
+fn is_over(run: &FlightRun, fault: &Fault) -> bool {
     let ticks = fault.ticks(run.scenario.sample_s());
     let last = if fault.is_momentary() { ticks.start.saturating_add(1) } else { ticks.end };
     ticks.is_empty() || last <= run.next_tick()
 }
 
-fn note(run: &mut Run, number: usize, fault: &Fault, what: What, by: Option<Sender>) {
+fn note(run: &mut FlightRun, number: usize, fault: &Fault, what: What, by: Option<CommandSender>) {
     let tick = run.page.plant_tick();
     run.events.push(Event {
         by,
@@ -196,7 +201,7 @@ fn note(run: &mut Run, number: usize, fault: &Fault, what: What, by: Option<Send
 }
 
 /// Orders a swap, to begin with the next sample but one, if it obeys the rules of the scenario; returns its number.
-fn order_swap(run: &mut Run, swap: Swap) -> Result<usize, String> {
+fn order_swap(run: &mut FlightRun, swap: Swap) -> Result<usize, String> {
     if run.page.phase.count() != phase::GO {
         return Err("the stack is starting or ending".into());
     }

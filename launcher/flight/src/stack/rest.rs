@@ -12,7 +12,7 @@ use crate::limits::FLUSH_PERIOD;
 use crate::log::{LogWriter, Record};
 
 /// Newest messages of a flight, and the part of the log that they are written to while there is no recorder.
-pub struct Rest {
+pub struct LogRemainder {
     newest: VecDeque<Record>,
     most: usize,
     part: Option<LogWriter>,
@@ -20,7 +20,7 @@ pub struct Rest {
     ends: bool,
 }
 
-impl Rest {
+impl LogRemainder {
     /// Makes room for what a recorder may not have written when it dies: the content of its queues, which last as long
     /// as it may hang, and of one flush; twice that, because standbys and faults send messages too.
     pub fn new(scenario: &Scenario) -> Self {

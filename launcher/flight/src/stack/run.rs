@@ -16,11 +16,11 @@ use crate::event::Event;
 use crate::log::Record;
 use crate::roles::driver::Driver;
 use crate::roles::lockstep::Lockstep;
-use crate::roles::realtime::Realtime;
+use crate::roles::realtime::RealtimeRoles;
 use ring::roles::Order;
 use ring::roles::role::{Action, RoleInput, Signal};
 
-pub struct Run {
+pub struct FlightRun {
     pub domain: Domain,
     pub page: Arc<ControlPage>,
     pub children: Children,
@@ -36,10 +36,10 @@ pub struct Run {
     pub newest: [Option<Record>; Record::KINDS],
 }
 
-impl Run {
+impl FlightRun {
     pub fn new(domain: Domain, page: Arc<ControlPage>, scenario: &Scenario) -> Self {
         let driver: Box<dyn Driver> = match scenario.run.mode {
-            Mode::Realtime => Box::new(Realtime::new(scenario, page.clone())),
+            Mode::Realtime => Box::new(RealtimeRoles::new(scenario, page.clone())),
             Mode::Lockstep | Mode::Inprocess => Box::new(Lockstep::new(scenario, page.clone())),
         };
         let one_cpu = (scenario.run.mode == Mode::Lockstep).then(OneCpu::take).flatten();

@@ -2,7 +2,7 @@
 
 use anyhow::{bail, ensure};
 use machine::resources::{FILES_NEEDED, file_size, memory, open_files};
-use machine::{Finding, Level, Machine};
+use machine::{Finding, Machine, Severity};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 /// Fails if the limits on stack or memory are so low that the process would crash on its way; says how to raise them.
@@ -28,7 +28,7 @@ pub fn check(rate_hz: u32) -> anyhow::Result<()> {
 
 /// Returns the finding as an error if it is bad.
 fn refuse(finding: &Finding) -> anyhow::Result<()> {
-    if finding.level == Level::Bad {
+    if finding.level == Severity::Bad {
         bail!(finding.line());
     }
     Ok(())

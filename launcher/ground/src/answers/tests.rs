@@ -7,8 +7,8 @@ const GROUND: MavHeader = MavHeader { system_id: 255, component_id: 190, sequenc
 
 fn station() -> Station {
     let scenario = Scenario::default();
-    let vehicle = Vehicle::new(&scenario, Home::USUAL.parse().unwrap());
-    Station { vehicle, parameters: Parameters::of(&scenario), streams: Streams::new(Instant::now()) }
+    let vehicle = MavlinkVehicle::new(&scenario, Home::USUAL.parse().unwrap());
+    Station { vehicle, parameters: MavlinkParameters::of(&scenario), streams: Streams::new(Instant::now()) }
 }
 
 /// Answers of a new station to `request` for system 1, component 1.

@@ -5,8 +5,8 @@ use settings::Scenario;
 use super::*;
 
 /// A vehicle that has sent the given state.
-fn vehicle(measured: Kinematics, status: PlantStatus, tick: u64) -> Vehicle {
-    let mut vehicle = Vehicle::new(&Scenario::default(), Home::USUAL.parse().unwrap());
+fn vehicle(measured: Kinematics, status: PlantStatus, tick: u64) -> MavlinkVehicle {
+    let mut vehicle = MavlinkVehicle::new(&Scenario::default(), Home::USUAL.parse().unwrap());
     let stamp = Stamp { tick, ..Stamp::default() };
     vehicle.state = Some(State { stamp, measured, status: status as u64, ..State::default() });
     vehicle
@@ -54,7 +54,7 @@ fn the_heartbeat_follows_the_state_of_the_vehicle() {
     assert_eq!(state(PlantStatus::Standing, 0), (false, MavState::MAV_STATE_STANDBY));
     assert_eq!(state(PlantStatus::Landed, 0), (false, MavState::MAV_STATE_STANDBY));
     assert_eq!(state(PlantStatus::Crashed, 0), (false, MavState::MAV_STATE_EMERGENCY));
-    let new = Vehicle::new(&Scenario::default(), Home::USUAL.parse().unwrap());
+    let new = MavlinkVehicle::new(&Scenario::default(), Home::USUAL.parse().unwrap());
     let Some(MavMessage::HEARTBEAT(of)) = new.message(HEARTBEAT_DATA::ID) else { panic!() };
     assert_eq!(of.system_status, MavState::MAV_STATE_BOOT);
     assert!(new.message(ATTITUDE_DATA::ID).is_none() && new.message(SERVO_OUTPUT_RAW_DATA::ID).is_none());

@@ -30,12 +30,12 @@ pub const KNOWN_S: f64 = 0.05;
 
 /// Fault of the matrix.
 #[derive(Debug, Clone)]
-pub struct Case(pub Fault);
+pub struct FaultCase(pub Fault);
 
 /// Promise for a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Promise {
+pub enum FaultPromise {
     /// Flies on within the limits.
     Recover,
     /// Is terminated in time.
@@ -56,7 +56,7 @@ pub enum Promise {
     Blind,
 }
 
-impl Case {
+impl FaultCase {
     /// Lists all faults of the flight itself. Left out are a plant that hangs or leaves, which needs a wall clock to
     /// notice, faults of clock and host, which change no bit of the flight (see
     /// `tests/isolation.rs`), and those of sensors that this flight does not have.
@@ -81,18 +81,18 @@ impl Case {
     }
 
     /// Returns the promise if the state was unknown for `blind_s` at most; `fell`: the paper's controller lost thrust.
-    pub fn promise(&self, blind_s: f64, fell: bool) -> Promise {
+    pub fn promise(&self, blind_s: f64, fell: bool) -> FaultPromise {
         use {FaultKind as K, FaultTarget as T};
         match (self.0.target, self.0.kind) {
-            (T::Plant, K::Kill) => Promise::NoPlant,
-            (T::Rotor1 | T::Rotor2 | T::Rotor3, K::Off) => Promise::Terminate,
-            (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, K::Off | K::Stuck) => Promise::NoActuator,
-            (target, K::Stuck | K::Wrong) if target.is_a_sensor() => Promise::Lie,
-            (T::Reference | T::Controls | T::Actuators, K::Wrong) => Promise::Error,
-            (target, K::Slow | K::Delayed) if target.is_a_sensor() => Promise::Late,
-            _ if blind_s > KNOWN_S + 1e-9 => Promise::Blind,
-            _ if fell => Promise::Fall,
-            _ => Promise::Recover,
+            (T::Plant, K::Kill) => FaultPromise::NoPlant,
+            (T::Rotor1 | T::Rotor2 | T::Rotor3, K::Off) => FaultPromise::Terminate,
+            (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, K::Off | K::Stuck) => FaultPromise::NoActuator,
+            (target, K::Stuck | K::Wrong) if target.is_a_sensor() => FaultPromise::Lie,
+            (T::Reference | T::Controls | T::Actuators, K::Wrong) => FaultPromise::Error,
+            (target, K::Slow | K::Delayed) if target.is_a_sensor() => FaultPromise::Late,
+            _ if blind_s > KNOWN_S + 1e-9 => FaultPromise::Blind,
+            _ if fell => FaultPromise::Fall,
+            _ => FaultPromise::Recover,
         }
     }
 }
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn the_matrix_is_the_whole_catalogue_and_every_case_is_a_scenario() {
-        let cases = Case::all();
+        let cases = FaultCase::all();
         assert_eq!(cases.len(), 2 + 3 * 5 + 4 * 9 + 3 + 4 * 8 + 4 * 5 + 2 + 1 + 3);
         let base = hover_in_gusts().expect("a scenario");
         assert!(base.run.duration_s > AT_S + FOR_S + BACK_S, "there is time to come back");
@@ -139,17 +139,18 @@ mod tests {
 
     #[test]
     fn the_promise_follows_from_the_fault_and_the_time_without_a_state() {
-        let promise = |target, kind, blind_s| Case(Fault::new(target, kind, AT_S, Some(FOR_S))).promise(blind_s, false);
-        assert_eq!(promise(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.0), Promise::Recover);
-        assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.05), Promise::Recover);
-        assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.06), Promise::Blind);
-        assert_eq!(promise(FaultTarget::Plant, FaultKind::Kill, 0.0), Promise::NoPlant);
-        assert_eq!(promise(FaultTarget::Plant, FaultKind::Slow, 0.0), Promise::Recover);
-        assert_eq!(promise(FaultTarget::Rotor2, FaultKind::Off, 0.0), Promise::Terminate);
-        assert_eq!(promise(FaultTarget::Tilt, FaultKind::Off, 0.0), Promise::NoActuator);
-        assert_eq!(promise(FaultTarget::Rates, FaultKind::Wrong, 0.0), Promise::Lie);
-        assert_eq!(promise(FaultTarget::Controls, FaultKind::Wrong, 0.0), Promise::Error);
-        assert_eq!(promise(FaultTarget::Rates, FaultKind::Delayed, 0.0), Promise::Late);
-        assert_eq!(promise(FaultTarget::Tilt, FaultKind::Slow, 0.0), Promise::Recover, "late, but it obeys");
+        let promise =
+            |target, kind, blind_s| FaultCase(Fault::new(target, kind, AT_S, Some(FOR_S))).promise(blind_s, false);
+        assert_eq!(promise(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.0), FaultPromise::Recover);
+        assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.05), FaultPromise::Recover);
+        assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.06), FaultPromise::Blind);
+        assert_eq!(promise(FaultTarget::Plant, FaultKind::Kill, 0.0), FaultPromise::NoPlant);
+        assert_eq!(promise(FaultTarget::Plant, FaultKind::Slow, 0.0), FaultPromise::Recover);
+        assert_eq!(promise(FaultTarget::Rotor2, FaultKind::Off, 0.0), FaultPromise::Terminate);
+        assert_eq!(promise(FaultTarget::Tilt, FaultKind::Off, 0.0), FaultPromise::NoActuator);
+        assert_eq!(promise(FaultTarget::Rates, FaultKind::Wrong, 0.0), FaultPromise::Lie);
+        assert_eq!(promise(FaultTarget::Controls, FaultKind::Wrong, 0.0), FaultPromise::Error);
+        assert_eq!(promise(FaultTarget::Rates, FaultKind::Delayed, 0.0), FaultPromise::Late);
+        assert_eq!(promise(FaultTarget::Tilt, FaultKind::Slow, 0.0), FaultPromise::Recover, "late, but it obeys");
     }
 }

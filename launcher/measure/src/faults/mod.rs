@@ -25,9 +25,9 @@ use outcome::percentiles::median;
 use serde::Serialize;
 use settings::Scenario;
 
-use self::case::{Case, Promise, hover_of_the_paper};
+use self::case::{FaultCase, FaultPromise, hover_of_the_paper};
 use self::handling::{FaultHandling, Handling};
-use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
+use self::one_flight::{BACK_M, FaultCourse, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
 use crate::findings::Findings;
 use crate::flights::hover_in_gusts;
 use outcome::target::Target;
@@ -82,15 +82,15 @@ impl FaultResults {
         let (base, calm) = (hover_in_gusts()?, hover_of_the_paper()?);
         let with_own = args.controller.iter().map(|own| Ok((own.name.clone(), case::with_controller(&base, own)?)));
         let with_own: Vec<(String, Scenario)> = with_own.collect::<anyhow::Result<_>>()?;
-        let fly = |base: &Scenario, wanted: fn(&Case) -> bool| -> anyhow::Result<Vec<FaultFlight>> {
-            let cases = Case::all().into_iter().filter(wanted);
+        let fly = |base: &Scenario, wanted: fn(&FaultCase) -> bool| -> anyhow::Result<Vec<FaultFlight>> {
+            let cases = FaultCase::all().into_iter().filter(wanted);
             cases.map(|case| FaultFlight::fly(base, &case, interrupts)).collect()
         };
         let rows = fly(&base, |_| true)?;
         let own =
             with_own.into_iter().map(|(controller, base)| Ok(OwnRows { controller, rows: fly(&base, |_| true)? }));
         let own = own.collect::<anyhow::Result<_>>()?;
-        let paper = fly(&calm, Case::is_of_software)?;
+        let paper = fly(&calm, FaultCase::is_of_software)?;
         let handling = handling::compare(&base, interrupts)?;
         let quiet = [Scenario::default(), base].into_iter().map(|calm| QuietFlight::fly(calm, interrupts));
         Ok(Self { rows, own, paper, quiet: quiet.collect::<Result<_, _>>()?, handling })
@@ -149,19 +149,19 @@ fn matrix(title: &str, rows: &[FaultFlight]) -> Table {
 fn outcome(row: &FaultFlight) -> String {
     let fate = if row.course.diverged { "diverged" } else { "flew on" };
     match (row.promise, row.kept()) {
-        (Promise::Recover, Some(true)) => "ok".into(),
-        (Promise::Recover, _) => format!("SHORT: {fate}"),
-        (Promise::Terminate, Some(true)) => {
+        (FaultPromise::Recover, Some(true)) => "ok".into(),
+        (FaultPromise::Recover, _) => format!("SHORT: {fate}"),
+        (FaultPromise::Terminate, Some(true)) => {
             format!("terminated after {:.2} s", row.course.terminated_after_s.unwrap_or_default())
         }
-        (Promise::Terminate, _) => format!("SHORT: {fate}, not terminated"),
-        (Promise::NoPlant, _) => "ended: no plant".into(),
-        (Promise::NoActuator, _) => format!("{fate}: an actuator that does not obey"),
-        (Promise::Lie, _) => format!("{fate}: a sensor that is wrong"),
-        (Promise::Error, _) => format!("{fate}: a node that errs"),
-        (Promise::Late, _) => format!("{fate}: a sensor that is late"),
-        (Promise::Fall, _) => format!("{fate}: no thrust for a while"),
-        (Promise::Blind, _) => format!("{fate}: state unknown for {:.2} s", row.course.blind_s),
+        (FaultPromise::Terminate, _) => format!("SHORT: {fate}, not terminated"),
+        (FaultPromise::NoPlant, _) => "ended: no plant".into(),
+        (FaultPromise::NoActuator, _) => format!("{fate}: an actuator that does not obey"),
+        (FaultPromise::Lie, _) => format!("{fate}: a sensor that is wrong"),
+        (FaultPromise::Error, _) => format!("{fate}: a node that errs"),
+        (FaultPromise::Late, _) => format!("{fate}: a sensor that is late"),
+        (FaultPromise::Fall, _) => format!("{fate}: no thrust for a while"),
+        (FaultPromise::Blind, _) => format!("{fate}: state unknown for {:.2} s", row.course.blind_s),
     }
 }
 
@@ -202,14 +202,14 @@ fn targets(results: &FaultResults) -> Vec<Target> {
 
 fn of_the_matrix(rows: &[FaultFlight]) -> Vec<Target> {
     let those = |promise| rows.iter().filter(move |row| row.promise == promise);
-    let recoverable = those(Promise::Recover).count();
-    let worst = |promise, of: fn(&Course) -> f64| those(promise).map(|row| of(&row.course)).reduce(f64::max);
-    let recovered = |figure: String, of: fn(&Course) -> f64, limit, unit| {
-        let beyond = those(Promise::Recover).filter(|row| of(&row.course) > limit);
-        Target::at_most(figure, worst(Promise::Recover, of), limit, unit).noting(names(beyond))
+    let recoverable = those(FaultPromise::Recover).count();
+    let worst = |promise, of: fn(&FaultCourse) -> f64| those(promise).map(|row| of(&row.course)).reduce(f64::max);
+    let recovered = |figure: String, of: fn(&FaultCourse) -> f64, limit, unit| {
+        let beyond = those(FaultPromise::Recover).filter(|row| of(&row.course) > limit);
+        Target::at_most(figure, worst(FaultPromise::Recover, of), limit, unit).noting(names(beyond))
     };
-    let back_m = |course: &Course| course.back_m.unwrap_or(f64::INFINITY);
-    let terminated_s = worst(Promise::Terminate, |course| course.terminated_after_s.unwrap_or(f64::INFINITY));
+    let back_m = |course: &FaultCourse| course.back_m.unwrap_or(f64::INFINITY);
+    let terminated_s = worst(FaultPromise::Terminate, |course| course.terminated_after_s.unwrap_or(f64::INFINITY));
     let silent = rows.iter().find(|row| row.fault == "attitude-mpc kill").map(|row| row.course.tilt_deg);
     let differs = || rows.iter().filter(|row| row.same == Some(false));
     let figure = format!("flights of {} that differ between lockstep and one thread", rows.len());

@@ -8,11 +8,11 @@ use contract::stamp::delivery;
 use serde::Serialize;
 use settings::{Mode, Profile, Scenario};
 
-use super::case::{AT_S, BACK_S, Case, FOR_S, Promise};
+use super::case::{AT_S, BACK_S, FOR_S, FaultCase, FaultPromise};
 use crate::flights::{in_process, lean_deg, through_processes};
 use flight::event::name;
 use flight::log::Record;
-use flight::stack::{Ended, Flown};
+use flight::stack::{Ended, FlightResult};
 use outcome::faults::reacts;
 use outcome::summary::Summary;
 use outcome::ticks::length_m;
@@ -30,16 +30,16 @@ pub const TERMINATE_S: f64 = 0.3;
 pub struct FaultFlight {
     /// Target and kind.
     pub fault: String,
-    pub promise: Promise,
+    pub promise: FaultPromise,
     #[serde(flatten)]
-    pub course: Course,
+    pub course: FaultCourse,
     /// `true` if the flights in lockstep and by one thread were equal; `None` if a program cannot fly in one thread.
     pub same: Option<bool>,
 }
 
 /// Course of a flight with a fault.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Course {
+pub struct FaultCourse {
     /// Time until the fault was noticed \[s\].
     pub detected_after_s: Option<f64>,
     /// Time until the recovery, as in run.json \[s\].
@@ -65,7 +65,7 @@ pub struct Course {
 
 impl FaultFlight {
     /// Flies `case` in lockstep and by one thread.
-    pub fn fly(base: &Scenario, case: &Case, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+    pub fn fly(base: &Scenario, case: &FaultCase, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let mut scenario = base.clone();
         scenario.fault = vec![case.0];
         scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
@@ -87,12 +87,12 @@ impl FaultFlight {
 
     /// Returns whether the promise is kept; `None` if none was made.
     pub fn kept(&self) -> Option<bool> {
-        let Course { tilt_deg, back_m, terminated_after_s, diverged, .. } = self.course;
+        let FaultCourse { tilt_deg, back_m, terminated_after_s, diverged, .. } = self.course;
         match self.promise {
-            Promise::Recover => {
+            FaultPromise::Recover => {
                 Some(!diverged && tilt_deg <= TILT_DEG && back_m.is_some_and(|back_m| back_m <= BACK_M))
             }
-            Promise::Terminate => Some(terminated_after_s.is_some_and(|after_s| after_s <= TERMINATE_S)),
+            FaultPromise::Terminate => Some(terminated_after_s.is_some_and(|after_s| after_s <= TERMINATE_S)),
             _ => None,
         }
     }
@@ -108,7 +108,7 @@ struct Watch {
     /// Newest tick of any STATE, and newest tick of an accepted one.
     newest: Option<u64>,
     taken: u64,
-    course: Course,
+    course: FaultCourse,
 }
 
 impl Watch {
@@ -121,7 +121,7 @@ impl Watch {
             sample_s: scenario.sample_s(),
             newest: None,
             taken: 0,
-            course: Course::default(),
+            course: FaultCourse::default(),
         }
     }
 
@@ -164,9 +164,9 @@ impl Watch {
         }
     }
 
-    fn course(self, summary: &Summary, flown: &Flown) -> Course {
+    fn course(self, summary: &Summary, flown: &FlightResult) -> FaultCourse {
         let fault = &summary.faults.records(&flown.how.events)[0];
-        Course {
+        FaultCourse {
             detected_after_s: fault.detected_after_s,
             recovered_after_s: fault.recovered_after_s,
             diverged: matches!(flown.how.ended, Ended::Lost(_)) || summary.status().diverged(),

@@ -15,7 +15,7 @@ use plant::tricopter::Tricopter;
 use plant::vehicle::{Vehicle, start};
 use runtime::timed;
 use serde::Serialize;
-use settings::{Scenario, SensorPreset, Sensors};
+use settings::{Scenario, SensorPreset, SensorsSettings};
 use view::table::Table;
 
 /// Sensors of the plants; the ideal ones have no navigation unit.
@@ -43,7 +43,7 @@ pub fn times(rounds: u32) -> Vec<CallTimes> {
     let of_preset = |(preset, sensors)| {
         let mut scenario = Scenario::default();
         scenario.run.duration_s = DURATION_S;
-        scenario.plant.sensors = Sensors::from(sensors);
+        scenario.plant.sensors = SensorsSettings::from(sensors);
         let units: Option<Vec<_>> = (0..rounds).map(|_| unit_times_ns(&scenario)).collect();
         let (samples, estimates): (Vec<_>, Vec<_>) = units.unwrap_or_default().into_iter().unzip();
         let ticks = (0..rounds).map(|_| tick_times_ns(&scenario)).collect();

@@ -17,9 +17,9 @@ use anyhow::bail;
 use contract::message::{Reference, State};
 use flight::guarded;
 use flight::log::{LogWriter, Record};
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use runtime::console::eprint_line;
-use settings::{Constraints, Law, Mode, Scenario, Solver};
+use settings::{Constraints, Law, Mode, Scenario, SolverName};
 
 /// Flights that are measured when none is given: name, scenario, seconds.
 const SHIPPED: [(&str, &str, f64); 4] = [
@@ -41,7 +41,7 @@ pub struct Sequence {
 impl Sequence {
     /// Returns the flight's settings for `law` and, if it is the MPC, `solver`: in process (so without a time limit),
     /// and without faults.
-    pub fn scenario_for(&self, law: Law, solver: Solver) -> Scenario {
+    pub fn scenario_for(&self, law: Law, solver: SolverName) -> Scenario {
         let mut scenario = self.scenario.clone();
         scenario.run.mode = Mode::Inprocess;
         scenario.attitude.law = law;
@@ -81,19 +81,20 @@ const KNOWN_STATES: usize = 1000;
 /// Reads the flight in the log at `path`, or in the run's folder at `path`.
 pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     let (mut states, mut samples) = (BTreeMap::new(), vec![]);
-    let Recorded { log, scenario, path: file, .. } = Recorded::read_each(path, Part::ALL, |_, record| match record {
-        _ if samples.len() == MOST_SAMPLES => {}
-        Record::State(state) => {
-            states.insert(state.stamp.tick, *state);
-            if states.len() > KNOWN_STATES {
-                states.pop_first();
+    let Recorded { log, scenario, path: file, .. } =
+        Recorded::read_each(path, TimeSpan::ALL, |_, record| match record {
+            _ if samples.len() == MOST_SAMPLES => {}
+            Record::State(state) => {
+                states.insert(state.stamp.tick, *state);
+                if states.len() > KNOWN_STATES {
+                    states.pop_first();
+                }
             }
-        }
-        Record::Reference(reference) => {
-            samples.extend(states.get(&reference.stamp.tick).map(|state| (*state, *reference)));
-        }
-        _ => {}
-    })?;
+            Record::Reference(reference) => {
+                samples.extend(states.get(&reference.stamp.tick).map(|state| (*state, *reference)));
+            }
+            _ => {}
+        })?;
     if samples.len() == MOST_SAMPLES {
         eprint_line(&format!("note: of {} the first {MOST_SAMPLES} samples are measured", file.display()));
     }

@@ -19,18 +19,18 @@ use outcome::percentiles::{Percentiles, median_ns};
 use runtime::realtime::now_ns;
 use runtime::timed;
 use serde::Serialize;
-use settings::{Law, Solver};
+use settings::{Law, SolverName};
 
 use super::problems::Sequence;
 
 /// Controllers: name, law and solver; those of the MPC are named after their solver.
-pub const CONTROLLERS: [(&str, Law, Solver); 6] = [
-    ("clarabel", Law::Mpc, Solver::Clarabel),
-    ("active-set", Law::Mpc, Solver::ActiveSet),
-    ("lqr", Law::Lqr, Solver::Clarabel),
-    ("pid", Law::Pid, Solver::Clarabel),
-    ("geometric", Law::Geometric, Solver::Clarabel),
-    ("indi", Law::Indi, Solver::Clarabel),
+pub const CONTROLLERS: [(&str, Law, SolverName); 6] = [
+    ("clarabel", Law::Mpc, SolverName::Clarabel),
+    ("active-set", Law::Mpc, SolverName::ActiveSet),
+    ("lqr", Law::Lqr, SolverName::Clarabel),
+    ("pid", Law::Pid, SolverName::Clarabel),
+    ("geometric", Law::Geometric, SolverName::Clarabel),
+    ("indi", Law::Indi, SolverName::Clarabel),
 ];
 /// Name of the sequence that stands for all of them.
 pub const ALL: &str = "all";
@@ -129,7 +129,7 @@ pub fn sample(sequences: &[Sequence], rounds: u32) -> (Vec<StepSeries>, u64) {
 }
 
 /// Makes a first pass, untimed: status and iterations of each step.
-fn untimed(sequence: &Sequence, (controller, law, solver): (&'static str, Law, Solver)) -> StepSeries {
+fn untimed(sequence: &Sequence, (controller, law, solver): (&'static str, Law, SolverName)) -> StepSeries {
     let mut mpc = AttitudeMpc::new(&sequence.scenario_for(law, solver));
     let step = |(state, reference): &(State, Reference)| {
         let controls = mpc.step(state.stamp.tick, state, reference);

@@ -17,7 +17,7 @@
 
 use super::logged::Kill;
 use super::one_flight::{DURATION_S, StressFlight};
-use super::orders::Kind;
+use super::orders::Conditions;
 use super::plan::Victim;
 
 /// Largest distance from the trajectory in a flight that continues \[m\].
@@ -39,9 +39,11 @@ pub fn complaint(flight: &StressFlight) -> Option<String> {
         return without_launcher(flight);
     }
     match (flight.kind, flight.code) {
-        (Kind::Killed, Some(0)) => after_exit_0(flight),
-        (Kind::Killed, Some(3)) => after_exit_3(flight),
-        (_, Some(0)) | (Kind::Disturbed | Kind::Loaded | Kind::Good, Some(1)) => missing_in_log(flight),
+        (Conditions::Killed, Some(0)) => after_exit_0(flight),
+        (Conditions::Killed, Some(3)) => after_exit_3(flight),
+        (_, Some(0)) | (Conditions::Disturbed | Conditions::Loaded | Conditions::Good, Some(1)) => {
+            missing_in_log(flight)
+        }
         (_, Some(code)) => Some(format!("exit {code}: {}", flight.said.trim())),
         (_, None) => Some(format!("did not end: {}", flight.said.trim())),
     }

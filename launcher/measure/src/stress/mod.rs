@@ -39,7 +39,7 @@ use self::candidates::GOOD;
 use self::judge::{GONE_MS, NEAR_M, complaint};
 use self::logged::Kill;
 use self::one_flight::{Again, StressFlight};
-use self::orders::Kind;
+use self::orders::Conditions;
 use self::plan::{Moment, Victim};
 use crate::faults::one_flight::TILT_DEG;
 use crate::findings::Findings;
@@ -147,7 +147,7 @@ fn fly_short(kills: usize, seed: u64, interrupts: &AtomicU32) -> anyhow::Result<
 }
 
 impl StressResults {
-    fn of(&self, kind: Kind) -> impl Iterator<Item = &StressFlight> {
+    fn of(&self, kind: Conditions) -> impl Iterator<Item = &StressFlight> {
         self.rows.iter().filter(move |row| row.kind == kind)
     }
 
@@ -162,10 +162,10 @@ impl StressResults {
 }
 
 fn text(results: &StressResults) -> String {
-    let kinds = Kind::ALL.into_iter().filter(|kind| results.of(*kind).next().is_some());
+    let kinds = Conditions::ALL.into_iter().filter(|kind| results.of(*kind).next().is_some());
     let title = format!("{} flights in real time and their replays, {:.0} s", results.rows.len(), results.wall_s);
     let mut text = Table::new(&title, &KINDS, kinds.map(|kind| of_kind(results, kind)).collect()).text();
-    if results.of(Kind::Killed).next().is_some() {
+    if results.of(Conditions::Killed).next().is_some() {
         let at = |moment| results.kills().filter(|kill| kill.moment == moment).count();
         let title = format!(
             "\n{} kills: {} at start-up, {} within the first ticks, {} of candidates; {} given up\n\
@@ -183,7 +183,7 @@ fn text(results: &StressResults) -> String {
     text
 }
 
-fn of_kind(results: &StressResults, kind: Kind) -> Vec<String> {
+fn of_kind(results: &StressResults, kind: Conditions) -> Vec<String> {
     let again = || results.of(kind).filter_map(|row| row.again.as_ref());
     let sum = |of: fn(&Again) -> u64| again().map(of).sum::<u64>().to_string();
     let flown_s: f64 = results.of(kind).filter_map(|row| row.flown_s).sum();
@@ -222,7 +222,7 @@ fn of_victim(results: &StressResults, victim: Victim) -> Vec<String> {
 
 fn targets(results: &StressResults) -> Vec<Target> {
     let mut targets = vec![];
-    if results.of(Kind::Killed).next().is_some() {
+    if results.of(Conditions::Killed).next().is_some() {
         targets.extend(of_kills(results));
     }
     let wrong: Vec<String> = results.rows.iter().filter_map(|row| Some(named(row, &complaint(row)?))).collect();
@@ -240,11 +240,11 @@ fn targets(results: &StressResults) -> Vec<Target> {
     );
     let minutes = || results.again().filter(|(_, again)| again.flown_s >= MINUTE_S);
     let minute_s = median(minutes().map(|(_, again)| again.replay_s * MINUTE_S / again.flown_s));
-    if results.rows.iter().any(|row| row.kind != Kind::Killed) {
+    if results.rows.iter().any(|row| row.kind != Conditions::Killed) {
         let minute = Target::at_most("flown again, a minute of flight, median", minute_s, 1.0, "s");
         targets.push(if minute_s.is_some() { minute } else { minute.noting("flights of less than a minute") });
     }
-    targets.extend(results.of(Kind::Good).chain(results.of(Kind::Wrong)).flat_map(of_candidates));
+    targets.extend(results.of(Conditions::Good).chain(results.of(Conditions::Wrong)).flat_map(of_candidates));
     let count = |kind, is_it: fn(&Again) -> bool| {
         results.of(kind).filter(|row| row.again.as_ref().is_some_and(is_it)).count() as f64
     };
@@ -254,14 +254,14 @@ fn targets(results: &StressResults) -> Vec<Target> {
     };
     let figure = "disturbed flights with a death, a swap kept and live faults";
     let disturbed =
-        of_all(figure, Kind::Disturbed, |again| again.deaths > 0 && !again.kept.is_empty() && again.faults > 0);
+        of_all(figure, Conditions::Disturbed, |again| again.deaths > 0 && !again.kept.is_empty() && again.faults > 0);
     targets.extend(disturbed.map(|target| target.in_doubt("the machine delayed what was ordered")));
     let figure = "flights under stress-ng --cpu 4 with misses";
     if results.without_stress > 0 {
         let wanted = results.without_stress as f64;
         targets.push(Target::at_least(figure, None, wanted).noting("stress-ng is not installed"));
     }
-    let loaded = of_all(figure, Kind::Loaded, |again| again.misses > 0);
+    let loaded = of_all(figure, Conditions::Loaded, |again| again.misses > 0);
     targets.extend(loaded.map(|target| target.in_doubt("the machine kept up under the load")));
     targets
 }
@@ -279,7 +279,7 @@ fn of_candidates(row: &StressFlight) -> Vec<Target> {
         more => format!("the canary explains {more} more"),
     };
     match row.kind {
-        Kind::Good => vec![
+        Conditions::Good => vec![
             judged(Target::none(figure("not kept, of 60"), GOOD - kept.len())),
             judged(Target::none(figure("ticks lost"), row.lost_ticks).noting(more)),
             Target::at_most(figure("error"), row.position_error_m, SWAP_M, "m"),
@@ -292,7 +292,7 @@ fn of_candidates(row: &StressFlight) -> Vec<Target> {
 }
 
 fn of_kills(results: &StressResults) -> [Target; 6] {
-    let rows = || results.of(Kind::Killed);
+    let rows = || results.of(Conditions::Killed);
     let noticed_ms = median(results.kills().filter_map(|kill| kill.noticed_ms));
     let successor_ms = median(results.kills().filter_map(|kill| kill.successor_ms));
     let went_on = rows().filter(|row| row.code == Some(0));

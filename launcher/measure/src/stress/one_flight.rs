@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use contract::exit;
 use contract::message::{Stamp, State};
 use contract::topic::Topic;
-use flight::control::{Request, ask};
+use flight::control::{ControlRequest, ask};
 use flight::event::What;
 use flight::log::{self, Log};
 use flight::stack::StartError;
@@ -16,18 +16,18 @@ use outcome::faults::reacts;
 use outcome::recorded::Recorded;
 use outcome::run_record::RunRecord;
 use replay::verdict::replay_and_judge;
-use replay::{Plan, Recording};
+use replay::{Recording, ReplayPlan};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
 use serde::Serialize;
 
 use super::logged::{Kill, holes, sent_ns};
-use super::orders::{Kind, Order, orders};
+use super::orders::{Conditions, FlightOrder, orders};
 use super::plan::{Moment, PlannedKill, Victim};
 use crate::flights::{lean_deg, namespace};
-use crate::launched::{Launcher, Process, left, milliseconds, said};
-use crate::timing::canary::{Canary, LONGEST, Watch};
+use crate::launched::{Launcher, StackProcess, left, milliseconds, said};
+use crate::timing::canary::{Canary, CanaryWatch, LONGEST};
 use crate::timing::machine::Stress;
 
 /// Duration of a short flight \[s\].
@@ -44,7 +44,7 @@ const AROUND: Duration = Duration::from_secs(60);
 pub struct StressFlight {
     /// Number among the flights of its length; with the seed it determines the kills, with the duration the orders.
     pub flight: u64,
-    pub kind: Kind,
+    pub kind: Conditions,
     /// Kills that reached a process of a short flight, in order.
     pub kills: Vec<Kill>,
     /// Exit code of the launcher; `None` if it was killed.
@@ -109,14 +109,15 @@ impl StressFlight {
     /// Flies short flight `number` with the kills of its `plan`.
     pub fn short(number: u64, plan: &[PlannedKill], namespace: &str) -> anyhow::Result<Self> {
         let folder = tempfile::Builder::new().prefix(namespace).tempdir()?;
-        let mut launcher = Launcher::start(&Kind::Killed.scenario(DURATION_S)?, namespace, folder.path())?;
+        let mut launcher = Launcher::start(&Conditions::Killed.scenario(DURATION_S)?, namespace, folder.path())?;
         let kills = kill_all(&mut launcher, plan);
         let mut row = Self { flight: number, ..Self::default() };
         match kills.last() {
             Some(kill) if kill.victim == Victim::Launcher => {
                 row.gone_ms = launcher.until_gone(kill.at_ns)?;
                 row.next_code =
-                    Launcher::start(&Kind::Killed.scenario(NEXT_S)?, namespace, &folder.path().join("next"))?.end();
+                    Launcher::start(&Conditions::Killed.scenario(NEXT_S)?, namespace, &folder.path().join("next"))?
+                        .end();
             }
             _ => row.code = launcher.end(),
         }
@@ -131,16 +132,16 @@ impl StressFlight {
 
     /// Flies long flight `number`; `None` if a program that its kind needs is not installed.
     pub fn long(number: u64, duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<Option<Self>> {
-        let kind = Kind::of(number);
+        let kind = Conditions::of(number);
         let namespace = namespace();
         let folder = tempfile::Builder::new().prefix(&namespace).tempdir()?;
-        let load = (kind == Kind::Loaded).then(|| Stress::start(duration_s + AROUND.as_secs_f64()));
+        let load = (kind == Conditions::Loaded).then(|| Stress::start(duration_s + AROUND.as_secs_f64()));
         if let Some(None) = load {
             return Ok(None);
         }
         let mut launcher = Launcher::start(&kind.scenario(duration_s)?, &namespace, folder.path())?;
         let canary = kind.has_candidates().then(|| Canary::start(LONGEST)).transpose()?;
-        if launcher.wait_for_flight().is_some() && kind == Kind::Disturbed {
+        if launcher.wait_for_flight().is_some() && kind == Conditions::Disturbed {
             disturb(number, duration_s, &namespace);
         }
         let code = launcher.end_within(Duration::from_secs_f64(duration_s) + AROUND);
@@ -160,7 +161,7 @@ impl StressFlight {
 
     /// Reads run.json and the log; a flight that did not begin has neither. The `host` was watched in a flight with
     /// candidates.
-    fn read(&mut self, run: &Path, kills: Vec<Kill>, host: Option<&Watch>) {
+    fn read(&mut self, run: &Path, kills: Vec<Kill>, host: Option<&CanaryWatch>) {
         let record = RunRecord::read(&run.join("run.json")).ok().flatten();
         self.flown_s = record.as_ref().map(|record| record.flown_s);
         self.diverged = record.as_ref().is_some_and(|record| record.diverged);
@@ -205,7 +206,7 @@ impl Again {
         let started = Instant::now();
         let recording = Recording::of(&recorded)?;
         let (mut flown_s, mut messages, mut replay_s) = (0.0, 0, 0.0);
-        let verdict = replay_and_judge(&recorded, &recording, &Plan::default(), |replayed, summary| {
+        let verdict = replay_and_judge(&recorded, &recording, &ReplayPlan::default(), |replayed, summary| {
             (flown_s, messages, replay_s) = (summary.time_s(), replayed.compared(), started.elapsed().as_secs_f64());
         })?;
         let count = |of: &[What]| recorded.log.events.iter().filter(|event| of.contains(&event.what)).count();
@@ -233,12 +234,13 @@ fn disturb(number: u64, duration_s: f64, namespace: &str) {
         let at = Duration::from_secs_f64(share * duration_s);
         std::thread::sleep(at.saturating_sub(started.elapsed()));
         let request = match order {
-            Order::Kill(node) => {
-                let _ = Process::newest(namespace, node).and_then(|process| process.signal(namespace, Signal::KILL));
+            FlightOrder::Kill(node) => {
+                let _ =
+                    StackProcess::newest(namespace, node).and_then(|process| process.signal(namespace, Signal::KILL));
                 continue;
             }
-            Order::Swap(swap) => Request::Swap(*swap),
-            Order::Inject(fault) => Request::Inject { fault: *fault },
+            FlightOrder::Swap(swap) => ControlRequest::Swap(*swap),
+            FlightOrder::Inject(fault) => ControlRequest::Inject { fault: *fault },
         };
         if let Ok(domain) = Domain::find(namespace) {
             let _ = ask(&domain, &request);
@@ -262,7 +264,7 @@ fn kill_all(launcher: &mut Launcher, plan: &[PlannedKill]) -> Vec<Kill> {
 /// Kills the victim at its moment; `None` if it is not there. `last` is the last kill of the same node.
 fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Option<Kill> {
     let PlannedKill { victim, moment, after } = planned;
-    let newest = |namespace: &str| Process::newest(namespace, &victim.name());
+    let newest = |namespace: &str| StackProcess::newest(namespace, &victim.name());
     let wait = match (moment, last) {
         (Moment::Starting, _) => after.saturating_sub(launcher.started.elapsed()),
         (Moment::Candidate, Some(last)) => {
@@ -283,7 +285,7 @@ fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Op
 
 /// Waits until the role of a `process` that was killed at `at_ns` is vacant; returns the time since then \[ms\], `None`
 /// for one that was not active.
-fn noticed_ms(launcher: &Launcher, process: &Process, at_ns: u64) -> Option<f64> {
+fn noticed_ms(launcher: &Launcher, process: &StackProcess, at_ns: u64) -> Option<f64> {
     let topic = Topic::of_node(&process.name)?;
     let page = ControlPage::open(&Domain::find(&launcher.namespace).ok()?.file("page")).ok()?;
     let is_active = || page.role(topic).active() == process.epoch;

@@ -12,7 +12,7 @@
 
 use contract::topic::Topic;
 use serde::Serialize;
-use settings::{Fault, FaultKind, FaultTarget, Policy, Scenario, Swap};
+use settings::{Fault, FaultKind, FaultTarget, Scenario, SchedulingPolicy, Swap};
 
 use super::candidates;
 use crate::timing::timed_flights::realtime;
@@ -20,7 +20,7 @@ use crate::timing::timed_flights::realtime;
 /// Conditions of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum Conditions {
     #[default]
     Killed,
     Alone,
@@ -30,15 +30,15 @@ pub enum Kind {
     Good,
     Wrong,
 }
-use Kind::{Alone, Disturbed, Fast, Good, Killed, Loaded, Wrong};
+use Conditions::{Alone, Disturbed, Fast, Good, Killed, Loaded, Wrong};
 
 /// Kinds of twenty long flights, mixed so that a short series already has several kinds.
-const KINDS: [Kind; 20] = [
+const KINDS: [Conditions; 20] = [
     Disturbed, Fast, Good, Loaded, Wrong, Alone, Disturbed, Alone, Alone, Loaded, Disturbed, Alone, Alone, Fast, Alone,
     Disturbed, Loaded, Alone, Disturbed, Alone,
 ];
 
-impl Kind {
+impl Conditions {
     /// All kinds, in the order of the table.
     pub const ALL: [Self; 7] = [Killed, Alone, Disturbed, Loaded, Fast, Good, Wrong];
 
@@ -70,7 +70,11 @@ impl Kind {
 
     /// Returns what is flown; flights with candidates are as long as these need.
     pub fn scenario(self, duration_s: f64) -> anyhow::Result<Scenario> {
-        let survey = realtime(self.rate_hz(), if self == Loaded { Policy::Other } else { Policy::Fifo }, duration_s);
+        let survey = realtime(
+            self.rate_hz(),
+            if self == Loaded { SchedulingPolicy::Other } else { SchedulingPolicy::Fifo },
+            duration_s,
+        );
         match self {
             Good => Ok(candidates::good(survey)),
             Wrong => candidates::wrong(),
@@ -81,7 +85,7 @@ impl Kind {
 
 /// Command given to a flight.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Order {
+pub enum FlightOrder {
     /// SIGKILL to the newest process of a node.
     Kill(&'static str),
     Swap(Box<Swap>),
@@ -90,18 +94,18 @@ pub enum Order {
 
 /// Returns the orders for disturbed flight `number` of `duration_s`, with their times as shares of the flight. The
 /// nodes differ from flight to flight.
-pub fn orders(number: u64, duration_s: f64) -> [(f64, Order); 6] {
+pub fn orders(number: u64, duration_s: f64) -> [(f64, FlightOrder); 6] {
     const NODES: [Topic; 3] = [Topic::Controls, Topic::Reference, Topic::Actuators];
     let node = |i: usize| NODES[(number as usize + i) % NODES.len()];
     let short_s = 0.05 * duration_s;
     let swap = Swap { standby_s: short_s, watch_s: short_s, ..Swap::new(node(1), 0.0) };
-    let inject = |target, kind| Order::Inject(Box::new(Fault::new(target, kind, 0.0, Some(short_s))));
+    let inject = |target, kind| FlightOrder::Inject(Box::new(Fault::new(target, kind, 0.0, Some(short_s))));
     [
-        (0.1, Order::Kill(node(0).publisher())),
+        (0.1, FlightOrder::Kill(node(0).publisher())),
         (0.2, inject(FaultTarget::Rates, FaultKind::Noise)),
-        (0.3, Order::Swap(Box::new(swap))),
+        (0.3, FlightOrder::Swap(Box::new(swap))),
         (0.6, inject(FaultTarget::Controls, FaultKind::Drop)),
-        (0.7, Order::Kill(node(2).publisher())),
+        (0.7, FlightOrder::Kill(node(2).publisher())),
         (0.8, inject(FaultTarget::Rotor1, FaultKind::Slow)),
     ]
 }
@@ -112,7 +116,7 @@ mod tests {
 
     #[test]
     fn twenty_flights_have_the_kinds_of_the_table() {
-        let count = |kind| (0..20).filter(|number| Kind::of(*number) == kind).count();
+        let count = |kind| (0..20).filter(|number| Conditions::of(*number) == kind).count();
         assert_eq!([Alone, Disturbed, Loaded, Fast, Good, Wrong].map(count), [8, 5, 3, 2, 1, 1]);
     }
 }

@@ -32,7 +32,7 @@ pub struct Canary {
 
 /// Wake-ups noted by the canaries.
 #[derive(Debug, Default)]
-pub struct Watch {
+pub struct CanaryWatch {
     /// Time due and delay of each wake-up, on all processors \[ns\].
     noted: Noted,
     /// Start and end of the gaps \[ns\].
@@ -62,15 +62,15 @@ impl Canary {
         Ok(Self { peers, fifo })
     }
 
-    pub fn stop(self) -> anyhow::Result<Watch> {
+    pub fn stop(self) -> anyhow::Result<CanaryWatch> {
         let until_ns = now_ns();
         let noted = self.peers.into_iter().map(RingPeers::stop).collect::<Result<Vec<_>, _>>()?;
         // A canary notes nothing after the order to leave, so wake-ups that were due later do not count.
-        Ok(Watch::of(noted.into_iter().flatten().filter(|(release_ns, _)| *release_ns <= until_ns).collect()))
+        Ok(CanaryWatch::of(noted.into_iter().flatten().filter(|(release_ns, _)| *release_ns <= until_ns).collect()))
     }
 }
 
-impl Watch {
+impl CanaryWatch {
     fn of(noted: Noted) -> Self {
         let late = noted.iter().filter(|(_, late_ns)| *late_ns > GAP_NS);
         let gaps = late.map(|(release_ns, late_ns)| (*release_ns, release_ns + late_ns)).collect();
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_gap_explains_what_it_overlaps() {
-        let watch = Watch::of(vec![(10_000_000, 3_000), (20_000_000, 4_000_000), (24_000_000, 999_999)]);
+        let watch = CanaryWatch::of(vec![(10_000_000, 3_000), (20_000_000, 4_000_000), (24_000_000, 999_999)]);
         assert!(watch.explains(23_000_000, 33_000_000), "ends in it");
         assert!(watch.explains(10_000_000, 20_000_001), "begins in it");
         assert!(watch.explains(21_000_000, 22_000_000), "covers it");
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_stall_counts_for_every_slot_it_covered() {
-        let watch = Watch::of(vec![(0, 10), (PERIOD_NS, 2 * PERIOD_NS + 5)]);
+        let watch = CanaryWatch::of(vec![(0, 10), (PERIOD_NS, 2 * PERIOD_NS + 5)]);
         let covered: Vec<u64> = watch.covered_ns().collect();
         assert_eq!(covered, [10, 2 * PERIOD_NS + 5, PERIOD_NS + 5, 5]);
         assert_eq!(watch.late_ns().len(), 2);
@@ -127,9 +127,9 @@ mod tests {
     #[test]
     fn a_host_that_stalls_leaves_no_verdict() {
         let quiet = vec![(0, 10); 2000];
-        assert_eq!(Watch::of(quiet.clone()).summary().doubt, None);
+        assert_eq!(CanaryWatch::of(quiet.clone()).summary().doubt, None);
         let stalled = [quiet, vec![(1, 9_000_000); 3]].concat();
-        assert!(Watch::of(stalled).summary().doubt.is_some());
-        assert!(Watch::default().summary().doubt.is_some(), "no canary, no verdict");
+        assert!(CanaryWatch::of(stalled).summary().doubt.is_some());
+        assert!(CanaryWatch::default().summary().doubt.is_some(), "no canary, no verdict");
     }
 }

@@ -9,7 +9,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde::Serialize;
 
-use crate::launched::Process;
+use crate::launched::StackProcess;
 
 /// Processors that a ring may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -112,7 +112,7 @@ impl CpuMeter {
             return;
         }
         if self.pids.is_empty() {
-            let all = Process::all(namespace).into_iter();
+            let all = StackProcess::all(namespace).into_iter();
             self.pids = all.filter(|process| process.name != "launcher").map(|process| process.pid).collect();
         }
         self.last = (now, self.pids.iter().map(|pid| run_time_ns(*pid)).sum());

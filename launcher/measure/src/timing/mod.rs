@@ -26,9 +26,9 @@ pub mod timed_flights;
 
 use std::path::PathBuf;
 
-use self::raw::{Plan, Raw};
+use self::raw::{Raw, Rounds};
 use self::results::TimingResults;
-use self::series::Series;
+use self::series::MeasuredTimes;
 use crate::findings::{Findings, default_folder, make_folder};
 use flight::duration::seconds;
 use flight::interrupts::catch_interrupts;
@@ -60,16 +60,16 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     make_folder(&out, "--out")?;
     let interrupts = catch_interrupts()?;
     let plan = if args.quick {
-        Plan::QUICK
+        Rounds::QUICK
     } else {
-        Plan { rounds: usize::from(args.rounds), paper_s: args.survey_s, ..Plan::FULL }
+        Rounds { rounds: usize::from(args.rounds), paper_s: args.survey_s, ..Rounds::FULL }
     };
     let raw = Raw::measure(&plan, &interrupts)?;
 
     let results = TimingResults::of(&raw, plan.rounds);
     let targets = report::targets(&results);
     let tables = report::tables(&results);
-    let canary = Series { name: "canary".into(), rounds: vec![raw.watch.late_ns()] };
+    let canary = MeasuredTimes { name: "canary".into(), rounds: vec![raw.watch.late_ns()] };
     let csv = series::to_csv(raw.series().into_iter().chain([&canary]));
     let table =
         format!("{}\nwritten to {}\n", tables.iter().map(Table::text).collect::<Vec<_>>().join("\n"), out.display());

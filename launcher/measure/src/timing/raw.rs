@@ -5,14 +5,14 @@
 use std::sync::atomic::AtomicU32;
 
 use runtime::console::eprint_line;
-use settings::Policy;
+use settings::SchedulingPolicy;
 
-use super::canary::{Canary, LONGEST, Watch};
+use super::canary::{Canary, CanaryWatch, LONGEST};
 use super::cycles::WARM_UP_NS;
 use super::machine::{CYCLICTEST, Placement, Stress, cyclictest, installed, measured_cpu, on_cpu};
 use super::ring_peer::Releases;
 use super::rings::{Noted, RingPeers};
-use super::series::Series;
+use super::series::MeasuredTimes;
 use super::timed_flights::{self, TimedFlights, in_process_speed, lockstep_speed};
 use crate::mpc::steps::clock_ns;
 
@@ -28,7 +28,7 @@ const RATES_HZ: [u32; 5] = [100, 250, 500, 1000, 2000];
 const LOOP_PRIORITY: u32 = 80;
 
 /// Number of rounds, and duration of each measurement.
-pub struct Plan {
+pub struct Rounds {
     pub rounds: usize,
     /// Bare loop and cyclictest, each.
     pub loop_s: f64,
@@ -43,7 +43,7 @@ pub struct Plan {
     pub in_process_s: f64,
 }
 
-impl Plan {
+impl Rounds {
     /// Plan that is long enough for figures.
     pub const FULL: Self = Self {
         rounds: 5,
@@ -72,9 +72,9 @@ impl Plan {
 
 pub struct Raw {
     /// Bare loop.
-    pub ours: Series,
+    pub ours: MeasuredTimes,
     /// cyclictest, compared with the bare loop; empty if not installed.
-    pub cyclictest: Series,
+    pub cyclictest: MeasuredTimes,
     pub rings: [Rings; 2],
     /// Flights by scheduling class, idle and under load.
     pub policies: Vec<TimedFlights>,
@@ -85,7 +85,7 @@ pub struct Raw {
     pub in_process: Vec<f64>,
     /// Time of one reading of `CLOCK_MONOTONIC` \[ns\].
     pub clock_ns: u64,
-    pub watch: Watch,
+    pub watch: CanaryWatch,
     /// `true` if the canaries were given `SCHED_FIFO`.
     pub fifo: bool,
 }
@@ -94,34 +94,34 @@ pub struct Raw {
 pub struct Rings {
     pub placement: Placement,
     /// Stack, from sense to act without the executions of its nodes.
-    pub stack: Series,
-    pub hops: Series,
+    pub stack: MeasuredTimes,
+    pub hops: MeasuredTimes,
     /// Sums of the executions of its nodes.
-    pub executions: Series,
+    pub executions: MeasuredTimes,
     /// Ring of bare futexes, the doorbells of the page: the kernel's own wake-up.
-    pub raw: Series,
+    pub raw: MeasuredTimes,
 }
 
 impl Raw {
-    pub fn measure(plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+    pub fn measure(plan: &Rounds, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let canary = Canary::start(LONGEST)?;
         let idle = |name: String, rate_hz, policy| TimedFlights::new(name, rate_hz, policy, false);
         let policies = |loaded, state, rate_hz| {
             let new =
                 move |policy| TimedFlights::new(format!("{} {state}", policy_name(policy)), rate_hz, policy, loaded);
-            [Policy::Fifo, Policy::Other].map(new)
+            [SchedulingPolicy::Fifo, SchedulingPolicy::Other].map(new)
         };
         let mut raw = Self {
-            ours: Series::new("loop"),
-            cyclictest: Series::new("cyclictest"),
+            ours: MeasuredTimes::new("loop"),
+            cyclictest: MeasuredTimes::new("cyclictest"),
             rings: [Placement::OneCpu, Placement::AllCpus].map(Rings::new),
             policies: [policies(false, "idle", FLIGHT_HZ), policies(true, "under load", LOADED_HZ)].concat(),
-            rates: RATES_HZ.map(|rate_hz| idle(format!("{rate_hz} Hz"), rate_hz, Policy::Fifo)).into(),
-            paper: idle("paper survey".into(), FLIGHT_HZ, Policy::Fifo),
+            rates: RATES_HZ.map(|rate_hz| idle(format!("{rate_hz} Hz"), rate_hz, SchedulingPolicy::Fifo)).into(),
+            paper: idle("paper survey".into(), FLIGHT_HZ, SchedulingPolicy::Fifo),
             lockstep: vec![],
             in_process: vec![],
             clock_ns: clock_ns(),
-            watch: Watch::default(),
+            watch: CanaryWatch::default(),
             fifo: canary.fifo,
         };
         for round in 0..plan.rounds {
@@ -148,7 +148,7 @@ impl Raw {
     }
 
     /// Runs the bare loop and cyclictest in turns; the order changes every round.
-    fn loops(&mut self, plan: &Plan, round: usize, interrupts: &AtomicU32) -> anyhow::Result<()> {
+    fn loops(&mut self, plan: &Rounds, round: usize, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let count = (plan.loop_s * 1e3) as usize;
         let releases = Releases { period_ns: 1_000_000, count };
         let cpu = measured_cpu();
@@ -165,7 +165,7 @@ impl Raw {
         Ok(())
     }
 
-    fn policies(&mut self, plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<()> {
+    fn policies(&mut self, plan: &Rounds, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let can_load = installed("stress-ng");
         for flights in self.policies.iter_mut().filter(|flights| can_load || !flights.loaded) {
             let duration_s = if flights.loaded { plan.load_s } else { plan.idle_s };
@@ -180,7 +180,7 @@ impl Raw {
         self.policies.iter().chain(&self.rates).chain([&self.paper])
     }
 
-    pub fn series(&self) -> Vec<&Series> {
+    pub fn series(&self) -> Vec<&MeasuredTimes> {
         let rings = self.rings.iter().flat_map(|r| [&r.stack, &r.hops, &r.executions, &r.raw]);
         let ages = self.flights().map(|flights| &flights.ages);
         [&self.ours, &self.cyclictest].into_iter().chain(rings).chain(ages).collect()
@@ -189,7 +189,7 @@ impl Raw {
 
 impl Rings {
     fn new(placement: Placement) -> Self {
-        let series = |name: &str| Series::new(format!("{name}, {}", placement.name()));
+        let series = |name: &str| MeasuredTimes::new(format!("{name}, {}", placement.name()));
         Self {
             placement,
             stack: series("stack"),
@@ -199,8 +199,8 @@ impl Rings {
         }
     }
 
-    fn round(&mut self, plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<()> {
-        let scenario = timed_flights::realtime(RING_HZ, Policy::Fifo, plan.ring_s);
+    fn round(&mut self, plan: &Rounds, interrupts: &AtomicU32) -> anyhow::Result<()> {
+        let scenario = timed_flights::realtime(RING_HZ, SchedulingPolicy::Fifo, plan.ring_s);
         let cycles = timed_flights::cycles(&scenario, self.placement, interrupts)?;
         self.stack.rounds.push(cycles.sense_to_act_ns());
         self.hops.rounds.push(cycles.hops_ns());
@@ -212,10 +212,10 @@ impl Rings {
     }
 }
 
-pub fn policy_name(policy: Policy) -> &'static str {
+pub fn policy_name(policy: SchedulingPolicy) -> &'static str {
     match policy {
-        Policy::Fifo => "SCHED_FIFO",
-        Policy::Other => "SCHED_OTHER",
+        SchedulingPolicy::Fifo => "SCHED_FIFO",
+        SchedulingPolicy::Other => "SCHED_OTHER",
     }
 }
 

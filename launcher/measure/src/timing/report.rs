@@ -3,7 +3,7 @@
 use outcome::percentiles::Percentiles;
 
 use super::raw::policy_name;
-use super::results::{Ring, TimingResults};
+use super::results::{RingTimes, TimingResults};
 use super::series::Ratio;
 use super::timed_flights::TimedFlights;
 use outcome::target::Target;
@@ -124,7 +124,7 @@ fn stress(results: &TimingResults) -> Target {
     Target::at_most(figure, (theirs > 0.0).then(|| ours / theirs), 0.05, "").noting(note)
 }
 
-fn overhead(ring: &Ring) -> Target {
+fn overhead(ring: &RingTimes) -> Target {
     let figure = format!("stamping over the ring's time, {}", ring.placement.name());
     Target::at_most(figure, ring.stamps_percent, 2.0, "%").noting("readings of the clock, counted")
 }

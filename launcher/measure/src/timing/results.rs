@@ -28,7 +28,7 @@ pub struct TimingResults {
     pub series: BTreeMap<String, Percentiles>,
     /// Our loop over cyclictest: p50, p99, and the maximum of every 200 releases.
     pub loop_over_cyclictest: [Option<Ratio>; 3],
-    pub rings: Vec<Ring>,
+    pub rings: Vec<RingTimes>,
     /// Flights that were flown here.
     pub flights: Vec<TimedFlights>,
     /// Time of one reading of `CLOCK_MONOTONIC` \[ns\].
@@ -39,7 +39,7 @@ pub struct TimingResults {
 }
 
 #[derive(Debug, Clone, Serialize)]
-pub struct Ring {
+pub struct RingTimes {
     pub placement: Placement,
     /// Sense to act without execution, over the raw ring's time: p50.
     pub p50_over_raw: Option<Ratio>,
@@ -50,7 +50,7 @@ pub struct Ring {
 
 impl TimingResults {
     pub fn of(raw: &Raw, rounds: usize) -> Self {
-        let named = |s: &super::series::Series| Some((s.name.clone(), s.all()?));
+        let named = |s: &super::series::MeasuredTimes| Some((s.name.clone(), s.all()?));
         let over = |figure: fn(&Percentiles) -> f64| raw.ours.over(&raw.cyclictest, figure);
         let maxima = raw.ours.split(MAXIMUM_OF).over(&raw.cyclictest.split(MAXIMUM_OF), |d| d.max_us);
         Self {
@@ -59,7 +59,7 @@ impl TimingResults {
             canary: raw.watch.summary(),
             series: raw.series().into_iter().filter_map(named).collect(),
             loop_over_cyclictest: [over(|d| d.p50_us), over(|d| d.p99_us), maxima],
-            rings: raw.rings.iter().map(|rings| Ring::of(rings, raw.clock_ns)).collect(),
+            rings: raw.rings.iter().map(|rings| RingTimes::of(rings, raw.clock_ns)).collect(),
             flights: raw.flights().filter(|flights| flights.slots > 0).cloned().collect(),
             clock_ns: raw.clock_ns,
             lockstep: Ratio::of(raw.lockstep.iter().copied()),
@@ -72,7 +72,7 @@ impl TimingResults {
     }
 }
 
-impl Ring {
+impl RingTimes {
     fn of(rings: &Rings, clock_ns: u64) -> Self {
         let p50: fn(&Percentiles) -> f64 = |d| d.p50_us;
         let with_execution_us = rings.stack.each(p50).into_iter().zip(rings.executions.each(p50)).map(|(t, e)| t + e);

@@ -17,7 +17,7 @@ use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, Doorbell, enter, now_ns, phase};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
-use settings::{Policy, Scenario, Scheduling};
+use settings::{Scenario, Scheduling, SchedulingPolicy};
 
 /// Longest wait for the token before the peer checks whether the run is over.
 const CHECK_NS: u64 = 100_000_000;
@@ -64,7 +64,11 @@ pub fn run(RingPeerArgs { peer }: &RingPeerArgs) -> anyhow::Result<u8> {
     let page = ControlPage::open(&domain.file("page")).context("cannot open the page")?;
     let mut samples = Vec::with_capacity(peer.releases.count);
     let mut token = Token::of(peer, &page);
-    enter(&Scheduling { policy: Policy::Fifo, priority: peer.priority, ..Scenario::default().scheduling_of(0) });
+    enter(&Scheduling {
+        policy: SchedulingPolicy::Fifo,
+        priority: peer.priority,
+        ..Scenario::default().scheduling_of(0)
+    });
     if peer.rank > 0 {
         while token.wait() {
             token.pass();

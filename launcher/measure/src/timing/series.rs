@@ -8,7 +8,7 @@ use outcome::percentiles::{Percentiles, median, recorded};
 
 /// Measured times of one quantity, all rounds \[ns\].
 #[derive(Debug, Clone, Default)]
-pub struct Series {
+pub struct MeasuredTimes {
     pub name: String,
     /// Times, one list per round \[ns\].
     pub rounds: Vec<Vec<u64>>,
@@ -22,7 +22,7 @@ pub struct Ratio {
     pub max: f64,
 }
 
-impl Series {
+impl MeasuredTimes {
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), rounds: vec![] }
     }
@@ -67,9 +67,9 @@ impl Ratio {
 }
 
 /// Formats the full histograms as CSV: times to three figures with their counts, round by round.
-pub fn to_csv<'a>(series: impl IntoIterator<Item = &'a Series>) -> String {
+pub fn to_csv<'a>(series: impl IntoIterator<Item = &'a MeasuredTimes>) -> String {
     let mut csv = String::from("series,round,value_ns,count\n");
-    for Series { name, rounds } in series {
+    for MeasuredTimes { name, rounds } in series {
         for (round, times) in rounds.iter().enumerate() {
             for bin in recorded(times.iter().copied()).iter_recorded() {
                 // Writing to a String never fails.
@@ -85,8 +85,8 @@ pub fn to_csv<'a>(series: impl IntoIterator<Item = &'a Series>) -> String {
 mod tests {
     use super::*;
 
-    fn series(rounds: &[&[u64]]) -> Series {
-        Series { name: "s".into(), rounds: rounds.iter().map(|round| round.to_vec()).collect() }
+    fn series(rounds: &[&[u64]]) -> MeasuredTimes {
+        MeasuredTimes { name: "s".into(), rounds: rounds.iter().map(|round| round.to_vec()).collect() }
     }
 
     #[test]

@@ -3,15 +3,15 @@
 use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
-use outcome::judge::Verdict;
+use outcome::judge::FlightVerdict;
 use outcome::percentiles::Percentiles;
 use serde::Serialize;
-use settings::{Mode, Policy, Scenario, from_merged, load};
+use settings::{Mode, Scenario, SchedulingPolicy, from_merged, load};
 
-use super::canary::Watch;
+use super::canary::CanaryWatch;
 use super::cycles::Cycles;
 use super::machine::{CpuMeter, Placement};
-use super::series::Series;
+use super::series::MeasuredTimes;
 use crate::flights::{Started, in_process};
 
 /// Flights under equal conditions.
@@ -19,7 +19,7 @@ use crate::flights::{Started, in_process};
 pub struct TimedFlights {
     pub name: String,
     pub rate_hz: u32,
-    pub policy: Policy,
+    pub policy: SchedulingPolicy,
     /// `true` if flown under `stress-ng --cpu 4`.
     pub loaded: bool,
     /// `true` if all nodes were given the scheduling class `policy`.
@@ -36,7 +36,7 @@ pub struct TimedFlights {
     pub inside: bool,
     /// Ages at the actuator, flight by flight.
     #[serde(skip)]
-    pub ages: Series,
+    pub ages: MeasuredTimes,
     /// Time covered by each slot that was missed \[ns\]; `None` for other slots.
     #[serde(skip)]
     missed: Vec<Option<(u64, u64)>>,
@@ -44,10 +44,10 @@ pub struct TimedFlights {
 
 impl TimedFlights {
     /// Makes a record without flights.
-    pub fn new(name: impl Into<String>, rate_hz: u32, policy: Policy, loaded: bool) -> Self {
+    pub fn new(name: impl Into<String>, rate_hz: u32, policy: SchedulingPolicy, loaded: bool) -> Self {
         let name = name.into();
         Self {
-            ages: Series::new(format!("age, {name}")),
+            ages: MeasuredTimes::new(format!("age, {name}")),
             name,
             rate_hz,
             policy,
@@ -75,9 +75,9 @@ impl TimedFlights {
         let namespace = stack.namespace.clone();
         let (summary, flown) =
             stack.fly_to_the_end(interrupts, |record| cycles.observe(record), || meter.read(&namespace))?;
-        let class = if self.policy == Policy::Fifo { "fifo" } else { "other" };
+        let class = if self.policy == SchedulingPolicy::Fifo { "fifo" } else { "other" };
         self.as_asked &= flown.scheduling.iter().all(|(_, got)| got.policy == class);
-        self.inside &= Verdict::of(&summary, scenario, &flown.how).passed();
+        self.inside &= FlightVerdict::of(&summary, scenario, &flown.how).passed();
         self.cpu_percent = meter.share_percent().or(self.cpu_percent);
         self.missed.extend(cycles.misses());
         self.ages.rounds.push(cycles.ages_ns());
@@ -85,7 +85,7 @@ impl TimedFlights {
     }
 
     /// Computes the figures of all flights; `watch` holds the canaries' wake-ups during them.
-    pub fn conclude(&mut self, watch: &Watch) {
+    pub fn conclude(&mut self, watch: &CanaryWatch) {
         let missed = || self.missed.iter().flatten();
         self.slots = self.missed.len();
         self.misses = missed().count();
@@ -100,7 +100,7 @@ impl TimedFlights {
 }
 
 /// Returns the default scenario in real time.
-pub fn realtime(rate_hz: u32, policy: Policy, duration_s: f64) -> Scenario {
+pub fn realtime(rate_hz: u32, policy: SchedulingPolicy, duration_s: f64) -> Scenario {
     let mut scenario = load(None, &[format!("run.rate_hz={rate_hz}")]).expect("a rate that scenarios have");
     scenario.run.mode = Mode::Realtime;
     scenario.run.duration_s = duration_s;
@@ -127,7 +127,7 @@ pub fn cycles(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32)
 
 /// Measures the ratio of simulated time to wall time of the default scenario through four processes in lockstep.
 pub fn lockstep_speed(duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<f64> {
-    let mut scenario = realtime(100, Policy::Fifo, duration_s);
+    let mut scenario = realtime(100, SchedulingPolicy::Fifo, duration_s);
     scenario.run.mode = Mode::Lockstep;
     let (summary, flown) = Started::new(&scenario, interrupts)?.fly_to_the_end(interrupts, |_| {}, || {})?;
     Ok(summary.time_s() / flown.wall.as_secs_f64())
@@ -135,7 +135,7 @@ pub fn lockstep_speed(duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result
 
 /// Measures the ratio of simulated time to wall time of the default scenario by one thread.
 pub fn in_process_speed(duration_s: f64) -> f64 {
-    let mut scenario = realtime(100, Policy::Fifo, duration_s);
+    let mut scenario = realtime(100, SchedulingPolicy::Fifo, duration_s);
     scenario.run.mode = Mode::Inprocess;
     let started = Instant::now();
     let (summary, _) = in_process(&scenario, |_| {});

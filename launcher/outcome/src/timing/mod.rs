@@ -61,7 +61,7 @@ use crate::percentiles::{Percentiles, percentiles};
 pub use age::Age;
 use flight::log::Record;
 use folder::dir::Dir;
-pub use node::{Counts, FIGURES, NodeRecord, NodeTiming};
+pub use node::{CycleCounts, FIGURES, NodeRecord, NodeTiming};
 use worst::WorstTicks;
 pub use worst::{CycleRecord, EXECUTION, INPUT, WorstTick};
 
@@ -203,7 +203,7 @@ impl TimingRecord {
                 let p = figure.copied().unwrap_or_default();
                 format!("{:>7.0}{:>7.0}{:>8.0}  ", p.p50_us, p.p99_us, p.max_us)
             });
-            let Counts { misses, longest_run_of_misses: run, .. } = node.counts;
+            let CycleCounts { misses, longest_run_of_misses: run, .. } = node.counts;
             line(&format!("{name:<14}{}{misses:>6}{run:>5}", cells.concat()));
         }
         for (name, contradictions) in self.clock_contradictions.iter().filter(|(_, count)| **count > 0) {

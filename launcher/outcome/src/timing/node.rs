@@ -16,7 +16,7 @@ pub const LONGEST_STALL_SLOTS: u64 = 100_000;
 
 /// One cycle of a node, told by its message. Times are `CLOCK_MONOTONIC` nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Cycle {
+pub struct TimedCycle {
     pub release_ns: u64,
     pub start_ns: u64,
     pub publish_ns: u64,
@@ -37,7 +37,7 @@ pub struct Cycle {
     pub solve_ns: u64,
 }
 
-impl Cycle {
+impl TimedCycle {
     /// Release jitter or hop \[ns\]; an early start counts as on time.
     pub fn wake_ns(&self) -> u64 {
         self.start_ns.saturating_sub(self.release_ns)
@@ -62,7 +62,7 @@ pub fn wake_name(topic: Topic) -> &'static str {
 
 /// Counts of late and missing messages and cycles of a node, in the names of run.json.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Counts {
+pub struct CycleCounts {
     /// Responses beyond the deadline, those not sent included.
     pub late: u64,
     /// Messages that were late and not sent.
@@ -78,9 +78,9 @@ pub struct Counts {
     run: u64,
 }
 
-impl Counts {
+impl CycleCounts {
     /// Adds a cycle. Slips and withheld messages come before it, so a cycle in time ends the run that they belong to.
-    fn add(&mut self, cycle: &Cycle, misses: u64, late: bool) {
+    fn add(&mut self, cycle: &TimedCycle, misses: u64, late: bool) {
         // A damaged stamp may hold any count.
         let add = |sum: &mut u64, count| *sum = sum.saturating_add(count);
         add(&mut self.late, cycle.withheld.saturating_add(u64::from(late)));
@@ -102,7 +102,7 @@ pub const FIGURES: [&str; 7] = ["jitter", "hop", "execution", "cpu", "input_age"
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NodeRecord {
     #[serde(flatten)]
-    pub counts: Counts,
+    pub counts: CycleCounts,
     /// Deadline of its message after the sample \[ms\].
     pub deadline_ms: f64,
     /// Treatment of a late message.
@@ -142,7 +142,7 @@ pub struct NodeTiming {
     pub deadline: NodeDeadline,
     /// Histograms \[ns\] by their names in run.json. The plant has no input: it makes the sample.
     pub figures: BTreeMap<&'static str, Histogram<u64>>,
-    pub counts: Counts,
+    pub counts: CycleCounts,
     /// Messages that contradict the times of others: see [`super`].
     pub contradictions: u64,
     /// Epoch and tick of the newest message.
@@ -158,7 +158,7 @@ impl NodeTiming {
             period_ns: scenario.sample_ns(),
             deadline: scenario.deadline_of(topic as usize),
             figures: figures.map(|name| (name, histogram())).collect(),
-            counts: Counts::default(),
+            counts: CycleCounts::default(),
             contradictions: 0,
             newest: None,
         }
@@ -167,7 +167,7 @@ impl NodeTiming {
     /// Takes the stamp of one message in, and the stamp `before` it of the same process, which may have been on standby
     /// then; messages come in the order of sending. Returns `None` for a message whose times cannot be true: it enters
     /// its sender's counts, but no figure.
-    pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Option<Cycle> {
+    pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Option<TimedCycle> {
         let own = self.topic as usize;
         let publish_ns = stamp.publish_ns[own];
         let late = publish_ns.saturating_sub(stamp.sample_ns) > self.deadline.deadline_ns;
@@ -179,7 +179,7 @@ impl NodeTiming {
             _ => 0,
         };
         let follows = before.sequence > 0 && stamp.sequence.checked_sub(before.sequence) == Some(1) && withheld == 0;
-        let cycle = Cycle {
+        let cycle = TimedCycle {
             release_ns: stamp.release_ns,
             start_ns: stamp.start_ns,
             publish_ns,
@@ -218,7 +218,7 @@ impl NodeTiming {
         NodeRecord { counts, deadline_ms, policy, jitter, hop, execution, cpu, input_age, response, response_per_slot }
     }
 
-    fn add(&mut self, cycle: &Cycle, sample_ns: u64) {
+    fn add(&mut self, cycle: &TimedCycle, sample_ns: u64) {
         let response_ns = cycle.publish_ns.saturating_sub(sample_ns);
         let mut add = |figure: &str, ns| {
             if let Some(histogram) = self.figures.get_mut(figure) {

@@ -34,7 +34,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use settings::Scenario;
 
-use super::node::{Cycle, wake_name};
+use super::node::{TimedCycle, wake_name};
 use crate::happenings::Happenings;
 use crate::ticks::{Tick, Ticks};
 
@@ -44,7 +44,7 @@ const OPEN_TICKS: usize = 2048;
 
 /// Gathers ticks and keeps the worst.
 pub struct WorstTicks {
-    ticks: Ticks<[Option<Cycle>; Topic::COUNT]>,
+    ticks: Ticks<[Option<TimedCycle>; Topic::COUNT]>,
     newest: [u64; Topic::COUNT],
 }
 
@@ -59,7 +59,7 @@ impl WorstTicks {
     }
 
     /// Takes in a message, with the cycle that its stamp tells.
-    pub fn observe(&mut self, record: &Record, cycle: Cycle) {
+    pub fn observe(&mut self, record: &Record, cycle: TimedCycle) {
         let Some((topic, stamp)) = record.stamped() else { return };
         let own = topic as usize;
         let before = std::mem::replace(&mut self.newest[own], stamp.tick);
@@ -142,10 +142,10 @@ pub struct CycleRecord {
 }
 
 /// A tick with one cycle per node, by topic.
-type TimedTick = Tick<[Option<Cycle>; Topic::COUNT]>;
+type TimedTick = Tick<[Option<TimedCycle>; Topic::COUNT]>;
 
 impl TimedTick {
-    /// Returns the lateness of the tick: the longest [`Cycle::wait_ns`] of its cycles \[ns\]; 0 without cycles.
+    /// Returns the lateness of the tick: the longest [`TimedCycle::wait_ns`] of its cycles \[ns\]; 0 without cycles.
     fn late_ns(&self) -> u64 {
         let waits = self.of.iter().flatten().map(|cycle| cycle.wait_ns(self.sample_ns, self.period_ns));
         waits.max().unwrap_or(0)
@@ -219,7 +219,7 @@ impl TimedTick {
     }
 
     /// A cycle of the tick, as in run.json.
-    fn cycle(&self, cycle: &Cycle) -> CycleRecord {
+    fn cycle(&self, cycle: &TimedCycle) -> CycleRecord {
         let from_sample = |ns: u64| ns.saturating_sub(self.sample_ns) as f64 / 1e3;
         CycleRecord {
             release_us: from_sample(cycle.release_ns),
@@ -234,7 +234,7 @@ impl TimedTick {
 }
 
 /// Infers the cause by the rules for the part.
-fn infer(cycle: &Cycle, part: &str, topic: Topic) -> &'static str {
+fn infer(cycle: &TimedCycle, part: &str, topic: Topic) -> &'static str {
     let half_ns = cycle.execution_ns() / 2;
     match (part, cycle.cpu_ns) {
         (INPUT, _) => "its input did not come",

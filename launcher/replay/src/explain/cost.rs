@@ -5,7 +5,7 @@ use settings::Scenario;
 
 use crate::again::replay_script;
 use crate::counterfactual::Disturbed;
-use crate::plan::Plan;
+use crate::plan::ReplayPlan;
 use crate::recording::Recording;
 use crate::script::Script;
 use anyhow::bail;
@@ -107,7 +107,7 @@ impl FlightCost {
     /// The flight cannot be flown to its end.
     pub fn flown(recording: &Recording, script: Script) -> anyhow::Result<Self> {
         Self::of(&recording.scenario, script.begun_at(), |each| {
-            let replayed = replay_script(recording, script, &Plan::default(), each)?;
+            let replayed = replay_script(recording, script, &ReplayPlan::default(), each)?;
             if let Some(why) = replayed.stopped {
                 bail!("the flight cannot be flown again to its end: {why}");
             }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::again::replay;
 use crate::counterfactual::{Disturbed, disturbed};
-use crate::plan::Plan;
+use crate::plan::ReplayPlan;
 use crate::recording::Recording;
 use crate::script::Script;
 use anyhow::bail;
@@ -34,7 +34,7 @@ impl Work {
     pub fn of(recording: &Recording, script: &Script, until: Option<u64>) -> anyhow::Result<Self> {
         let started = Instant::now();
         let from = if script.begun_at() > 0 { script.begun_at() + 1 } else { 0 };
-        let replayed = replay(recording, &Plan { from, until, ..Plan::default() }, |_| {})?;
+        let replayed = replay(recording, &ReplayPlan { from, until, ..ReplayPlan::default() }, |_| {})?;
         let replay_s = started.elapsed().as_secs_f64();
         if let Some(first) = &replayed.first {
             let (field, tick) = (&first.differs.field, first.tick);

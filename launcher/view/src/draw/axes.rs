@@ -82,13 +82,13 @@ fn clipped(word: &str) -> String {
 
 /// Scale of values above 0: linear, or logarithmic if they span a decade.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Scale {
+pub(super) struct AxisScale {
     is_log: bool,
     /// Ends of the values, or of their logarithms to base 10.
     ends: [f64; 2],
 }
 
-impl Scale {
+impl AxisScale {
     /// Returns a scale for the values above 0 and for `limit`, if there is one; `None` without a value. The largest
     /// hundredth of the values lies beyond the upper end if it is far above the others; values below a thousandth of
     /// the median lie beyond the lower end.
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_scale_is_logarithmic_from_a_decade_on() {
-        let scale = |values: &[f64]| Scale::of(values.iter().copied(), None);
+        let scale = |values: &[f64]| AxisScale::of(values.iter().copied(), None);
         assert_eq!(scale(&[0.0, f64::NAN]), None);
         let linear = scale(&[0.10, 0.16]).unwrap();
         assert_eq!(linear.marks().iter().map(|mark| short(*mark)).collect::<Vec<_>>(), ["0.1", "0.12", "0.14", "0.16"]);
@@ -167,7 +167,7 @@ mod tests {
         far.push(1e-9);
         let scale_of_far = scale(&far).unwrap();
         assert!(scale_of_far.place(1e6) > 1.0 && scale_of_far.place(1e-9) < 0.0, "beyond the others");
-        assert_eq!(Scale::of([1.0, 2.0].into_iter(), Some(6.0)).unwrap().marks(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(AxisScale::of([1.0, 2.0].into_iter(), Some(6.0)).unwrap().marks(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(scale(&[3.0]).unwrap().place(3.0), 0.5, "one value has a place");
     }
 }

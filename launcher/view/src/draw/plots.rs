@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::axes::{Axis, BOTTOM, HEIGHT, LEFT, RIGHT, Scale, TOP, WIDTH, grid};
+use super::axes::{Axis, AxisScale, BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, grid};
 use super::charts::COLOURS;
 use super::{Svg, escape};
 
@@ -95,7 +95,7 @@ pub struct Dots {
 /// is drawn as an arrow at the upper end.
 pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> String {
     let values = || series.iter().flat_map(|dots| &dots.points).map(|(_, value, _)| *value);
-    let Some(scale) = Scale::of(values(), limit) else { return String::new() };
+    let Some(scale) = AxisScale::of(values(), limit) else { return String::new() };
     let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
     let y = |value: f64| BOTTOM - (BOTTOM - TOP) * scale.place(value).clamp(0.0, 1.0);
     for mark in scale.marks() {

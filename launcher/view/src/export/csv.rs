@@ -6,7 +6,7 @@ use std::io::{BufWriter, IntoInnerError, Write};
 
 use folder::dir::{Dir, NewFile};
 
-use super::tables::{Columns, Rows};
+use super::tables::{ColumnTypes, Rows};
 use crate::cells::Cell;
 
 pub struct Csv<'a> {
@@ -15,7 +15,7 @@ pub struct Csv<'a> {
 }
 
 impl<'a> Rows<'a> for Csv<'a> {
-    fn begin(folder: &'a Dir, name: &str, columns: &Columns) -> anyhow::Result<Self> {
+    fn begin(folder: &'a Dir, name: &str, columns: &ColumnTypes) -> anyhow::Result<Self> {
         let mut file = BufWriter::new(folder.begin(format!("{name}.csv"))?);
         let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
         writeln!(file, "{}", names.join(","))?;

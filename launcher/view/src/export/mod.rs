@@ -27,10 +27,10 @@ use flight::event::Event;
 use flight::log::{Count, Record, Samples};
 use folder::dir::Dir;
 use folder::files::{named_file, named_folder};
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use settings::{Mode, Scenario};
 
-use crate::cycle::Cycle;
+use crate::cycle::CycleTimes;
 use scenes::Scenes;
 use sink::Sink;
 use tables::Tables;
@@ -60,7 +60,7 @@ pub struct Export {
 /// # Errors
 /// The log cannot be read, the part has no message, `out` has files already, or the files cannot be written; then none
 /// of them is new.
-pub fn export(log: &Path, format: Format, part: Part, out: Option<&Path>) -> anyhow::Result<Export> {
+pub fn export(log: &Path, format: Format, part: TimeSpan, out: Option<&Path>) -> anyhow::Result<Export> {
     let (usual, extension) = match format {
         Format::Csv => ("csv", None),
         Format::Parquet => ("parquet", None),
@@ -96,7 +96,7 @@ pub fn export(log: &Path, format: Format, part: Part, out: Option<&Path>) -> any
 /// Reads the `part` of the run into the sink that `begin` makes; returns notes for users, also on missing `cycles`.
 fn write<'a>(
     log: &Path,
-    part: Part,
+    part: TimeSpan,
     begin: impl Fn(&Scenario) -> anyhow::Result<Box<dyn Sink + 'a>>,
     cannot: impl Fn() -> String,
     cycles: bool,
@@ -104,7 +104,7 @@ fn write<'a>(
     let mut reading: Option<Reading<'a>> = None;
     let mut failed = None;
     // Messages before the part are read too: counters of a message tell the difference to the one before.
-    let read = Part { from_s: (part.from_s - Reading::BEFORE_S).max(0.0), to_s: part.to_s };
+    let read = TimeSpan { from_s: (part.from_s - Reading::BEFORE_S).max(0.0), to_s: part.to_s };
     let recorded = Recorded::read_each(log, read, |scenario, record| {
         if failed.is_none() {
             let mut take = || {
@@ -134,7 +134,7 @@ fn write<'a>(
 /// Reading of a part of a log into a sink.
 struct Reading<'a> {
     sink: Box<dyn Sink + 'a>,
-    part: Part,
+    part: TimeSpan,
     sample_s: f64,
     /// `false` for a flight in process, which has no times.
     has_clock: bool,
@@ -149,7 +149,7 @@ struct Reading<'a> {
 impl<'a> Reading<'a> {
     const BEFORE_S: f64 = 1.0;
 
-    fn new(sink: Box<dyn Sink + 'a>, part: Part, scenario: &Scenario) -> Self {
+    fn new(sink: Box<dyn Sink + 'a>, part: TimeSpan, scenario: &Scenario) -> Self {
         let has_clock = scenario.run.mode != Mode::Inprocess;
         let (sample_s, count, samples) = (scenario.sample_s(), Count::default(), Samples::default());
         Self { sink, part, sample_s, has_clock, count, samples, open: [None; Topic::COUNT], messages: 0 }
@@ -172,7 +172,7 @@ impl<'a> Reading<'a> {
     fn cycle(&mut self, topic: Topic, cycle: Option<&(Stamp, Stamp)>, after: Option<&Stamp>) -> anyhow::Result<()> {
         let Some((stamp, before)) = cycle.filter(|(stamp, _)| self.has(stamp.tick)) else { return Ok(()) };
         let after = after.filter(|after| after.epoch == stamp.epoch);
-        self.sink.cycle(topic, stamp, &Cycle::new(topic, stamp, before, after))
+        self.sink.cycle(topic, stamp, &CycleTimes::new(topic, stamp, before, after))
     }
 
     fn finish(mut self, events: &[Event]) -> anyhow::Result<Option<String>> {

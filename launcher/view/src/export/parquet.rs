@@ -5,8 +5,8 @@ use std::sync::Arc;
 use folder::dir::{Dir, NewFile};
 use parquet::file::writer::SerializedFileWriter;
 
-use super::tables::{Columns, Rows};
-use crate::cells::{Cell, Kind, properties, schema, write_group};
+use super::tables::{ColumnTypes, Rows};
+use crate::cells::{Cell, ColumnType, properties, schema, write_group};
 
 /// Rows of a row group, which is held in memory until it is written.
 const GROUP: usize = 1 << 13;
@@ -14,12 +14,12 @@ const GROUP: usize = 1 << 13;
 pub struct Parquet<'a> {
     writer: SerializedFileWriter<NewFile<'a>>,
     /// Cells of each column that are not written yet.
-    columns: Vec<(Kind, Vec<Cell>)>,
+    columns: Vec<(ColumnType, Vec<Cell>)>,
     rows: usize,
 }
 
 impl<'a> Rows<'a> for Parquet<'a> {
-    fn begin(folder: &'a Dir, name: &str, columns: &Columns) -> anyhow::Result<Self> {
+    fn begin(folder: &'a Dir, name: &str, columns: &ColumnTypes) -> anyhow::Result<Self> {
         let schema = schema(name, columns.iter().map(|(name, kind)| (name.as_str(), *kind)))?;
         let file = folder.begin(format!("{name}.parquet"))?;
         let writer = SerializedFileWriter::new(file, schema, Arc::new(properties().build()))?;

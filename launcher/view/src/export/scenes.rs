@@ -9,13 +9,13 @@ use folder::dir::{Dir, NewFile};
 use settings::{Scenario, to_toml};
 
 use super::sink::Sink;
-use crate::scene::{Channel, Derived, Scene};
+use crate::scene::{DerivedMessage, Scene, SceneChannel};
 
 pub struct Scenes<'a> {
     file: NewFile<'a>,
     log: LogWriter,
     /// Number of each channel of the scene.
-    channels: [u16; Channel::ALL.len()],
+    channels: [u16; SceneChannel::ALL.len()],
     scene: Scene,
 }
 
@@ -28,8 +28,8 @@ impl<'a> Scenes<'a> {
         let file = folder.begin(name)?;
         let (settings, sample_ns) = (to_toml(scenario), scenario.sample_ns());
         let mut log = LogWriter::begin(file.handle()?, &folder.at(name), &settings, sample_ns, &run)?;
-        let mut channels = [0; Channel::ALL.len()];
-        for (number, channel) in channels.iter_mut().zip(Channel::of_log()) {
+        let mut channels = [0; SceneChannel::ALL.len()];
+        for (number, channel) in channels.iter_mut().zip(SceneChannel::of_log()) {
             *number = log.add_channel(&channel)?;
         }
         let mut scene = Scene::new(scenario);
@@ -42,8 +42,8 @@ impl<'a> Scenes<'a> {
         Ok(scenes)
     }
 
-    fn derived(&mut self, derived: Vec<Derived>) -> anyhow::Result<()> {
-        derived.into_iter().try_for_each(|Derived { channel, time_ns, bytes }| {
+    fn derived(&mut self, derived: Vec<DerivedMessage>) -> anyhow::Result<()> {
+        derived.into_iter().try_for_each(|DerivedMessage { channel, time_ns, bytes }| {
             self.log.write_encoded(self.channels[channel as usize], time_ns, &bytes)
         })
     }

@@ -5,7 +5,7 @@ use contract::message::{Stamp, Truth};
 use flight::event::Event;
 use flight::log::Record;
 
-use crate::cycle::Cycle;
+use crate::cycle::CycleTimes;
 
 /// Writer of one format.
 pub trait Sink {
@@ -13,7 +13,7 @@ pub trait Sink {
     fn message(&mut self, record: &Record, truth: Option<&Truth>) -> anyhow::Result<()>;
     /// Adds the times of the cycle that made the message with this stamp on this topic; a format without cycles has
     /// them in the stamps.
-    fn cycle(&mut self, _: Topic, _: &Stamp, _: &Cycle) -> anyhow::Result<()> {
+    fn cycle(&mut self, _: Topic, _: &Stamp, _: &CycleTimes) -> anyhow::Result<()> {
         Ok(())
     }
     /// Adds an event.

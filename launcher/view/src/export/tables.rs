@@ -14,16 +14,16 @@ use serde_json::json;
 use settings::Scenario;
 
 use super::sink::Sink;
-use crate::cells::{Cell, Kind};
-use crate::cycle::Cycle;
+use crate::cells::{Cell, ColumnType};
+use crate::cycle::CycleTimes;
 
 /// Name and type of each column of a table.
-pub type Columns = Vec<(String, Kind)>;
+pub type ColumnTypes = Vec<(String, ColumnType)>;
 
 /// Writer of the rows of one table.
 pub trait Rows<'a>: Sized {
     /// Begins the table `name` in `folder`.
-    fn begin(folder: &'a Dir, name: &str, columns: &Columns) -> anyhow::Result<Self>;
+    fn begin(folder: &'a Dir, name: &str, columns: &ColumnTypes) -> anyhow::Result<Self>;
     /// Adds a row: a cell for each column.
     fn row(&mut self, cells: Vec<Cell>) -> anyhow::Result<()>;
     /// Puts the file in its place.
@@ -36,7 +36,7 @@ pub struct Tables<W> {
     events: W,
     cycles: W,
     /// Kinds of the words of each topic.
-    words: [Vec<Kind>; Topic::COUNT],
+    words: [Vec<ColumnType>; Topic::COUNT],
     sample_s: f64,
 }
 
@@ -59,45 +59,47 @@ impl<'a, W: Rows<'a>> Tables<W> {
 }
 
 /// Column of the events or cycles: name, type, and its cell. The time comes before them.
-type Of<T> = (&'static str, Kind, fn(&T) -> Cell);
+type Of<T> = (&'static str, ColumnType, fn(&T) -> Cell);
 
 const EVENT: [Of<Event>; 11] = [
-    ("tick", Kind::Count, |event| count(event.tick)),
-    ("node", Kind::Text, |event| text(&event.node)),
-    ("epoch", Kind::Count, |event| count(event.epoch.into())),
-    ("what", Kind::Text, |event| text(&name(event.what))),
-    ("why", Kind::Text, |event| event.why.as_deref().map_or(Cell::None, text)),
-    ("swap", Kind::Count, |event| index(event.swap)),
-    ("origin", Kind::Count, |event| index(event.origin)),
-    ("by.pid", Kind::Count, |event| event.by.map_or(Cell::None, |by| count(by.pid as u64))),
-    ("by.user", Kind::Count, |event| event.by.map_or(Cell::None, |by| count(by.user.into()))),
-    ("fault_number", Kind::Count, |event| index(event.fault.as_ref().map(|fault| fault.0))),
-    ("fault", Kind::Text, |event| event.fault.as_ref().map_or(Cell::None, |fault| text(&json!(fault.1).to_string()))),
+    ("tick", ColumnType::Count, |event| count(event.tick)),
+    ("node", ColumnType::Text, |event| text(&event.node)),
+    ("epoch", ColumnType::Count, |event| count(event.epoch.into())),
+    ("what", ColumnType::Text, |event| text(&name(event.what))),
+    ("why", ColumnType::Text, |event| event.why.as_deref().map_or(Cell::None, text)),
+    ("swap", ColumnType::Count, |event| index(event.swap)),
+    ("origin", ColumnType::Count, |event| index(event.origin)),
+    ("by.pid", ColumnType::Count, |event| event.by.map_or(Cell::None, |by| count(by.pid as u64))),
+    ("by.user", ColumnType::Count, |event| event.by.map_or(Cell::None, |by| count(by.user.into()))),
+    ("fault_number", ColumnType::Count, |event| index(event.fault.as_ref().map(|fault| fault.0))),
+    ("fault", ColumnType::Text, |event| {
+        event.fault.as_ref().map_or(Cell::None, |fault| text(&json!(fault.1).to_string()))
+    }),
 ];
 
-const CYCLE: [Of<(Topic, Stamp, Cycle)>; 12] = [
-    ("node", Kind::Text, |(topic, ..)| text(topic.publisher())),
-    ("tick", Kind::Count, |(_, stamp, _)| count(stamp.tick)),
-    ("sequence", Kind::Count, |(_, stamp, _)| count(stamp.sequence)),
-    ("epoch", Kind::Count, |(_, stamp, _)| count(stamp.epoch)),
-    ("delivery", Kind::Count, |(_, stamp, _)| count(stamp.delivery)),
-    ("release_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.release_us)),
-    ("wake_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.wake_us)),
-    ("execution_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.execution_us)),
-    ("response_us", Kind::Real, |(.., cycle)| Cell::Real(cycle.response_us)),
-    ("cpu_us", Kind::Real, |(.., cycle)| cycle.cpu_us.map_or(Cell::None, Cell::Real)),
-    ("slips", Kind::Count, |(.., cycle)| count(cycle.slips)),
-    ("late", Kind::Count, |(.., cycle)| count(cycle.late)),
+const CYCLE: [Of<(Topic, Stamp, CycleTimes)>; 12] = [
+    ("node", ColumnType::Text, |(topic, ..)| text(topic.publisher())),
+    ("tick", ColumnType::Count, |(_, stamp, _)| count(stamp.tick)),
+    ("sequence", ColumnType::Count, |(_, stamp, _)| count(stamp.sequence)),
+    ("epoch", ColumnType::Count, |(_, stamp, _)| count(stamp.epoch)),
+    ("delivery", ColumnType::Count, |(_, stamp, _)| count(stamp.delivery)),
+    ("release_us", ColumnType::Real, |(.., cycle)| Cell::Real(cycle.release_us)),
+    ("wake_us", ColumnType::Real, |(.., cycle)| Cell::Real(cycle.wake_us)),
+    ("execution_us", ColumnType::Real, |(.., cycle)| Cell::Real(cycle.execution_us)),
+    ("response_us", ColumnType::Real, |(.., cycle)| Cell::Real(cycle.response_us)),
+    ("cpu_us", ColumnType::Real, |(.., cycle)| cycle.cpu_us.map_or(Cell::None, Cell::Real)),
+    ("slips", ColumnType::Count, |(.., cycle)| count(cycle.slips)),
+    ("late", ColumnType::Count, |(.., cycle)| count(cycle.late)),
 ];
 
-const TIME: (&str, Kind) = ("time_s", Kind::Real);
+const TIME: (&str, ColumnType) = ("time_s", ColumnType::Real);
 
-fn named(columns: impl IntoIterator<Item = (&'static str, Kind)>) -> Columns {
+fn named(columns: impl IntoIterator<Item = (&'static str, ColumnType)>) -> ColumnTypes {
     columns.into_iter().map(|(name, kind)| (name.to_owned(), kind)).collect()
 }
 
 /// Returns the time and the columns of `all`.
-fn timed<T>(all: &[Of<T>]) -> Columns {
+fn timed<T>(all: &[Of<T>]) -> ColumnTypes {
     named([TIME].into_iter().chain(all.iter().map(|(name, kind, _)| (*name, *kind))))
 }
 
@@ -113,16 +115,16 @@ fn index(index: Option<usize>) -> Cell {
     index.map_or(Cell::None, |index| count(index as u64))
 }
 
-fn kind(is_count: bool) -> Kind {
-    if is_count { Kind::Count } else { Kind::Real }
+fn kind(is_count: bool) -> ColumnType {
+    if is_count { ColumnType::Count } else { ColumnType::Real }
 }
 
 /// Returns the columns of a topic's table.
-fn topic_columns(topic: Topic) -> Columns {
+fn topic_columns(topic: Topic) -> ColumnTypes {
     let mut all = named([TIME]);
     all.extend(columns(topic).into_iter().map(|column| (column.name, kind(column.is_count))));
-    let status = matches!(topic, Topic::State | Topic::Controls).then_some(("status_name", Kind::Text));
-    all.extend(named(status.into_iter().chain([("is_intact", Kind::Count)])));
+    let status = matches!(topic, Topic::State | Topic::Controls).then_some(("status_name", ColumnType::Text));
+    all.extend(named(status.into_iter().chain([("is_intact", ColumnType::Count)])));
     all
 }
 
@@ -131,7 +133,7 @@ impl<'a, W: Rows<'a>> Sink for Tables<W> {
         let Some((topic, stamp)) = record.stamped() else { return Ok(()) };
         let mut row = vec![self.time(stamp.tick)];
         row.extend(words(record, truth).iter().zip(&self.words[topic as usize]).map(|(word, kind)| match kind {
-            Kind::Real => Cell::Real(f64::from_bits(*word)),
+            ColumnType::Real => Cell::Real(f64::from_bits(*word)),
             _ => count(*word),
         }));
         if matches!(topic, Topic::State | Topic::Controls) {
@@ -141,7 +143,7 @@ impl<'a, W: Rows<'a>> Sink for Tables<W> {
         self.topics[topic as usize].row(row)
     }
 
-    fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &Cycle) -> anyhow::Result<()> {
+    fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &CycleTimes) -> anyhow::Result<()> {
         let of = (topic, *stamp, *cycle);
         let time = self.time(stamp.tick);
         self.cycles.row([time].into_iter().chain(CYCLE.iter().map(|(.., cell)| cell(&of))).collect())

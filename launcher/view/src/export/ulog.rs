@@ -23,7 +23,7 @@ use toml::{Table, Value};
 
 use super::px4;
 use super::sink::Sink;
-use crate::cycle::Cycle;
+use crate::cycle::CycleTimes;
 
 pub struct Ulog<'a> {
     file: BufWriter<NewFile<'a>>,
@@ -143,8 +143,8 @@ impl Sink for Ulog<'_> {
         px4::rows(record, truth, timestamp, |number, row| self.data(PX4 + number as u16, tick, row))
     }
 
-    fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &Cycle) -> anyhow::Result<()> {
-        let Cycle { release_us, wake_us, execution_us, response_us, cpu_us, slips, late } = *cycle;
+    fn cycle(&mut self, topic: Topic, stamp: &Stamp, cycle: &CycleTimes) -> anyhow::Result<()> {
+        let CycleTimes { release_us, wake_us, execution_us, response_us, cpu_us, slips, late } = *cycle;
         let times = [release_us, wake_us, execution_us, response_us, cpu_us.unwrap_or(f64::NAN)];
         let words = times.map(f64::to_bits).into_iter().chain([slips, late]);
         let row: Vec<u8> = words.flat_map(u64::to_le_bytes).collect();

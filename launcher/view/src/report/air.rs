@@ -3,7 +3,7 @@
 
 use airframe::Trim;
 use contract::message::Truth;
-use guidance::observer::{Observer, Step};
+use guidance::observer::{DisturbanceObserver, ObserverStep};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use outcome::ticks::LoggedTick;
 use plant::air::Air;
@@ -16,7 +16,7 @@ pub struct Wind {
     roll_trim_rad: f64,
     g_mps2: f64,
     sample_s: f64,
-    observer: Observer,
+    observer: DisturbanceObserver,
     newest: Option<u64>,
 }
 
@@ -27,7 +27,7 @@ impl Wind {
             roll_trim_rad: Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction).roll_rad,
             g_mps2: scenario.airframe.g_mps2,
             sample_s: scenario.sample_s(),
-            observer: Observer::default(),
+            observer: DisturbanceObserver::default(),
             newest: None,
         }
     }
@@ -46,7 +46,7 @@ impl Wind {
         let velocity_ned_mps = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(actual.velocity_mps);
         let is_next = self.newest.is_some_and(|newest| newest + 1 == tick.number);
         self.newest = Some(tick.number);
-        let step = Step { elapsed_s: if is_next { self.sample_s } else { 0.0 }, gain: 1.0, periods: 1 };
+        let step = ObserverStep { elapsed_s: if is_next { self.sample_s } else { 0.0 }, gain: 1.0, periods: 1 };
         let tilt_rad = Vector2::new(phi - self.roll_trim_rad, theta);
         let found = self.observer.update(&velocity_ned_mps, &tilt_rad, psi, self.g_mps2, step);
         is_next.then(|| found.into())

@@ -86,14 +86,14 @@ pub struct Reach {
     low: f64,
     share: f64,
     tilt_rad: f64,
-    limits: airframe::Limits,
+    limits: airframe::ActuatorLimits,
     /// Largest altitude errors in the horizontal part of the paper's flight and in the rest \[m\]; NaN if not reached.
     pub altitude_m: [f64; 2],
 }
 
 impl Reach {
     pub fn new(scenario: &Scenario) -> Self {
-        let limits = airframe::Limits::new(&scenario.airframe, 0.0, 2.0, std::f64::consts::FRAC_PI_2);
+        let limits = airframe::ActuatorLimits::new(&scenario.airframe, 0.0, 2.0, std::f64::consts::FRAC_PI_2);
         Self { state: None, low: f64::INFINITY, share: 0.0, tilt_rad: 0.0, limits, altitude_m: [f64::NAN; 2] }
     }
 

@@ -18,16 +18,16 @@ use outcome::ticks::LoggedTick;
 use outcome::timing::Age;
 
 /// Returns quantities of a tick; `None` if they are unknown.
-type Quantities = fn(&LoggedTick, &mut Derived) -> Option<Vec<f64>>;
+type Quantities = fn(&LoggedTick, &mut DerivedSources) -> Option<Vec<f64>>;
 
 /// Sources of the quantities that no message has.
-pub struct Derived {
+pub struct DerivedSources {
     wind: Wind,
     /// Weights of the demand in the cost (4).
     r: [f64; 4],
 }
 
-impl Derived {
+impl DerivedSources {
     pub fn new(scenario: &Scenario) -> Self {
         Self { wind: Wind::new(scenario), r: scenario.attitude.mpc.r }
     }
@@ -82,7 +82,7 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 }
 
 /// Returns the values of a tick in the order of [`names`]; NaN where they are unknown.
-pub fn values(tick: &LoggedTick, derived: &mut Derived) -> Vec<f64> {
+pub fn values(tick: &LoggedTick, derived: &mut DerivedSources) -> Vec<f64> {
     let of_group = |(names, quantities): &(&[&str], Quantities)| {
         quantities(tick, derived).unwrap_or_else(|| vec![f64::NAN; names.len()])
     };
@@ -90,9 +90,9 @@ pub fn values(tick: &LoggedTick, derived: &mut Derived) -> Vec<f64> {
 }
 
 /// The columns of a flight, gathered tick by tick, the age at the actuator last.
-pub struct Columns {
+pub struct ReportColumns {
     all: Vec<(&'static str, Thinned)>,
-    derived: Derived,
+    derived: DerivedSources,
     age: Age,
     age_ms: Thinned,
     /// Ticks since the newest state; the age in their slots is known with the next state.
@@ -101,12 +101,12 @@ pub struct Columns {
     ticks: u64,
 }
 
-impl Columns {
+impl ReportColumns {
     /// Makes the columns of the ticks from `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
         Self {
             all: names().map(|name| (name, Thinned::default())).collect(),
-            derived: Derived::new(scenario),
+            derived: DerivedSources::new(scenario),
             age: Age::new(scenario.sample_ns()),
             age_ms: Thinned::default(),
             waiting: 0,

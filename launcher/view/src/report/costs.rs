@@ -4,13 +4,13 @@ use outcome::happenings::Happenings;
 use replay::explain::Costs;
 
 use crate::draw::escape;
-use crate::explain::Shown;
+use crate::explain::ShownCosts;
 
 /// Makes the section of the page, with what `happened` in its plots; empty where no tick was disturbed.
 pub fn section(costs: &Costs, happened: &Happenings) -> String {
     let told = match costs {
         Costs::None => return String::new(),
-        Costs::Known(explained) => Shown { explained, happened }.section(),
+        Costs::Known(explained) => ShownCosts { explained, happened }.section(),
         Costs::TooMany(ticks) => format!(
             "<p>{ticks} ticks were disturbed: <code>trefoil explain RUN</code> says what each of them cost, and writes \
              explain.html into the run’s folder.</p>"

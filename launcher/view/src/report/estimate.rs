@@ -3,7 +3,7 @@
 use contract::message::{Navigation, State};
 use outcome::ticks::LoggedTick;
 use plant::instruments::state_of;
-use settings::{Filter, Scenario};
+use settings::{FilterName, Scenario};
 
 /// Columns of [`errors`].
 pub const ERRORS: [&str; 9] = [
@@ -43,8 +43,8 @@ pub const MEASUREMENTS: [&str; 7] = [
 /// Link to the figures of a flight with an EKF.
 pub fn link(scenario: &Scenario) -> &'static str {
     match scenario.plant.sensors.filter {
-        Filter::Ekf => "<a href=\"#estimate\">Estimate</a>",
-        Filter::None => "",
+        FilterName::Ekf => "<a href=\"#estimate\">Estimate</a>",
+        FilterName::None => "",
     }
 }
 

@@ -36,10 +36,10 @@ use replay::explain::Costs;
 use settings::Scenario;
 
 use self::claims::Reach;
-use self::columns::Columns;
+use self::columns::ReportColumns;
 use self::steps::Steps;
 use crate::draw::{self, SCRIPTS, STYLE, UPLOT_STYLE, escape};
-use outcome::recorded::{Part, Recorded};
+use outcome::recorded::{Recorded, TimeSpan};
 use outcome::run_record::RunRecord;
 use outcome::ticks::Joined;
 use outcome::timing::Timing;
@@ -51,7 +51,7 @@ pub const FIGURE_SCRIPT: &str = include_str!("../../assets/report/report.js");
 /// Figures of the page, gathered message by message.
 pub struct Figures {
     joined: Joined,
-    columns: Columns,
+    columns: ReportColumns,
     reach: Reach,
     steps: Steps,
 }
@@ -59,7 +59,7 @@ pub struct Figures {
 impl Figures {
     /// Makes the figures of the ticks from `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
-        let columns = Columns::new(scenario, first);
+        let columns = ReportColumns::new(scenario, first);
         Self { joined: Joined::new(scenario, first), columns, reach: Reach::new(scenario), steps: Steps::new() }
     }
 
@@ -73,7 +73,7 @@ impl Figures {
         });
     }
 
-    fn finish(self) -> (Columns, Reach, Steps) {
+    fn finish(self) -> (ReportColumns, Reach, Steps) {
         let Self { mut joined, mut columns, mut reach, mut steps } = self;
         joined.finish(|tick| {
             columns.observe(tick);
@@ -88,7 +88,7 @@ impl Figures {
 /// the log is missing, for people. `costs` finds what disturbed ticks cost, of the whole.
 pub fn write(
     run: &Path,
-    part: Part,
+    part: TimeSpan,
     costs: impl FnOnce(&Recorded) -> Costs,
 ) -> anyhow::Result<(PathBuf, Option<String>)> {
     let mut figures = None;
@@ -104,7 +104,7 @@ pub fn write(
     let Recorded { scenario, summary, run, path, .. } = &recorded;
     let flown_s = run.flown_s;
     ensure!(part.from_s <= flown_s, "the flight has nothing from {} s on: it ends at {flown_s:.2} s", part.from_s);
-    let (name, of_all) = if part == Part::ALL {
+    let (name, of_all) = if part == TimeSpan::ALL {
         let costs = costs::section(&costs(&recorded), &run.happenings());
         ("report.html".into(), Some(OfAll { timing: summary.timing.as_ref(), costs }))
     } else {

@@ -14,19 +14,19 @@ use super::timing::in_short;
 use crate::draw::{DASH, any, escape, leaves, list, number, table, verdict};
 
 /// One metric as a page shows it.
-pub struct Shown {
+pub struct ShownMetric {
     pub of: fn(&Metrics) -> f64,
     pub name: &'static str,
     pub unit: &'static str,
     pub decimals: usize,
 }
 
-const fn shown(of: fn(&Metrics) -> f64, name: &'static str, unit: &'static str, decimals: usize) -> Shown {
-    Shown { of, name, unit, decimals }
+const fn shown(of: fn(&Metrics) -> f64, name: &'static str, unit: &'static str, decimals: usize) -> ShownMetric {
+    ShownMetric { of, name, unit, decimals }
 }
 
 /// Metrics of a flight. The first four are the key figures.
-pub const METRICS: [Shown; 13] = [
+pub const METRICS: [ShownMetric; 13] = [
     shown(|m| m.max_position_error_m, "position error, maximum", "m", 3),
     shown(|m| m.rms_position_error_m, "position error, RMS", "m", 3),
     shown(|m| m.max_altitude_error_m, "altitude error, maximum", "m", 3),
@@ -64,7 +64,7 @@ pub fn ended(run: &RunRecord, result: &str) -> String {
 }
 
 /// Warns of what is missing of the log, and of what else a reader must know: see
-/// [`outcome::judge::Verdict::reservations`].
+/// [`outcome::judge::FlightVerdict::reservations`].
 pub fn warnings(run: &RunRecord) -> [String; 2] {
     let warning = |about: &str, words: &str| match words {
         "" => String::new(),
@@ -92,7 +92,7 @@ pub fn key_figures(run: &RunRecord) -> String {
     let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
     let errors = METRICS[..KEY_FIGURES]
         .iter()
-        .map(|Shown { of, name, unit, decimals }| tile(name, number(of(&run.metrics), *decimals), unit));
+        .map(|ShownMetric { of, name, unit, decimals }| tile(name, number(of(&run.metrics), *decimals), unit));
     // Only in real time is an age measured.
     let timing = run.timing.as_ref().filter(|_| run.mode == Mode::Realtime);
     let age_ms = timing.map(|timing| timing.age_at_actuator.p99_us / 1e3);
@@ -102,7 +102,7 @@ pub fn key_figures(run: &RunRecord) -> String {
 /// Remaining metrics of the flight, its solver, its log and its speed.
 pub fn metrics(run: &RunRecord) -> String {
     let solver = &run.solver;
-    let measured = METRICS[KEY_FIGURES..].iter().map(|Shown { of, name, unit, decimals }| {
+    let measured = METRICS[KEY_FIGURES..].iter().map(|ShownMetric { of, name, unit, decimals }| {
         ((*name).to_owned(), format!("{} {unit}", number(of(&run.metrics), *decimals)))
     });
     let of_log = |of: fn(&LogOutcome) -> u64| run.log.as_ref().map_or(DASH.into(), |log| of(log).to_string());

@@ -37,7 +37,7 @@ pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/foxglov
 
 /// Channel of derived messages, encoded as protobuf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Channel {
+pub enum SceneChannel {
     Frames,
     Arrows,
     Path,
@@ -47,7 +47,7 @@ pub enum Channel {
     Course,
 }
 
-impl Channel {
+impl SceneChannel {
     pub const ALL: [Self; 7] =
         [Self::Frames, Self::Arrows, Self::Path, Self::Log, Self::FixedFrames, Self::Vehicle, Self::Course];
 
@@ -87,8 +87,8 @@ impl Channel {
 
 /// One derived message.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Derived {
-    pub channel: Channel,
+pub struct DerivedMessage {
+    pub channel: SceneChannel,
     /// Simulated time \[ns\].
     pub time_ns: u64,
     /// The message as protobuf.
@@ -143,7 +143,7 @@ impl Scene {
     }
 
     /// Returns the messages that hold for the whole flight. A viewer needs them first, whenever it comes.
-    pub fn fixed(&self) -> Vec<Derived> {
+    pub fn fixed(&self) -> Vec<DerivedMessage> {
         let vehicle = self.scenario.flown_airframe();
         let time = Timestamp::default();
         let frames = FrameTransforms {
@@ -157,15 +157,15 @@ impl Scene {
         let course = PosesInFrame { timestamp: Some(time), frame_id: "ned".into(), poses: self.course() };
         let vehicle = SceneUpdate { deletions: vec![], entities: shapes::vehicle(&vehicle) };
         let bytes = [
-            (Channel::FixedFrames, frames.encode_to_vec()),
-            (Channel::Vehicle, vehicle.encode_to_vec()),
-            (Channel::Course, course.encode_to_vec()),
+            (SceneChannel::FixedFrames, frames.encode_to_vec()),
+            (SceneChannel::Vehicle, vehicle.encode_to_vec()),
+            (SceneChannel::Course, course.encode_to_vec()),
         ];
-        bytes.into_iter().map(|(channel, bytes)| Derived { channel, time_ns: 0, bytes }).collect()
+        bytes.into_iter().map(|(channel, bytes)| DerivedMessage { channel, time_ns: 0, bytes }).collect()
     }
 
     /// Takes in a message of the ring, and returns what is to be shown with it: mostly nothing.
-    pub fn on_record(&mut self, record: &Record) -> Vec<Derived> {
+    pub fn on_record(&mut self, record: &Record) -> Vec<DerivedMessage> {
         match record {
             Record::Truth(truth) => self.on_truth(truth),
             Record::Reference(reference) if reference.stamp.is_delivered() && reference.is_intact() => {
@@ -177,7 +177,7 @@ impl Scene {
     }
 
     /// Takes in an event, and returns it in words.
-    pub fn on_event(&mut self, event: &Event) -> Derived {
+    pub fn on_event(&mut self, event: &Event) -> DerivedMessage {
         if let Some(fault) = &event.fault {
             self.wind.apply_fault(fault.0, &fault.1);
         }
@@ -195,10 +195,10 @@ impl Scene {
             name: event.node.clone(),
             ..Log::default()
         };
-        Derived { channel: Channel::Log, time_ns, bytes: log.encode_to_vec() }
+        DerivedMessage { channel: SceneChannel::Log, time_ns, bytes: log.encode_to_vec() }
     }
 
-    fn on_truth(&mut self, truth: &Truth) -> Vec<Derived> {
+    fn on_truth(&mut self, truth: &Truth) -> Vec<DerivedMessage> {
         let tick = truth.tick;
         let is_new = self.shown.is_none_or(|shown| shown < tick);
         let every = |seconds: f64| {
@@ -213,12 +213,12 @@ impl Scene {
         self.shown = Some(tick);
         let time_ns = tick.saturating_mul(self.sample_ns);
         let mut derived = vec![];
-        let mut add = |channel, bytes| derived.push(Derived { channel, time_ns, bytes });
+        let mut add = |channel, bytes| derived.push(DerivedMessage { channel, time_ns, bytes });
         if frames {
-            add(Channel::Frames, self.frames(truth, timestamp(time_ns)).encode_to_vec());
+            add(SceneChannel::Frames, self.frames(truth, timestamp(time_ns)).encode_to_vec());
         }
         if arrows {
-            add(Channel::Arrows, self.arrows(truth, time_ns).encode_to_vec());
+            add(SceneChannel::Arrows, self.arrows(truth, time_ns).encode_to_vec());
         }
         if point {
             if self.path.len() == PATH_POINTS {
@@ -229,7 +229,7 @@ impl Scene {
         if path {
             let poses = self.path.iter().map(|position_m| pose(*position_m, LEVEL)).collect();
             let path = PosesInFrame { timestamp: Some(timestamp(time_ns)), frame_id: "ned".into(), poses };
-            add(Channel::Path, path.encode_to_vec());
+            add(SceneChannel::Path, path.encode_to_vec());
         }
         derived
     }

@@ -6,7 +6,7 @@ fn truth(tick: u64) -> Truth {
     truth
 }
 
-fn shown(scene: &mut Scene, truth: &Truth) -> Vec<Channel> {
+fn shown(scene: &mut Scene, truth: &Truth) -> Vec<SceneChannel> {
     scene.on_record(&truth.with_checksum().into()).into_iter().map(|derived| derived.channel).collect()
 }
 
@@ -17,15 +17,16 @@ fn the_rates_do_not_grow_with_that_of_the_ring() {
         scenario.run.rate_hz = rate_hz;
         let mut scene = Scene::new(&scenario);
         let mut last = None;
-        let mut counts = [0; Channel::ALL.len()];
+        let mut counts = [0; SceneChannel::ALL.len()];
         for tick in 0..=u64::from(4 * rate_hz) {
             for derived in scene.on_record(&truth(tick).with_checksum().into()) {
                 counts[derived.channel as usize] += 1;
                 assert_eq!(derived.time_ns, tick * scenario.sample_ns());
-                last = Some(derived).filter(|derived| derived.channel == Channel::Frames).or(last);
+                last = Some(derived).filter(|derived| derived.channel == SceneChannel::Frames).or(last);
             }
         }
-        let all = [Channel::Frames, Channel::Arrows, Channel::Path].map(|channel| counts[channel as usize]);
+        let all =
+            [SceneChannel::Frames, SceneChannel::Arrows, SceneChannel::Path].map(|channel| counts[channel as usize]);
         // At 50 Hz a twentieth of a second is rounded to three ticks.
         assert_eq!(all, [if rate_hz == 50 { 67 } else { 81 }, 41, 3], "{rate_hz} Hz");
         let frames = FrameTransforms::decode(&last.unwrap().bytes[..]).unwrap();
@@ -38,12 +39,12 @@ fn the_rates_do_not_grow_with_that_of_the_ring() {
 #[test]
 fn a_truth_that_is_damaged_old_or_not_finite_is_not_shown() {
     let mut scene = Scene::new(&Scenario::default());
-    assert_eq!(shown(&mut scene, &truth(0)), [Channel::Frames, Channel::Arrows, Channel::Path]);
+    assert_eq!(shown(&mut scene, &truth(0)), [SceneChannel::Frames, SceneChannel::Arrows, SceneChannel::Path]);
     assert!(scene.on_record(&truth(100).into()).is_empty(), "its checksum does not fit");
     let mut off = truth(100);
     off.actual.position_m[0] = f64::NAN;
     assert_eq!(shown(&mut scene, &off), []);
-    assert_eq!(shown(&mut scene, &truth(100)), [Channel::Frames, Channel::Arrows]);
+    assert_eq!(shown(&mut scene, &truth(100)), [SceneChannel::Frames, SceneChannel::Arrows]);
     assert_eq!(shown(&mut scene, &truth(100)), [], "a duplicate");
 }
 
@@ -58,7 +59,7 @@ fn an_event_is_told_with_its_reason_and_a_fault_changes_the_wind() {
 
     let arrows = |scene: &mut Scene, tick| {
         let derived = scene.on_record(&truth(tick).with_checksum().into());
-        let arrows = derived.iter().find(|derived| derived.channel == Channel::Arrows).unwrap();
+        let arrows = derived.iter().find(|derived| derived.channel == SceneChannel::Arrows).unwrap();
         SceneUpdate::decode(&arrows.bytes[..]).unwrap().entities.pop().unwrap()
     };
     assert!(arrows(&mut scene, 300).arrows.is_empty(), "calm air");

@@ -1,14 +1,11 @@
 //! Services of the kernel: priority, locked memory, one shared page, shared pipes, children that die with
 //! their parent, copies that end.
 //!
-//! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with the reason why it is
+//! This is the only module of the stack itself with `unsafe`: calls that rustix does not offer in safe form, each with the reason why it is
 //! sound. A flight needs neither priority nor locked memory: without the privilege the stack runs as `SCHED_OTHER` and
 //! says so.
 
-#![expect(
-    unsafe_code,
-    reason = "sched_setscheduler, mmap, sigaction, sigprocmask, getsockopt and pre_exec; the only unsafe of the stack"
-)]
+#![expect(unsafe_code, reason = "sched_setscheduler, mmap, sigaction, sigprocmask, getsockopt and pre_exec")]
 
 mod child;
 mod copies;
@@ -35,7 +32,7 @@ pub use signals::{keep_nohup, reset_signals};
 pub use word_pipe::{Pipes, SharedPipes, WordPipe};
 
 use crate::limits::{FILES_OF_A_CONNECTION, LATER_BYTES};
-use settings::{Policy, Scheduling};
+use settings::{Scheduling, SchedulingPolicy};
 
 /// Asks for the scheduling that the scenario wants, and takes what it gets; the launcher reads the result from `/proc`.
 ///
@@ -47,7 +44,7 @@ pub fn enter(wanted: &Scheduling) {
         let limit = Some((wanted.rttime_ms * 1e3) as u64);
         let _ = rustix::process::setrlimit(Resource::Rttime, Rlimit { current: limit, maximum: limit });
     }
-    let fifo = wanted.policy == Policy::Fifo && set_fifo(wanted.priority as i32);
+    let fifo = wanted.policy == SchedulingPolicy::Fifo && set_fifo(wanted.priority as i32);
     if !fifo {
         // Fails only on kernels without the call; the flight then has up to 50 us more jitter.
         let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));

@@ -72,7 +72,7 @@ fn the_gain_minimises_the_printed_cost() {
         let mut scenario = Scenario::from(profile);
         scenario.attitude.disturbance_gain = disturbance_gain;
         scenario.attitude.mpc =
-            Mpc { prediction_horizon_s, control_horizon_s, terminal, r_rate, ..scenario.attitude.mpc };
+            MpcSettings { prediction_horizon_s, control_horizon_s, terminal, r_rate, ..scenario.attitude.mpc };
         scenario.guidance.preview_s = preview_s;
         let (model, condensed) = condensed(&scenario);
         let given = DVector::from_fn(model.states() + GIVEN, |i, _| (1.0 + i as f64).sin() * 0.3);
@@ -134,7 +134,7 @@ fn the_longest_horizon_is_still_finite() {
 
 #[test]
 fn weights_that_rounding_makes_singular_are_refused() {
-    let share = |profile: Profile, set: fn(&mut Mpc)| {
+    let share = |profile: Profile, set: fn(&mut MpcSettings)| {
         let mut scenario = Scenario::from(profile);
         set(&mut scenario.attitude.mpc);
         let hessian = Condensed::new(&PredictionModel::new(&scenario), &scenario).ok()?.hessian;

@@ -5,7 +5,7 @@ use airframe::envelope::Envelope;
 use airframe::projection::Projection;
 use contract::message::{Controls, SolveStatus};
 use nalgebra::{DVector, Vector4};
-use settings::{Constraints, FaultKind, Mode, Scenario, Solver, StateConstraints};
+use settings::{Constraints, FaultKind, Mode, Scenario, SolverName, StateConstraints};
 
 use super::{Condensed, PlanSet};
 use crate::AttitudeMpc;
@@ -13,9 +13,9 @@ use crate::fixture::fault;
 use crate::law::mpc::condensed::GIVEN;
 use crate::tests::{demand_violation, hover, violent_turn};
 
-const SOLVERS: [Solver; 2] = [Solver::Clarabel, Solver::ActiveSet];
+const SOLVERS: [SolverName; 2] = [SolverName::Clarabel, SolverName::ActiveSet];
 
-fn scenario(solver: Solver) -> Scenario {
+fn scenario(solver: SolverName) -> Scenario {
     let mut scenario = crate::fixture::constrained();
     scenario.attitude.mpc.solver = solver;
     scenario.attitude.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
@@ -63,7 +63,7 @@ fn with_a_fault_of_the_solver_every_plan_is_solved() {
     for (kind, status) in
         [(FaultKind::Nan, SolveStatus::Fallback), (FaultKind::IterationCap, SolveStatus::LimitReached)]
     {
-        let mut scenario = scenario(Solver::Clarabel);
+        let mut scenario = scenario(SolverName::Clarabel);
         scenario.fault = vec![fault(kind, 0.0, None)];
         let mut mpc = AttitudeMpc::new(&scenario);
         let (state, mut reference) = hover(&mpc, 0);
@@ -78,7 +78,7 @@ fn with_a_fault_of_the_solver_every_plan_is_solved() {
 
 #[test]
 fn a_fallback_is_the_mixer_s_projection_of_the_unconstrained_demand() {
-    let mut scenario = scenario(Solver::Clarabel);
+    let mut scenario = scenario(SolverName::Clarabel);
     scenario.fault = vec![fault(FaultKind::Nan, 0.0, None)];
     let fallen_back = turn(&scenario, 1)[0];
     scenario.fault.clear();
@@ -92,7 +92,7 @@ fn a_fallback_is_the_mixer_s_projection_of_the_unconstrained_demand() {
 
 #[test]
 fn a_solve_out_of_iterations_publishes_the_best_plan_inside() {
-    let mut scenario = scenario(Solver::Clarabel);
+    let mut scenario = scenario(SolverName::Clarabel);
     let optimum = turn(&scenario, 1)[0];
     let mut nearer = f64::INFINITY;
     for iterations in [2, 4, 6] {
@@ -113,7 +113,7 @@ fn time_is_limited_only_where_there_is_a_clock() {
         (Mode::Lockstep, SolveStatus::Solved),
         (Mode::Inprocess, SolveStatus::Solved),
     ] {
-        let mut scenario = scenario(Solver::Clarabel);
+        let mut scenario = scenario(SolverName::Clarabel);
         scenario.run.mode = mode;
         scenario.attitude.mpc.time_limit_ms = 1e-6;
         assert_eq!(turn(&scenario, 1)[0].status, status as u64, "{mode:?}");
@@ -121,7 +121,7 @@ fn time_is_limited_only_where_there_is_a_clock() {
 }
 
 /// Answer at hover with a yaw rate `r_radps`, which (51) may forbid, and a heading step in its direction.
-fn spin(solver: Solver, limits: StateConstraints, r_radps: f64) -> (Controls, AttitudeMpc) {
+fn spin(solver: SolverName, limits: StateConstraints, r_radps: f64) -> (Controls, AttitudeMpc) {
     let mut scenario = scenario(solver);
     scenario.attitude.mpc.state_constraints = limits;
     let mut mpc = AttitudeMpc::new(&scenario);
@@ -153,7 +153,7 @@ fn a_state_beyond_its_limit_still_has_a_plan() {
 
 #[test]
 fn a_plan_that_keeps_the_states_inside_is_left_alone() {
-    let (free, _) = spin(Solver::Clarabel, StateConstraints::None, 1.0);
-    let (limited, _) = spin(Solver::Clarabel, StateConstraints::Soft, 1.0);
+    let (free, _) = spin(SolverName::Clarabel, StateConstraints::None, 1.0);
+    let (limited, _) = spin(SolverName::Clarabel, StateConstraints::Soft, 1.0);
     assert_eq!(free.demand, limited.demand);
 }

@@ -1,10 +1,10 @@
 //! Solution by the dual active-set method of [`qp`].
 
 use nalgebra::{DMatrix, DVector};
-use qp::{ActiveSet, Member, WorkingSet};
+use qp::{ActiveSet, HeldConstraint, WorkingSet};
 use settings::FaultKind;
 
-use super::outcome::{CONTRADICTION, Outcome, Verdict};
+use super::outcome::{CONTRADICTION, SolveOutcome, SolveVerdict};
 use crate::law::mpc::constraints::{PlanSet, STATE_PENALTY};
 use crate::memory::WarmStart;
 
@@ -74,7 +74,7 @@ impl ActiveSetSolver {
         set: &PlanSet,
         fault: Option<FaultKind>,
         plan: &mut DVector<f64>,
-    ) -> Outcome {
+    ) -> SolveOutcome {
         self.centre.copy_from_slice(unconstrained.as_slice());
         if let Some(states) = &set.states {
             for (pair, y) in self.offsets[self.first_state..].chunks_exact_mut(2).zip(&states.drift) {
@@ -96,11 +96,11 @@ impl ActiveSetSolver {
         }
 
         let verdict = match outcome.termination {
-            qp::Termination::Optimal => Verdict::Solved,
-            qp::Termination::IterationLimit => Verdict::LimitReached,
-            qp::Termination::Infeasible | qp::Termination::NotFinite => Verdict::Failed,
+            qp::Termination::Optimal => SolveVerdict::Solved,
+            qp::Termination::IterationLimit => SolveVerdict::LimitReached,
+            qp::Termination::Infeasible | qp::Termination::NotFinite => SolveVerdict::Failed,
         };
-        Outcome { verdict, iterations: u64::from(outcome.iterations) }
+        SolveOutcome { verdict, iterations: u64::from(outcome.iterations) }
     }
 
     /// Constraints that the next solve starts from.
@@ -116,8 +116,8 @@ impl ActiveSetSolver {
         let mut places = start.places.as_flattened_mut().iter_mut();
         for member in members {
             let place = match member {
-                Member::Row(row) => *row,
-                Member::Cut { disc, towards } => {
+                HeldConstraint::Row(row) => *row,
+                HeldConstraint::Cut { disc, towards } => {
                     *touches.next()? = *towards;
                     self.first_disc + disc
                 }
@@ -139,11 +139,11 @@ impl ActiveSetSolver {
             let is_new = free.get_mut(place).is_some_and(std::mem::take);
             is_new.then_some(())?;
             match place.checked_sub(self.first_disc) {
-                None => Some(Member::Row(place)),
-                Some(disc) => Some(Member::Cut { disc, towards: *touches.next()? }),
+                None => Some(HeldConstraint::Row(place)),
+                Some(disc) => Some(HeldConstraint::Cut { disc, towards: *touches.next()? }),
             }
         };
-        let members: Option<Vec<Member>> = places.iter().map(member).collect();
+        let members: Option<Vec<HeldConstraint>> = places.iter().map(member).collect();
         members.map(|members| self.solver.warm_start(&WorkingSet { members })).is_some()
     }
 }

@@ -15,7 +15,7 @@ use clarabel::solver::{
 use nalgebra::{DMatrix, DVector, DVectorViewMut, RowDVector};
 use settings::FaultKind;
 
-use super::outcome::{CONTRADICTION, Limits, Outcome, Verdict};
+use super::outcome::{CONTRADICTION, SolveLimits, SolveOutcome, SolveVerdict};
 use crate::law::mpc::constraints::{PlanSet, STATE_PENALTY, StateLimits};
 
 /// Tolerance of gap and feasibility: the error of the first move is below 1 mN.
@@ -44,7 +44,7 @@ struct Stage {
     b: Vec<f64>,
     /// Index of the first row of the states in `b`, and the length by which each pair of rows was divided.
     states: (usize, Vec<f64>),
-    limits: Limits,
+    limits: SolveLimits,
     /// `true` if a fault limits the solver to one iteration.
     capped: bool,
 }
@@ -54,7 +54,7 @@ impl ConicSolver {
     ///
     /// # Panics
     /// If Clarabel refuses the set-up, which it does not for finite matrices of matching sizes.
-    pub fn new(hessian: &DMatrix<f64>, set: &PlanSet, limits: Limits) -> Self {
+    pub fn new(hessian: &DMatrix<f64>, set: &PlanSet, limits: SolveLimits) -> Self {
         let moves_only = PlanSet { moves: set.moves.clone(), states: None };
         Self {
             moves: Stage::new(hessian, &moves_only, limits),
@@ -75,12 +75,12 @@ impl ConicSolver {
         set: &mut PlanSet,
         fault: Option<FaultKind>,
         plan: &mut DVector<f64>,
-    ) -> Outcome {
+    ) -> SolveOutcome {
         let first = self.moves.solve(unconstrained, None, fault, plan);
         match &mut self.everything {
-            Some(everything) if first.verdict == Verdict::Solved && set.excess(plan) > NEGLIGIBLE_EXCESS => {
+            Some(everything) if first.verdict == SolveVerdict::Solved && set.excess(plan) > NEGLIGIBLE_EXCESS => {
                 let second = everything.solve(unconstrained, set.states.as_ref(), fault, plan);
-                Outcome { iterations: first.iterations + second.iterations, ..second }
+                SolveOutcome { iterations: first.iterations + second.iterations, ..second }
             }
             _ => first,
         }
@@ -88,7 +88,7 @@ impl ConicSolver {
 }
 
 impl Stage {
-    fn new(hessian: &DMatrix<f64>, set: &PlanSet, limits: Limits) -> Self {
+    fn new(hessian: &DMatrix<f64>, set: &PlanSet, limits: SolveLimits) -> Self {
         let scale = hessian.diagonal().map(f64::sqrt);
         let mut linear = -hessian;
         linear.row_iter_mut().zip(scale.iter()).for_each(|(mut row, d)| row /= *d);
@@ -110,7 +110,7 @@ impl Stage {
         states: Option<&StateLimits>,
         fault: Option<FaultKind>,
         plan: &mut DVector<f64>,
-    ) -> Outcome {
+    ) -> SolveOutcome {
         let moves = self.scale.len();
         DVectorViewMut::from_slice(&mut self.q[..moves], moves).gemv(1.0, &self.linear, unconstrained, 0.0);
         if let Some(states) = states {
@@ -129,16 +129,16 @@ impl Stage {
 
         let solution = &self.clarabel.solution;
         let verdict = match solution.status {
-            _ if !updated => Verdict::Failed,
-            SolverStatus::Solved | SolverStatus::AlmostSolved => Verdict::Solved,
-            SolverStatus::MaxIterations | SolverStatus::MaxTime => Verdict::LimitReached,
-            _ => Verdict::Failed,
+            _ if !updated => SolveVerdict::Failed,
+            SolverStatus::Solved | SolverStatus::AlmostSolved => SolveVerdict::Solved,
+            SolverStatus::MaxIterations | SolverStatus::MaxTime => SolveVerdict::LimitReached,
+            _ => SolveVerdict::Failed,
         };
-        if verdict != Verdict::Failed {
+        if verdict != SolveVerdict::Failed {
             plan.copy_from_slice(&solution.x[..moves]);
             plan.component_div_assign(&self.scale);
         }
-        Outcome { verdict, iterations: u64::from(solution.iterations) }
+        SolveOutcome { verdict, iterations: u64::from(solution.iterations) }
     }
 
     /// Updates Clarabel with the numbers of this tick, altered by an active `fault`. Returns whether it accepted them.
@@ -147,7 +147,7 @@ impl Stage {
         if capped != self.capped {
             self.capped = capped;
             let iterations = if capped { 1 } else { self.limits.iterations };
-            let settings = settings(Limits { iterations, ..self.limits });
+            let settings = settings(SolveLimits { iterations, ..self.limits });
             if self.clarabel.update_settings(settings).is_err() {
                 return false;
             }
@@ -165,7 +165,7 @@ impl Stage {
     }
 }
 
-fn settings(limits: Limits) -> DefaultSettings<f64> {
+fn settings(limits: SolveLimits) -> DefaultSettings<f64> {
     DefaultSettings {
         max_iter: limits.iterations,
         time_limit: limits.time_s,

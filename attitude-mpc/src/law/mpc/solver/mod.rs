@@ -16,10 +16,10 @@ pub mod active_set;
 pub mod clarabel;
 mod outcome;
 
-pub use self::outcome::{Limits, Outcome, Verdict};
+pub use self::outcome::{SolveLimits, SolveOutcome, SolveVerdict};
 
 use nalgebra::{DMatrix, DVector};
-use settings::{FaultKind, Scenario, Solver as Choice};
+use settings::{FaultKind, Scenario, SolverName};
 
 use self::active_set::ActiveSetSolver;
 use self::clarabel::ConicSolver;
@@ -37,10 +37,10 @@ pub enum Solver {
 impl Solver {
     /// Sets up the problem with the Hessian `H` (4Nu x 4Nu) for the solver of a scenario.
     pub fn new(scenario: &Scenario, hessian: &DMatrix<f64>, set: &PlanSet) -> Self {
-        let limits = Limits::of(scenario);
+        let limits = SolveLimits::of(scenario);
         match scenario.attitude.mpc.solver {
-            Choice::Clarabel => Self::Clarabel(Box::new(ConicSolver::new(hessian, set, limits))),
-            Choice::ActiveSet => Self::ActiveSet(Box::new(ActiveSetSolver::new(hessian, set, limits.iterations))),
+            SolverName::Clarabel => Self::Clarabel(Box::new(ConicSolver::new(hessian, set, limits))),
+            SolverName::ActiveSet => Self::ActiveSet(Box::new(ActiveSetSolver::new(hessian, set, limits.iterations))),
         }
     }
 
@@ -52,7 +52,7 @@ impl Solver {
         set: &mut PlanSet,
         fault: Option<FaultKind>,
         plan: &mut DVector<f64>,
-    ) -> Outcome {
+    ) -> SolveOutcome {
         match self {
             Self::Clarabel(solver) => solver.solve(unconstrained, set, fault, plan),
             Self::ActiveSet(solver) => solver.solve(unconstrained, set, fault, plan),

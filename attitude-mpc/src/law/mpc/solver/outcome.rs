@@ -7,7 +7,7 @@ pub const CONTRADICTION: f64 = 1e6;
 
 /// Result of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum SolveVerdict {
     /// Optimum, to the solver's tolerance.
     Solved,
     /// Last iterate, which may be outside the set, when iterations or time ran out.
@@ -18,23 +18,23 @@ pub enum Verdict {
 
 /// Result and effort of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Outcome {
+pub struct SolveOutcome {
     /// Result of the solve.
-    pub verdict: Verdict,
+    pub verdict: SolveVerdict,
     /// Number of iterations.
     pub iterations: u64,
 }
 
 /// Limits of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct SolveLimits {
     /// Most iterations.
     pub iterations: u32,
     /// Longest time \[s\], infinite without a limit.
     pub time_s: f64,
 }
 
-impl Limits {
+impl SolveLimits {
     /// Reads the limits of a scenario; time is limited in mode `realtime` only.
     pub fn of(scenario: &Scenario) -> Self {
         let timed = scenario.run.mode == Mode::Realtime && scenario.attitude.mpc.time_limit_ms > 0.0;

@@ -8,7 +8,7 @@ use crate::law::mpc::condensed::Condensed;
 use crate::law::mpc::constraints::STATE_PENALTY;
 use crate::model::PredictionModel;
 
-const SOLVERS: [Choice; 2] = [Choice::Clarabel, Choice::ActiveSet];
+const SOLVERS: [SolverName; 2] = [SolverName::Clarabel, SolverName::ActiveSet];
 /// Demands of a plan of ten moves.
 const PLAN: usize = 40;
 
@@ -19,7 +19,7 @@ struct SetUp {
     solver: Solver,
 }
 
-fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
+fn set_up(solver: SolverName, change: impl FnOnce(&mut Scenario)) -> SetUp {
     let mut scenario = crate::fixture::constrained();
     scenario.attitude.mpc.solver = solver;
     scenario.attitude.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
@@ -33,7 +33,7 @@ fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
 }
 
 impl SetUp {
-    fn solve(&mut self, wanted: &DVector<f64>, plan: &mut DVector<f64>) -> Verdict {
+    fn solve(&mut self, wanted: &DVector<f64>, plan: &mut DVector<f64>) -> SolveVerdict {
         self.solver.solve(wanted, &mut self.set, None, plan).verdict
     }
 
@@ -60,7 +60,7 @@ fn a_plan_inside_the_set_is_its_own_optimum() {
         let mut set_up = set_up(choice, |scenario| scenario.attitude.mpc.constraints = constraints);
         let wanted = DVector::from_fn(PLAN, |i, _| [-2.0, 0.1, -0.1, 0.2][i % 4]);
         let mut plan = DVector::zeros(PLAN);
-        assert_eq!(set_up.solve(&wanted, &mut plan), Verdict::Solved);
+        assert_eq!(set_up.solve(&wanted, &mut plan), SolveVerdict::Solved);
         let miss = (&plan - &wanted).component_div(&wanted).amax();
         assert!(miss < 1e-5, "{choice:?} {constraints:?}: {miss:e}");
     }
@@ -71,13 +71,13 @@ fn a_solve_does_not_depend_on_the_one_before() {
     for choice in SOLVERS {
         let mut set_up = set_up(choice, |_| {});
         let (mut first, mut other, mut again) = (DVector::zeros(PLAN), DVector::zeros(PLAN), DVector::zeros(PLAN));
-        assert_eq!(set_up.solve(&violent(), &mut first), Verdict::Solved);
-        assert_eq!(set_up.solve(&(violent() * -0.5), &mut other), Verdict::Solved);
-        assert_eq!(set_up.solve(&(violent() * f64::NAN), &mut other), Verdict::Failed);
-        assert_eq!(set_up.solve(&violent(), &mut again), Verdict::Solved);
+        assert_eq!(set_up.solve(&violent(), &mut first), SolveVerdict::Solved);
+        assert_eq!(set_up.solve(&(violent() * -0.5), &mut other), SolveVerdict::Solved);
+        assert_eq!(set_up.solve(&(violent() * f64::NAN), &mut other), SolveVerdict::Failed);
+        assert_eq!(set_up.solve(&violent(), &mut again), SolveVerdict::Solved);
         let miss = (&first - &again).amax();
         // Clarabel has no warm start; the active set starts from the last solution, so its result differs by rounding.
-        assert!(if choice == Choice::Clarabel { miss == 0.0 } else { miss < 1e-8 }, "{choice:?}: {miss:e}");
+        assert!(if choice == SolverName::Clarabel { miss == 0.0 } else { miss < 1e-8 }, "{choice:?}: {miss:e}");
     }
 }
 
@@ -88,12 +88,16 @@ fn without_a_solution_the_plan_is_left_alone() {
         let before = DVector::from_element(PLAN, 7.0);
         let mut plan = before.clone();
         for poison in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert_eq!(set_up.solve(&DVector::from_element(PLAN, poison), &mut plan), Verdict::Failed, "{choice:?}");
+            assert_eq!(
+                set_up.solve(&DVector::from_element(PLAN, poison), &mut plan),
+                SolveVerdict::Failed,
+                "{choice:?}"
+            );
             assert_eq!(plan, before);
         }
         for kind in [FaultKind::Nan, FaultKind::Infeasible] {
             let outcome = set_up.solver.solve(&violent(), &mut set_up.set, Some(kind), &mut plan);
-            assert_eq!(outcome.verdict, Verdict::Failed, "{choice:?} {kind:?}");
+            assert_eq!(outcome.verdict, SolveVerdict::Failed, "{choice:?} {kind:?}");
             assert_eq!(plan, before);
         }
     }
@@ -101,7 +105,7 @@ fn without_a_solution_the_plan_is_left_alone() {
 
 #[test]
 fn the_time_limit_sees_this_solve_alone() {
-    let mut set_up = set_up(Choice::Clarabel, |_| {});
+    let mut set_up = set_up(SolverName::Clarabel, |_| {});
     let mut plan = DVector::zeros(PLAN);
     for _ in 0..20 {
         let (_, wall_ns) = runtime::timed(|| set_up.solve(&violent(), &mut plan));
@@ -125,13 +129,13 @@ proptest! {
         wanted in prop::collection::vec(-1.0..1.0_f64, PLAN), elsewhere in prop::collection::vec(-1.0..1.0_f64, PLAN),
         [exact, own] in prop::array::uniform2(prop::bool::ANY),
     ) {
-        let mut set_up = set_up(if own { Choice::ActiveSet } else { Choice::Clarabel }, |scenario| {
+        let mut set_up = set_up(if own { SolverName::ActiveSet } else { SolverName::Clarabel }, |scenario| {
             scenario.attitude.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
         });
         let (wanted, elsewhere) = (ask(&wanted), ask(&elsewhere));
         let (mut best, mut other) = (DVector::zeros(PLAN), DVector::zeros(PLAN));
-        prop_assert_eq!(set_up.solve(&wanted, &mut best), Verdict::Solved);
-        prop_assert_eq!(set_up.solve(&elsewhere, &mut other), Verdict::Solved);
+        prop_assert_eq!(set_up.solve(&wanted, &mut best), SolveVerdict::Solved);
+        prop_assert_eq!(set_up.solve(&elsewhere, &mut other), SolveVerdict::Solved);
         prop_assert!(set_up.set.violation(&best) < 1e-6);
 
         let gradient = &set_up.hessian * (&best - &wanted);
@@ -160,7 +164,7 @@ proptest! {
             let wanted = &set_up.gain * &given;
             set_up.set.start(&given);
             let mut plan = DVector::zeros(PLAN);
-            prop_assert_eq!(set_up.solve(&wanted, &mut plan), Verdict::Solved, "{:?}", choice);
+            prop_assert_eq!(set_up.solve(&wanted, &mut plan), SolveVerdict::Solved, "{:?}", choice);
             prop_assert!(set_up.set.violation(&plan) < 1e-6);
             costs.push(set_up.cost(&plan, &wanted));
             // The solvers' objective lacks the constant 1/2 U*'H U*, and their tolerances are relative to it.

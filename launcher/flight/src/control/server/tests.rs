@@ -31,7 +31,7 @@ fn a_request_may_come_in_pieces_and_its_sender_gets_the_answer() {
     assert!(server.request().is_none());
     client.write_all(b"tus\"\nmore").expect("written");
     let (request, reply) = server.request().expect("a request");
-    assert_eq!(request, Request::Status);
+    assert_eq!(request, ControlRequest::Status);
     reply.send(&Response::Ok(json!(7)));
     assert_eq!(told(client), Response::Ok(json!(7)));
     assert_eq!(server.sources().count(), 0, "one at a look");
@@ -91,5 +91,5 @@ fn the_kernel_names_the_sender_of_a_request() {
     enter(&domain).write_all(b"\"status\"\n").expect("written");
     let (_, reply) = server.request().expect("a request");
     let user = rustix::process::geteuid().as_raw();
-    assert_eq!(reply.sender(), Some(Sender { pid: std::process::id() as i32, user }));
+    assert_eq!(reply.sender(), Some(CommandSender { pid: std::process::id() as i32, user }));
 }

@@ -2,8 +2,8 @@
 
 use runtime::shared_role::Origin;
 
-use super::super::index::{Parts, Wanted};
-use super::super::{ALL, Memory, Span, memories, stream};
+use super::super::index::{Parts, WantedRecords};
+use super::super::{ALL, LogSpan, Memory, memories, stream};
 use super::*;
 
 const SAMPLE_NS: u64 = 10_000_000;
@@ -30,13 +30,13 @@ fn write(path: &Path) {
 }
 
 /// Returns the ticks of the messages in a span, the events, and the defect.
-fn read_part(path: &Path, span: Span) -> (Vec<u64>, Vec<Event>, Option<String>) {
+fn read_part(path: &Path, span: LogSpan) -> (Vec<u64>, Vec<Event>, Option<String>) {
     let mut ticks = vec![];
     let log = stream(path, span, |_, record| ticks.push(record.tick())).unwrap();
     (ticks, log.events, log.defect)
 }
 
-fn seconds(from: u64, to: u64) -> Span {
+fn seconds(from: u64, to: u64) -> LogSpan {
     from * 1_000_000_000..=to * 1_000_000_000
 }
 
@@ -67,16 +67,16 @@ fn a_part_is_the_same_with_the_index_and_without() {
 fn chunks_outside_the_span_are_not_read() {
     let (_folder, path) = place();
     write(&path);
-    let count = |wanted: Wanted| {
+    let count = |wanted: WantedRecords| {
         let file = fs::File::open(&path).unwrap();
         let size = file.metadata().unwrap().len();
         let mut bytes = vec![];
         std::io::Read::read_to_end(&mut Parts::of(file, size, &wanted).unwrap(), &mut bytes).unwrap();
         bytes.len() as f64 / size as f64
     };
-    assert_eq!(count(Wanted::Messages(ALL)), 1.0);
-    assert!(count(Wanted::Messages(seconds(31, 33))) < 0.4);
-    assert!(count(Wanted::Memories(seconds(31, 41))) < 0.2);
+    assert_eq!(count(WantedRecords::Messages(ALL)), 1.0);
+    assert!(count(WantedRecords::Messages(seconds(31, 33))) < 0.4);
+    assert!(count(WantedRecords::Memories(seconds(31, 41))) < 0.2);
 }
 
 #[test]

@@ -25,7 +25,7 @@ use contract::topic::NODES;
 use flight::log::{Log, Record, counted, status_name};
 use serde_json::{Value, json};
 
-use crate::cycle::{Cycle, micros};
+use crate::cycle::{CycleTimes, micros};
 use outcome::happenings::{Happenings, Span};
 use outcome::ticks::{InForce, LoggedTick};
 
@@ -161,7 +161,7 @@ impl Trace {
             // The next message of the same process carries this cycle's CPU time.
             let after = cycles.peek().map(|(after, _)| after.stamp()).filter(|after| after.epoch == stamp.epoch);
             let publish_ns = stamp.publish_ns[lane];
-            let cycle = Cycle::new(M::TOPIC, stamp, &before, after);
+            let cycle = CycleTimes::new(M::TOPIC, stamp, &before, after);
             let mut args = json!({
                 "tick": stamp.tick,
                 "sequence": stamp.sequence,

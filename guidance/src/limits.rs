@@ -1,5 +1,5 @@
-//! Re-entry after a silence: the reference is limited for a while, because the position error has become large and
-//! would otherwise use the full range of the settings' limits.
+//! Limits of the reference. After a silence they are narrower for a while (re-entry), because the position error has
+//! become large and would otherwise use the full range of the settings' limits.
 //!
 //! ```text
 //! |angles| <= 15 deg + 5 deg/s t        about trim, t since the first state after a silence of more than 100 ms,
@@ -8,6 +8,8 @@
 //!
 //! After a silence the vehicle falls, turns and tilts, and its rotors are near their limits: thrust used to reach a
 //! distant reference is not available to level the vehicle.
+
+use nalgebra::{Vector2, Vector3};
 
 /// Longest gap between two states that does not count as a silence \[s\].
 const MAX_GAP_S: f64 = 0.1;
@@ -24,14 +26,14 @@ const MAX_CLIMB_MPS2: f64 = 1.0;
 
 /// Limits of a reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct ReferenceLimits {
     /// Largest angles about trim \[rad\].
     pub angle_rad: f64,
     /// Largest climb, up or down \[m/s\].
     pub climb_mps: f64,
 }
 
-impl Limits {
+impl ReferenceLimits {
     /// Reduces the limits `since_s` after the end of a silence; `None` if there was none.
     #[must_use]
     pub fn after_silence(self, since_s: Option<f64>) -> Self {
@@ -46,4 +48,27 @@ impl Limits {
 /// Returns whether a gap of `elapsed_s` between two states is a silence.
 pub fn is_silence(elapsed_s: f64) -> bool {
     elapsed_s > MAX_GAP_S
+}
+
+/// Shortens a horizontal vector to `bound`, whatever its direction.
+pub fn within(horizontal: &Vector2<f64>, bound: f64) -> Vector2<f64> {
+    if horizontal.x.abs() + horizontal.y.abs() <= bound {
+        return *horizontal; // no longer than its two parts, which is nearly always enough
+    }
+    let length = libm::hypot(horizontal.x, horizontal.y);
+    if length > bound { horizontal * (bound / length) } else { *horizontal }
+}
+
+/// Shortens the horizontal part of an integral, and clamps the vertical one.
+pub fn bounded(integral: &Vector3<f64>, bound: f64) -> Vector3<f64> {
+    within(&integral.xy(), bound).push(integral.z.clamp(-bound, bound))
+}
+
+/// Clamps `value` to +-`bound`, and sets `flag` if that changes it.
+pub fn limit(value: f64, bound: f64, flag: u64, flags: &mut u64) -> f64 {
+    let inside = value.clamp(-bound, bound);
+    if inside != value {
+        *flags |= flag;
+    }
+    inside
 }

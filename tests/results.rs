@@ -1,0 +1,139 @@
+//! The pages of docs/results: each block of commands prints what the page says.
+//!
+//! A block that begins with "```console" has commands (`$ `), which run in bash one after the other, with what they
+//! print. `trefoil` is the program just built, or `LAUNCHER`, a path. Blocks marked `console slow` are flown if
+//! `RESULTS` in the environment names the page, or is `all`. `REWRITE=1` flies all blocks and writes what they print,
+//! and the commit, into the pages.
+
+use std::env;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::PathBuf;
+use std::process::Command;
+use std::thread;
+
+use crate::harness::{launcher, top};
+
+const BEGIN: &str = "```console";
+const SLOW: &str = "```console slow";
+const END: &str = "```";
+/// Begins the name of the commit that flew a page.
+const COMMIT: &str = "Flown by commit ";
+
+/// Pages with their texts, in the order of their names.
+fn pages() -> Vec<(PathBuf, String)> {
+    let folder = fs::read_dir(top().join("docs/results")).expect("a folder");
+    let mut pages: Vec<PathBuf> = folder.map(|entry| entry.expect("readable").path()).collect();
+    pages.sort();
+    let read = |path: PathBuf| {
+        let text = fs::read_to_string(&path).expect("a readable page");
+        (path, text)
+    };
+    pages.into_iter().map(read).collect()
+}
+
+/// Commands of a block; a line that ends with a backslash goes on.
+fn commands(block: &str) -> Vec<String> {
+    let mut commands: Vec<String> = vec![];
+    let mut goes_on = false;
+    for line in block.lines() {
+        match (goes_on, line.strip_prefix("$ ")) {
+            (true, _) => *commands.last_mut().expect("it began") += &format!("\n{line}"),
+            (false, Some(command)) => commands.push(command.to_owned()),
+            (false, None) => continue, // printed
+        }
+        goes_on = line.ends_with('\\');
+    }
+    commands
+}
+
+/// Flies a block in a folder of its own; returns its commands, each with what it prints except speed and place.
+fn flown(block: &str) -> String {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for name in ["scenarios", "campaigns"] {
+        symlink(top().join(name), folder.path().join(name)).expect("a link");
+    }
+    let built = PathBuf::from(launcher().get_program());
+    let program = env::var_os("LAUNCHER").map_or(built, |path| top().join(path));
+    let path = format!("{}:{}", program.parent().expect("a folder").display(), env::var("PATH").unwrap_or_default());
+    let fly = |command: String| {
+        let mut bash = Command::new("bash");
+        bash.args(["-c", &format!("({command}) 2>&1")]).current_dir(folder.path()).env("PATH", &path);
+        let output = bash.output().expect("bash runs");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        let of_one_run =
+            |line: &&str| !["speed ", "written to "].iter().any(|word| line.trim_start().starts_with(word));
+        let lines = said.lines().filter(of_one_run).map(|line| format!("{}\n", line.trim_end()));
+        format!("$ {command}\n{}", lines.collect::<String>())
+    };
+    commands(block).into_iter().map(fly).collect()
+}
+
+/// Returns a page with the blocks flown that `flies` selects by their first line.
+fn again(page: &str, flies: impl Fn(&str) -> bool) -> String {
+    let mut new = String::new();
+    let mut lines = page.lines();
+    while let Some(line) = lines.next() {
+        new += &format!("{line}\n");
+        if line.starts_with(BEGIN) {
+            let block: String = lines.by_ref().take_while(|line| *line != END).map(|l| format!("{l}\n")).collect();
+            new += &if flies(line) { flown(&block) } else { block };
+            new += &format!("{END}\n");
+        }
+    }
+    new
+}
+
+/// Writes the present commit into a page.
+fn with_commit(page: &str) -> String {
+    let output = Command::new("git").args(["rev-parse", "--short=8", "HEAD"]).current_dir(top()).output();
+    let commit = String::from_utf8(output.expect("git runs").stdout).expect("text");
+    let (before, after) = page.split_once(COMMIT).expect("a page names the commit that flew it");
+    let rest = after.trim_start_matches(|c: char| c.is_ascii_hexdigit());
+    format!("{before}{COMMIT}{}{rest}", commit.trim())
+}
+
+/// Flies the selected blocks of a page again; returns how it differs, or writes it anew.
+fn check((path, page): &(PathBuf, String)) -> Option<String> {
+    let wanted = env::var("RESULTS").unwrap_or_default();
+    let name = path.file_stem().and_then(|name| name.to_str()).expect("a plain name");
+    let flies_slow = wanted.split(',').any(|word| word == name || word == "all");
+    let rewrites = env::var_os("REWRITE").is_some();
+    let new = again(page, |first| rewrites || flies_slow || first != SLOW);
+    let place = path.strip_prefix(top()).map_or("", |path| path.to_str().unwrap_or_default());
+    match (new == *page, rewrites) {
+        (true, _) => None,
+        (false, true) => fs::write(path, with_commit(&new)).err().map(|error| format!("{place}: {error}")),
+        (false, false) => {
+            let lines = new.lines().filter(|line| !page.lines().any(|of_page| of_page == *line));
+            Some(format!("{place} does not have:\n{}", lines.collect::<Vec<_>>().join("\n")))
+        }
+    }
+}
+
+#[test]
+fn every_command_of_the_results_prints_what_its_page_says() {
+    let pages = pages();
+    assert!(pages.iter().any(|(_, page)| page.contains(BEGIN)), "the pages have commands");
+    let differences: Vec<String> = thread::scope(|scope| {
+        let two = [0, 1].map(|one| {
+            let pages = &pages;
+            scope.spawn(move || pages.iter().skip(one).step_by(2).filter_map(check).collect::<Vec<_>>())
+        });
+        two.into_iter().flat_map(|flown| flown.join().expect("flights end")).collect()
+    });
+    assert!(differences.is_empty(), "{}", differences.join("\n\n"));
+}
+
+#[test]
+fn a_command_goes_on_after_a_backslash_and_what_is_printed_is_none() {
+    assert_eq!(
+        commands("$ for a in 1; \\\n  do echo $a; done\n1\n$ true\n"),
+        ["for a in 1; \\\n  do echo $a; done", "true"]
+    );
+    let page =
+        "Flown by commit 00000000.\n```console\n$ echo a; echo speed 1\nb\n```\n```console slow\n$ false\nc\n```\n";
+    let new = again(page, |first| first != SLOW);
+    assert_eq!(new, page.replace("\nb\n", "\na\n"));
+    assert!(!with_commit(&new).contains("00000000"));
+}
