@@ -6,7 +6,7 @@ use std::process::{Output, Stdio};
 
 use serde_json::Value;
 
-use crate::harness::{in_memory, launcher, top};
+use crate::harness::{in_memory, launcher};
 
 const QUICK: [&str; 2] = ["--rounds", "1"];
 

@@ -18,7 +18,7 @@ fn case_file(name: &str) -> String {
 }
 
 /// Largest altitude errors from 10 to 50 s and in the rest of a flight, from its log \[m\].
-pub fn altitude_errors_m(flown: &Outcome) -> [f64; 2] {
+fn altitude_errors_m(flown: &Outcome) -> [f64; 2] {
     let mut gathered = None;
     let read = Recorded::read_each(&flown.out, TimeSpan::ALL, |scenario, record| {
         let (joined, reach) = gathered.get_or_insert_with(|| (Joined::new(scenario, 0), Reach::new(scenario)));

@@ -1,9 +1,9 @@
 //! The pages of docs/results: each block of commands prints what the page says.
 //!
-//! A block that begins with "```console" has commands (`$ `), which run in bash one after the other, with what they
-//! print. `trefoil` is the program just built, or `LAUNCHER`, a path. Blocks marked `console slow` are flown if
-//! `RESULTS` in the environment names the page, or is `all`. `REWRITE=1` flies all blocks and writes what they print,
-//! and the commit, into the pages.
+//! A fenced block marked `console` has commands (`$ `), which run in bash one after the other, with what they print.
+//! `trefoil` is the program just built, or `LAUNCHER`, a path. Blocks marked `console slow` are flown if `RESULTS` in
+//! the environment names the page, or is `all`. `REWRITE=1` writes what the blocks print, and the commit, into the
+//! pages; without `RESULTS` it flies all of them.
 
 use std::env;
 use std::fs;
@@ -38,7 +38,11 @@ fn commands(block: &str) -> Vec<String> {
     let mut goes_on = false;
     for line in block.lines() {
         match (goes_on, line.strip_prefix("$ ")) {
-            (true, _) => *commands.last_mut().expect("it began") += &format!("\n{line}"),
+            (true, _) => {
+                let command = commands.last_mut().expect("it began");
+                command.push('\n');
+                command.push_str(line);
+            }
             (false, Some(command)) => commands.push(command.to_owned()),
             (false, None) => continue, // printed
         }
@@ -63,8 +67,10 @@ fn flown(block: &str) -> String {
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         let of_one_run =
             |line: &&str| !["speed ", "written to "].iter().any(|word| line.trim_start().starts_with(word));
-        let lines = said.lines().filter(of_one_run).map(|line| format!("{}\n", line.trim_end()));
-        format!("$ {command}\n{}", lines.collect::<String>())
+        let lines = said.lines().filter(of_one_run).map(str::trim_end);
+        let lines: String = lines.flat_map(|line| [line, "\n"]).collect();
+        assert!(!lines.lines().any(|line| line.starts_with("error: ")), "{command}\n{lines}");
+        format!("$ {command}\n{lines}")
     };
     commands(block).into_iter().map(fly).collect()
 }
@@ -72,13 +78,14 @@ fn flown(block: &str) -> String {
 /// Returns a page with the blocks flown that `flies` selects by their first line.
 fn again(page: &str, flies: impl Fn(&str) -> bool) -> String {
     let mut new = String::new();
-    let mut lines = page.lines();
+    let mut lines = page.split_inclusive('\n');
     while let Some(line) = lines.next() {
-        new += &format!("{line}\n");
+        new.push_str(line);
         if line.starts_with(BEGIN) {
-            let block: String = lines.by_ref().take_while(|line| *line != END).map(|l| format!("{l}\n")).collect();
-            new += &if flies(line) { flown(&block) } else { block };
-            new += &format!("{END}\n");
+            let block: String = lines.by_ref().take_while(|line| line.trim_end() != END).collect();
+            new.push_str(&if flies(line.trim_end()) { flown(&block) } else { block });
+            new.push_str(END);
+            new.push('\n');
         }
     }
     new
@@ -97,9 +104,9 @@ fn with_commit(page: &str) -> String {
 fn check((path, page): &(PathBuf, String)) -> Option<String> {
     let wanted = env::var("RESULTS").unwrap_or_default();
     let name = path.file_stem().and_then(|name| name.to_str()).expect("a plain name");
-    let flies_slow = wanted.split(',').any(|word| word == name || word == "all");
     let rewrites = env::var_os("REWRITE").is_some();
-    let new = again(page, |first| rewrites || flies_slow || first != SLOW);
+    let flies_slow = wanted.split(',').any(|word| word == name || word == "all") || rewrites && wanted.is_empty();
+    let new = again(page, |first| flies_slow || first != SLOW);
     let place = path.strip_prefix(top()).map_or("", |path| path.to_str().unwrap_or_default());
     match (new == *page, rewrites) {
         (true, _) => None,

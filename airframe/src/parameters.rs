@@ -80,7 +80,7 @@ impl From<Preset> for Parameters {
     /// diameter D and sea-level air `K_F = C_T rho D^4 / (2 pi)^2` and `K_M = C_P rho D^5 / (2 pi)^3`. Mass and inertia
     /// are summed over the parts, as rods, boxes and points: battery 0.35 kg and electronics 0.30 kg at the centre,
     /// motors with controllers of 85 g at the ends, a servo of 60 g in front, arms of 45 g, legs of 30 g. Test
-    /// `the_second_vehicle_is_what_its_parts_make`.
+    /// `the_second_vehicle_has_the_mass_and_inertia_of_its_parts`.
     fn from(preset: Preset) -> Self {
         match preset {
             Preset::Paper => Self {

@@ -195,6 +195,14 @@ impl<C: Core> Node for Wired<C> {
 }
 
 /// Runs the node that `open` opens as a process: it answers to every sample until the run is over.
+///
+/// ```text
+/// open the ports, continue from the memory of the process before, be ready
+/// for each sample: sleep until the input comes or is late         CycleLoop::next
+///                  apply the faults that are new                  CycleLoop::new_faults
+///                  take in the newest messages, step, send        Node::answer
+///                  leave the memory for the next process          CycleLoop::done
+/// ```
 #[cfg(target_os = "linux")]
 pub fn run(mut session: NodeSession, open: Open) -> Result<(), SessionError> {
     let mut node = session.open(open)?;

@@ -98,9 +98,9 @@ impl NodeSession {
         Ok(SampleLoop::new(self.member, release))
     }
 
-    /// Enters the real-time class, tests the ports (before the run only) and says that this process is ready. A process in lockstep does not
-    /// enter the real-time class: it has no deadline, and a ring that never sleeps would starve its observers. The
-    /// launcher chose its CPU, unless the scenario names others.
+    /// Enters the real-time class, tests the ports (before the run only) and says that this process is ready. A process
+    /// in lockstep does not enter the real-time class: it has no deadline, and a ring that never sleeps would starve
+    /// its observers. The launcher chose its CPU, unless the scenario names others.
     fn become_ready(&mut self) -> Result<Release, SessionError> {
         let Member { page, topic, epoch, timing, .. } = &self.member;
         let release = Release::of(&self.scenario);

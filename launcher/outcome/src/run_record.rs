@@ -67,7 +67,8 @@ pub struct RunRecord {
     pub replays: bool,
     /// Bounds, each compared with the flight.
     pub bounds: Vec<BoundCheck>,
-    /// Hover of the vehicle, and its control loops in small motions; null for a record that `fly` has not made, and without a log.
+    /// Hover of the vehicle, and its control loops in small motions; null for a record that `fly` has not made, and
+    /// without a log.
     pub hover: Option<Hover>,
     /// Speed of the flight against the clock.
     pub speed: Speed,

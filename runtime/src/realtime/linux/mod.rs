@@ -1,9 +1,9 @@
 //! Services of the kernel: priority, locked memory, one shared page, shared pipes, children that die with
 //! their parent, copies that end.
 //!
-//! This is the only module of the stack itself with `unsafe`: calls that rustix does not offer in safe form, each with the reason why it is
-//! sound. A flight needs neither priority nor locked memory: without the privilege the stack runs as `SCHED_OTHER` and
-//! says so.
+//! This is the only module of the stack itself with `unsafe`: calls that rustix does not offer in safe form, each with
+//! the reason why it is sound. A flight needs neither priority nor locked memory: without the privilege the stack runs
+//! as `SCHED_OTHER` and says so.
 
 #![expect(unsafe_code, reason = "sched_setscheduler, mmap, sigaction, sigprocmask, getsockopt and pre_exec")]
 
