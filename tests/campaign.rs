@@ -389,8 +389,7 @@ fn the_campaigns_of_the_page_can_be_flown() {
 fn the_shipped_campaigns_can_be_flown() {
     let mut flown = 0;
     for entry in fs::read_dir(top().join("campaigns")).expect("the campaigns").flatten() {
-        let plan =
-            campaign::CampaignPlan::new(campaign::Campaign::load(&entry.path()).expect("a campaign")).expect("a plan");
+        let plan = campaign::Plan::new(campaign::Campaign::load(&entry.path()).expect("a campaign")).expect("a plan");
         plan.check().unwrap_or_else(|error| panic!("{}: {error}", entry.path().display()));
         flown += 1;
     }

@@ -9,12 +9,12 @@ use std::sync::atomic::AtomicU32;
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, bail, ensure};
-use campaign::folder::{Access, CampaignFolder};
+use campaign::folder::{CampaignFolder, FolderAccess};
 use campaign::layout::MAX_SHARDS;
 use campaign::page::under_way;
 use campaign::row;
 use campaign::table::Cell;
-use campaign::{Campaign, CampaignPlan, OwnController, local, seeds, slurm};
+use campaign::{Campaign, OwnController, Plan, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
 use flight::interrupts::catch_interrupts;
@@ -149,7 +149,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
         return fly_again(&plan, number, &out);
     }
     if args.status || args.collect {
-        let folder = CampaignFolder::open(&out, &plan, None, Access::Reading)?;
+        let folder = CampaignFolder::open(&out, &plan, None, FolderAccess::Reading)?;
         return if args.status { status(&plan, &folder) } else { conclude(&plan, &folder, &shown) };
     }
     plan.check().and_then(|()| seeds::check(&plan)).with_context(|| what.file.display().to_string())?;
@@ -161,13 +161,12 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
 }
 
 impl What {
-    fn plan(&self) -> anyhow::Result<CampaignPlan> {
+    fn plan(&self) -> anyhow::Result<Plan> {
         scenarios::tell(ShippedKind::Campaign, &self.file);
-        CampaignPlan::new(Campaign::load_with(&self.file, &self.controller)?)
-            .with_context(|| self.file.display().to_string())
+        Plan::new(Campaign::load_with(&self.file, &self.controller)?).with_context(|| self.file.display().to_string())
     }
 
-    fn out(&self, plan: &CampaignPlan) -> PathBuf {
+    fn out(&self, plan: &Plan) -> PathBuf {
         self.out.clone().unwrap_or_else(|| Path::new("runs").join(plan.campaign.name()))
     }
 
@@ -182,12 +181,12 @@ impl What {
 /// Flies the missing shards on all cores of this machine; returns the exit code.
 fn fly_here(
     out: &Path,
-    plan: &CampaignPlan,
+    plan: &Plan,
     shards: Option<u64>,
     page: Option<OpenPage>,
     shown: &ResultsView,
 ) -> anyhow::Result<u8> {
-    let folder = CampaignFolder::open(out, plan, shards, Access::Alone)?;
+    let folder = CampaignFolder::open(out, plan, shards, FolderAccess::Alone)?;
     // Reads the shards that exist, so that a damaged one is an error before any flight.
     let (there, missing) = folder.collect(plan)?;
     if there.rows() > 0 {
@@ -202,7 +201,7 @@ fn fly_here(
     }
     // Signals are caught only from here on: until now nothing has begun, and a signal may end the program.
     let interrupts = catch_interrupts()?;
-    let fly = |landed: &mut dyn FnMut(&local::CampaignProgress, &[Cell])| {
+    let fly = |landed: &mut dyn FnMut(&local::Progress, &[Cell])| {
         let code = fly_missing(plan, &folder, &missing, &interrupts, landed);
         let concluded = conclude(plan, &folder, shown)?;
         Ok(if code == exit::FLOWN { concluded } else { code })
@@ -233,11 +232,11 @@ fn fly_here(
 
 /// Flies the missing shards and prints why it stopped, if it did; `landed` gets each flight. Returns the exit code.
 fn fly_missing(
-    plan: &CampaignPlan,
+    plan: &Plan,
     folder: &CampaignFolder,
     missing: &[u64],
     interrupts: &AtomicU32,
-    landed: &mut dyn FnMut(&local::CampaignProgress, &[Cell]),
+    landed: &mut dyn FnMut(&local::Progress, &[Cell]),
 ) -> u8 {
     let progress = ProgressLine::start();
     let flown = local::fly(plan, folder, missing, interrupts, |now, row| {
@@ -268,7 +267,7 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
     );
     ensure!(index < of, "--index {index}: the shards have the numbers 0 to {}", of - 1);
     plan.check().with_context(|| what.file.display().to_string())?;
-    let folder = CampaignFolder::open(&what.out(&plan), &plan, Some(of), Access::WithShards)?;
+    let folder = CampaignFolder::open(&what.out(&plan), &plan, Some(of), FolderAccess::WithShards)?;
     if folder.read(&plan, index)?.is_some() {
         eprint_line(&format!("shard {index} is there already"));
         return Ok(exit::FLOWN);
@@ -284,12 +283,12 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
 fn on_slurm(
     cluster: &Cluster,
     out: &Path,
-    plan: &CampaignPlan,
+    plan: &Plan,
     shards: Option<u64>,
     shown: &ResultsView,
 ) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
-    let folder = CampaignFolder::open(out, plan, shards, Access::WithShards)?;
+    let folder = CampaignFolder::open(out, plan, shards, FolderAccess::WithShards)?;
     let job = slurm::Job {
         partition: cluster.partition.clone(),
         time: cluster.time.clone(),
@@ -317,7 +316,7 @@ fn on_slurm(
     }
 }
 
-fn status(plan: &CampaignPlan, folder: &CampaignFolder) -> anyhow::Result<u8> {
+fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
     let (_, missing) = folder.collect(plan)?;
     let there = folder.layout.shards - missing.len() as u64;
     let (shards, units) = (folder.layout.shards, plan.campaign.units());
@@ -328,7 +327,7 @@ fn status(plan: &CampaignPlan, folder: &CampaignFolder) -> anyhow::Result<u8> {
     Ok(if missing.is_empty() { exit::FLOWN } else { exit::PROCESS_LOST })
 }
 
-fn print_plan(plan: &CampaignPlan) {
+fn print_plan(plan: &Plan) {
     let names: Vec<String> = plan.columns().into_iter().map(|(name, _)| name).collect();
     let word = |cell: Cell| match cell {
         Cell::None => "-".to_owned(),
@@ -350,11 +349,11 @@ fn print_plan(plan: &CampaignPlan) {
 }
 
 /// Flies one flight again, with its log; an error if its shard is there and has another result for it.
-fn fly_again(plan: &CampaignPlan, number: u64, out: &Path) -> anyhow::Result<u8> {
+fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
     ensure!(number < plan.flights(), "--only {number}: the flights have the numbers 0 to {}", plan.flights() - 1);
     let flight = row::told_of(plan, number);
     if CampaignFolder::is_there(out) {
-        let folder = CampaignFolder::open(out, plan, None, Access::Reading)?;
+        let folder = CampaignFolder::open(out, plan, None, FolderAccess::Reading)?;
         if let Some((table, row)) = folder.shard_with(plan, number)? {
             row::fly_again(&flight, &table, row, |_| {})?;
             print(&format!("flight {number} is the one of the table\n"));

@@ -27,7 +27,7 @@ use flight::stack::{Ended, FlightResult, Stack};
 use folder::run::Folder;
 use ground::{Address, Home};
 use machine::{Machine, Severity};
-use outcome::judge::{Circumstances, FlightVerdict};
+use outcome::judge::{Circumstances, Verdict};
 use outcome::recorded::TimeSpan;
 use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
@@ -136,7 +136,7 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     let settings = || out.write("scenario.toml", &settings::to_toml(&scenario));
     let written = if scenario == ordered { Ok(()) } else { settings() };
 
-    let verdict = FlightVerdict::of(&summary, &scenario, &how);
+    let verdict = Verdict::of(&summary, &scenario, &how);
     let account = Account {
         summary: &summary,
         scenario: &scenario,

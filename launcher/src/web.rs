@@ -20,7 +20,7 @@ use contract::exit;
 use flight::interrupts::catch_interrupts;
 use flight::own_program;
 use live::FlightSource;
-use live::access::AccessRule;
+use live::access::Access;
 use live::document::Document;
 use live::player::Player;
 use runtime::console::eprint_line;
@@ -70,7 +70,7 @@ impl TokenArgs {
     fn open(&self, address: SocketAddr) -> anyhow::Result<OpenPage> {
         let taken = || format!("cannot open {address} for the page; give another address, for example {}", PORT + 1);
         let listener = TcpListener::bind(address).with_context(taken)?;
-        let access = AccessRule::new(listener.local_addr()?, self.token.clone())?;
+        let access = Access::new(listener.local_addr()?, self.token.clone())?;
         Ok(OpenPage { listener, access })
     }
 }
@@ -92,7 +92,7 @@ pub fn web(args: &WebArgs) -> anyhow::Result<u8> {
 /// Port that is open for a page.
 pub struct OpenPage {
     listener: TcpListener,
-    access: AccessRule,
+    access: Access,
 }
 
 /// Time between two versions of a page, at least; a version that took long is followed by a longer pause.
@@ -202,7 +202,7 @@ pub fn serve_page() -> anyhow::Result<u8> {
         ends.fetch_add(1, Ordering::Relaxed);
     })?;
     be_nice();
-    let access = AccessRule::new(address, Some(token))?;
+    let access = Access::new(address, Some(token))?;
     live::serve(listener, access, FlightSource::Flights { namespace: Some(namespace), one_flight: true }, interrupts)?;
     Ok(exit::FLOWN)
 }

@@ -18,7 +18,7 @@ const MAX_STEP_S: f64 = 2e-3;
 
 /// Motion that a descent needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DescentMotion {
+pub struct Motion {
     /// Direction down in the body frame, `n`.
     pub down: Vector3<f64>,
     /// Body rates \[rad/s\].
@@ -45,12 +45,7 @@ pub struct Body {
 impl Body {
     /// Motion when a new command takes effect, from that of now. Until then the commands of `course` act, each for its
     /// time \[s\]. The tilt stays, and rotor `dead` gives no thrust.
-    pub fn ahead(
-        &self,
-        now: &DescentMotion,
-        course: impl Iterator<Item = (Actuation, f64)>,
-        dead: Option<usize>,
-    ) -> DescentMotion {
+    pub fn ahead(&self, now: &Motion, course: impl Iterator<Item = (Actuation, f64)>, dead: Option<usize>) -> Motion {
         let mut motion = *now;
         for (command, time_s) in course {
             let steps = (time_s / MAX_STEP_S).ceil();
@@ -62,20 +57,13 @@ impl Body {
     }
 
     /// Motion after a step of the midpoint rule.
-    fn step(&self, from: &DescentMotion, command: &Actuation, step_s: f64, dead: Option<usize>) -> DescentMotion {
+    fn step(&self, from: &Motion, command: &Actuation, step_s: f64, dead: Option<usize>) -> Motion {
         let middle = self.moved(from, from, command, step_s / 2.0, dead);
         self.moved(from, &middle, command, step_s, dead)
     }
 
     /// Moves `from` over a time with the derivatives at `at`.
-    fn moved(
-        &self,
-        from: &DescentMotion,
-        at: &DescentMotion,
-        command: &Actuation,
-        time_s: f64,
-        dead: Option<usize>,
-    ) -> DescentMotion {
+    fn moved(&self, from: &Motion, at: &Motion, command: &Actuation, time_s: f64, dead: Option<usize>) -> Motion {
         let (Parameters { g_mps2, mass_kg, .. }, inertia) = (self.vehicle, self.vehicle.moments_kgm2());
         let mut acting = at.position;
         if let Some(rotor) = dead {
@@ -88,7 +76,7 @@ impl Body {
         for (i, speed) in position.rotor_speed.iter_mut().enumerate() {
             *speed += (command.rotor_speed[i] - at.position.rotor_speed[i]) / self.rotor_lag_s * time_s;
         }
-        DescentMotion {
+        Motion {
             down: (from.down + at.down.cross(&at.rates_radps) * time_s).normalize(),
             rates_radps: from.rates_radps + turning.component_div(&inertia) * time_s,
             velocity_mps: from.velocity_mps + at.velocity_mps.cross(&at.rates_radps) * time_s,
@@ -121,13 +109,8 @@ mod tests {
         let body = body();
         let spin = Spin::solve(&body.vehicle, f64::INFINITY).expect("the vehicle has one");
         let position = Actuation { rotor_speed: [0.0, spin.rotor_speed, spin.rotor_speed], tilt_rad: 0.0 };
-        let now = DescentMotion {
-            down: spin.down,
-            rates_radps: spin.rates_radps,
-            velocity_mps: spin.down,
-            sink_mps: 0.7,
-            position,
-        };
+        let now =
+            Motion { down: spin.down, rates_radps: spin.rates_radps, velocity_mps: spin.down, sink_mps: 0.7, position };
         for time_s in [0.0, 0.003, 0.01, 0.025, 0.16] {
             let then = body.ahead(&now, course(&[(spin.rotor_speed, time_s)]), Some(0));
             assert!((then.down - now.down).amax() < 1e-4 && (then.sink_mps - 0.7).abs() < 1e-4, "{time_s} s: {then:?}");
@@ -139,7 +122,7 @@ mod tests {
 
     #[test]
     fn rotors_follow_the_command_in_force_and_then_those_under_way() {
-        let now = DescentMotion {
+        let now = Motion {
             down: Vector3::z(),
             rates_radps: Vector3::zeros(),
             velocity_mps: Vector3::zeros(),

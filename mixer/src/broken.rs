@@ -54,7 +54,7 @@ use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 use settings::Scenario;
 
-use crate::ahead::{Body, DescentMotion};
+use crate::ahead::{Body, Motion};
 use crate::damage::BrokenPart;
 use crate::fallback::{CLIMB_BANDWIDTH_RADPS, DESCENT_MPS};
 
@@ -139,15 +139,14 @@ impl Broken {
             BrokenPart::Rotor(rotor) => (Some(rotor), position.tilt_rad),
             BrokenPart::Tilt(tilt_rad) => (None, tilt_rad),
         };
-        let now = DescentMotion {
+        let now = Motion {
             down: down_in_body(measured),
             rates_radps: measured.rates_radps.into(),
             velocity_mps: measured.velocity_mps.into(),
             sink_mps: measured.sink_mps(),
             position: Actuation { tilt_rad, ..*position },
         };
-        let DescentMotion { down, rates_radps: rates, velocity_mps, sink_mps, position } =
-            self.body.ahead(&now, course, dead);
+        let Motion { down, rates_radps: rates, velocity_mps, sink_mps, position } = self.body.ahead(&now, course, dead);
         let faster_mps = DESCENT_MPS - sink_mps;
         let command = match part {
             BrokenPart::Rotor(0) => {

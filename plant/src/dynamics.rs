@@ -35,7 +35,7 @@ use contract::message::{Kinematics, PlantStatus};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use settings::Scenario;
 
-use crate::ground::{Ground, Motion};
+use crate::ground::{BodyMotion, Ground};
 use crate::landing::Footing;
 use crate::memory::Tape;
 use crate::rotors::{Condition, Rotors};
@@ -194,8 +194,8 @@ pub fn assemble(motion: &Kinematics, actuators: &Actuation) -> StateVector {
     x
 }
 
-fn motion(x: &StateVector) -> Motion {
-    Motion {
+fn motion(x: &StateVector) -> BodyMotion {
+    BodyMotion {
         position_m: Vector3::new(x[0], x[1], x[2]),
         velocity_mps: Vector3::new(x[3], x[4], x[5]),
         rates_radps: Vector3::new(x[10], x[11], x[12]),

@@ -59,7 +59,7 @@ pub struct Ground {
 
 /// Motion of the vehicle, from which that of each of its points follows.
 #[derive(Debug, Clone, Copy)]
-pub struct Motion {
+pub struct BodyMotion {
     /// Position of the centre of mass, NED \[m\].
     pub position_m: Vector3<f64>,
     /// Body velocity \[m/s\].
@@ -70,7 +70,7 @@ pub struct Motion {
     pub cnb: Matrix3<f64>,
 }
 
-impl Motion {
+impl BodyMotion {
     /// Position of the body point `at` and its velocity, NED \[m, m/s\].
     fn of(&self, at: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         (self.position_m + self.cnb * at, self.cnb * (self.velocity_mps + self.rates_radps.cross(at)))
@@ -93,7 +93,7 @@ impl Ground {
     }
 
     /// Force and moment of the ground on the vehicle in the body frame \[N, N m\].
-    pub fn push(&self, motion: &Motion) -> (Vector3<f64>, Vector3<f64>) {
+    pub fn push(&self, motion: &BodyMotion) -> (Vector3<f64>, Vector3<f64>) {
         let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
         for (foot, anchor) in self.feet().iter().zip(&self.anchors) {
             let (at_m, velocity_mps) = motion.of(foot);
@@ -112,7 +112,7 @@ impl Ground {
 
     /// Takes in the motion at the end of a step: anchors the feet that have come down, and drags along the anchors that
     /// are out of reach. Returns the distance that the feet have slid together \[m\]; a turn on the spot counts little.
-    pub fn settle(&mut self, motion: &Motion) -> f64 {
+    pub fn settle(&mut self, motion: &BodyMotion) -> f64 {
         let mut slid_m = Vector2::zeros();
         for (i, foot) in self.feet().iter().enumerate() {
             let (at_m, velocity_mps) = motion.of(foot);
@@ -142,17 +142,17 @@ impl Ground {
     }
 
     /// Depth of the body point `at` below the ground \[m\].
-    fn depth_m(&self, motion: &Motion, at: &Vector3<f64>) -> f64 {
+    fn depth_m(&self, motion: &BodyMotion, at: &Vector3<f64>) -> f64 {
         motion.of(at).0.z - self.settings.down_m
     }
 
     /// Returns whether a foot touches the ground.
-    pub fn carries(&self, motion: &Motion) -> bool {
+    pub fn carries(&self, motion: &BodyMotion) -> bool {
         self.feet().iter().any(|foot| self.depth_m(motion, foot) > 0.0)
     }
 
     /// Footing by the number of feet on the ground, or at most `NEAR_M` above it.
-    pub fn footing(&self, motion: &Motion) -> Footing {
+    pub fn footing(&self, motion: &BodyMotion) -> Footing {
         match self.feet().iter().filter(|foot| self.depth_m(motion, foot) > -NEAR_M).count() {
             0 => Footing::None,
             3 => Footing::All,
@@ -161,7 +161,7 @@ impl Ground {
     }
 
     /// Returns `Crashed` or `TippedOver`, else `None`. `was_on_feet` says whether a foot touched the ground before.
-    pub fn breaks(&self, motion: &Motion, was_on_feet: bool) -> Option<PlantStatus> {
+    pub fn breaks(&self, motion: &BodyMotion, was_on_feet: bool) -> Option<PlantStatus> {
         let is_struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| self.depth_m(motion, part) > 0.0);
         let is_hard = !was_on_feet && self.carries(motion) && !self.is_gentle(motion);
         let has_crashed = is_hard || is_struck && !was_on_feet;
@@ -169,7 +169,7 @@ impl Ground {
         if has_crashed { Some(PlantStatus::Crashed) } else { tipped_over }
     }
 
-    fn is_gentle(&self, motion: &Motion) -> bool {
+    fn is_gentle(&self, motion: &BodyMotion) -> bool {
         let velocity = motion.cnb * motion.velocity_mps;
         let tilt_deg = libm::acos(motion.cnb[(2, 2)].clamp(-1.0, 1.0)).to_degrees();
         let is_slow = velocity.z <= self.settings.max_sink_mps && libm::hypot(velocity.x, velocity.y) <= MAX_DRIFT_MPS;
@@ -188,9 +188,9 @@ mod tests {
     }
 
     /// Level motion at `velocity_mps` with the feet at `depth_m`.
-    fn level(depth_m: f64, velocity_mps: [f64; 3]) -> Motion {
+    fn level(depth_m: f64, velocity_mps: [f64; 3]) -> BodyMotion {
         let GroundSettings { leg_m, down_m, .. } = GroundSettings::default();
-        Motion {
+        BodyMotion {
             position_m: Vector3::new(0.0, 0.0, down_m - leg_m + depth_m),
             velocity_mps: velocity_mps.into(),
             rates_radps: Vector3::zeros(),
@@ -239,7 +239,7 @@ mod tests {
         let mut ground = ground();
         let at = |north_m: f64| {
             let motion = level(0.01, [0.0; 3]);
-            Motion { position_m: motion.position_m + Vector3::new(north_m, 0.0, 0.0), ..motion }
+            BodyMotion { position_m: motion.position_m + Vector3::new(north_m, 0.0, 0.0), ..motion }
         };
         assert_eq!(ground.settle(&at(0.0)), 0.0, "it comes down");
         let held = at(0.8 * reach_m);
@@ -254,13 +254,13 @@ mod tests {
 
     #[test]
     fn a_gentle_touch_is_a_landing_and_others_are_not() {
-        let touches = |motion: &Motion| ground().breaks(motion, false);
+        let touches = |motion: &BodyMotion| ground().breaks(motion, false);
         let crashed = Some(PlantStatus::Crashed);
         assert_eq!(touches(&level(0.001, [0.5, 0.0, 0.7])), None);
         assert_eq!(touches(&level(0.001, [0.0, 0.0, 3.0])), crashed, "too fast down");
         assert_eq!(touches(&level(0.001, [0.0, 3.0, 0.5])), crashed, "too fast sideways");
         let leaning =
-            Motion { cnb: *nalgebra::Rotation3::from_euler_angles(0.5, 0.0, 0.0).matrix(), ..level(0.0, [0.0; 3]) };
+            BodyMotion { cnb: *nalgebra::Rotation3::from_euler_angles(0.5, 0.0, 0.0).matrix(), ..level(0.0, [0.0; 3]) };
         assert_eq!((touches(&leaning), ground().breaks(&leaning, true)), (crashed, None));
     }
 
@@ -275,7 +275,7 @@ mod tests {
     fn feet_are_down_one_by_one() {
         let leaning = |depth_m: f64| {
             let cnb = *nalgebra::Rotation3::from_euler_angles(0.2, 0.0, 0.0).matrix();
-            ground().footing(&Motion { cnb, ..level(depth_m, [0.0; 3]) })
+            ground().footing(&BodyMotion { cnb, ..level(depth_m, [0.0; 3]) })
         };
         assert_eq!([leaning(-0.2), leaning(0.0), leaning(0.2)], [Footing::None, Footing::Some, Footing::All]);
         assert_eq!(ground().footing(&level(-0.005, [0.0; 3])), Footing::All, "a jolt");

@@ -30,7 +30,7 @@ pub struct Event {
     pub origin: Option<usize>,
     /// Sender of the command, if it was ordered in flight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub by: Option<CommandSender>,
+    pub by: Option<Sender>,
     /// Fault given or ended in flight: its number, and its settings from then on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Box<(usize, Fault)>>,
@@ -72,7 +72,7 @@ impl TimedEvent {
 
 /// Process that sent a command to a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct CommandSender {
+pub struct Sender {
     /// Process id; 0 if the process is not visible from here.
     pub pid: i32,
     /// User id.

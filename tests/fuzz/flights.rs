@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use flight::log::Record;
 use flight::{guarded, scenario};
-use outcome::judge::{Circumstances, FlightVerdict};
+use outcome::judge::{Circumstances, Verdict};
 use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
 use proptest::collection::vec;
@@ -157,7 +157,7 @@ fn check(overrides: &[String]) {
         };
         let flown = guarded::fly(&scenario, true, watch, |_| {}).expect("it is flown");
         let how = Circumstances::from(flown);
-        let verdict = FlightVerdict::of(&summary, &scenario, &how);
+        let verdict = Verdict::of(&summary, &scenario, &how);
         let (summary, scenario, how, verdict) = (&summary, &scenario, &how, &verdict);
         let account = Account { summary, scenario, how, verdict, wall_s: 1.0, provenance: None };
         told.send(RunRecord::of(account)).expect("it is waited for");

@@ -11,7 +11,7 @@ use crate::evidence::{Draws, Evidence, FEW};
 use crate::plan::PlanAxis;
 use crate::sampling::{Points, Sampling};
 use crate::table::{Cell, ColumnType, FlightTable};
-use crate::{Campaign, CampaignPlan, Rate};
+use crate::{Campaign, Plan, Rate};
 
 const CAMPAIGNS: u32 = 2000;
 /// True shares that two controllers pass.
@@ -22,7 +22,7 @@ const HYPERCUBE: u64 = 500;
 const KEYS: [&str; 5] = ["a", "b", "c", "d", "e"];
 
 /// Evidence of a campaign in which no flight is a copy.
-fn evidence_of(plan: &CampaignPlan) -> Evidence {
+fn evidence_of(plan: &Plan) -> Evidence {
     let columns = [("flight", ColumnType::Int), ("hash", ColumnType::Text), ("verdict", ColumnType::Text)];
     let mut table = FlightTable::new(&columns.map(|(name, kind)| (name.to_owned(), kind)));
     for number in 0..plan.flights() {
@@ -98,7 +98,7 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
         if campaign.sampling() == Sampling::LatinHypercube {
             campaign = campaign.drawn_anew(1, HYPERCUBE);
         }
-        let plan = CampaignPlan::new(campaign).expect("a plan");
+        let plan = Plan::new(campaign).expect("a plan");
         let evidence = evidence_of(&plan);
         if !matches!(evidence.draws, Draws::LatinHypercube | Draws::Independent) || evidence.all_draws() < FEW {
             continue; // the page has no interval, or says that its draws are too few

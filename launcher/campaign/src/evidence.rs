@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 
 use crate::difference::{Difference, MetricDifference};
 use crate::file::SEED;
-use crate::plan::{CampaignPlan, PlanAxis};
+use crate::plan::{Plan, PlanAxis};
 use crate::rate::Rate;
 use crate::sampling::Sampling;
 use crate::table::{Cell, FlightTable};
@@ -56,7 +56,7 @@ pub struct Evidence {
 
 impl Evidence {
     /// Evaluates the flights of a plan that are in `flights`.
-    pub fn of(plan: &CampaignPlan, flights: &FlightTable) -> Self {
+    pub fn of(plan: &Plan, flights: &FlightTable) -> Self {
         let flown = fingerprints(flights);
         let controllers = plan.campaign.controllers.len();
         let axis = draws_axis(plan);
@@ -211,7 +211,7 @@ impl Evidence {
 }
 
 /// Returns the axis along which the draws of a plan lie.
-fn draws_axis(plan: &CampaignPlan) -> Option<PlanAxis> {
+fn draws_axis(plan: &Plan) -> Option<PlanAxis> {
     match plan.campaign.samples() {
         Some(samples) => Some(PlanAxis { values: samples, step: plan.flights() / samples }),
         None => plan.listed_axes().into_iter().find(|(key, _)| *key == SEED).map(|(_, axis)| axis),

@@ -22,7 +22,7 @@ use folder::dir::Dir;
 use rustix::fs::FlockOperation;
 
 use crate::layout::{CampaignLayout, LAYOUT, LAYOUT_VERSION, MAX_SHARDS};
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::shard;
 use crate::table::FlightTable;
 
@@ -35,7 +35,7 @@ const SHARDS: &str = "shards";
 
 /// Access of other processes to the folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Access {
+pub enum FolderAccess {
     Alone,
     WithShards,
     /// Read the shards without a lock.
@@ -56,7 +56,7 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// The folder belongs to another campaign, program or layout, or another process flies a campaign into it.
-    pub fn open(path: &Path, plan: &CampaignPlan, shards: Option<u64>, access: Access) -> anyhow::Result<Self> {
+    pub fn open(path: &Path, plan: &Plan, shards: Option<u64>, access: FolderAccess) -> anyhow::Result<Self> {
         let cannot = || format!("cannot use the folder {}", path.display());
         let wanted = CampaignLayout {
             version: LAYOUT_VERSION,
@@ -69,9 +69,9 @@ impl CampaignFolder {
         };
         let (dir, hold) = prepare(path, access).with_context(cannot)?;
         let cannot_shards = || format!("cannot use the folder {}", dir.at(SHARDS).display());
-        let of_shards = if access == Access::Reading { dir.folder(SHARDS) } else { dir.make_folder(SHARDS) };
+        let of_shards = if access == FolderAccess::Reading { dir.folder(SHARDS) } else { dir.make_folder(SHARDS) };
         let of_shards = of_shards.with_context(cannot_shards)?;
-        if access == Access::Alone {
+        if access == FolderAccess::Alone {
             remove_parts(&of_shards).with_context(cannot_shards)?;
         }
         if !dir.has(LAYOUT) {
@@ -115,7 +115,7 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// The shard is there but damaged, or belongs to another plan.
-    pub fn read(&self, plan: &CampaignPlan, index: u64) -> anyhow::Result<Option<FlightTable>> {
+    pub fn read(&self, plan: &Plan, index: u64) -> anyhow::Result<Option<FlightTable>> {
         let is_there = self.shards.has(&shard::name(index));
         is_there.then(|| shard::read(&self.shards, plan, &self.layout, index)).transpose()
     }
@@ -124,7 +124,7 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// The shard is there but damaged, or belongs to another plan.
-    pub fn shard_with(&self, plan: &CampaignPlan, flight: u64) -> anyhow::Result<Option<(FlightTable, usize)>> {
+    pub fn shard_with(&self, plan: &Plan, flight: u64) -> anyhow::Result<Option<(FlightTable, usize)>> {
         let range = |index| shard::range(self.layout.flights, index, self.layout.shards);
         let Some(index) = (0..self.layout.shards).find(|index| range(*index).contains(&flight)) else {
             return Ok(None);
@@ -136,7 +136,7 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// A shard is there but damaged, or belongs to another plan.
-    pub fn collect(&self, plan: &CampaignPlan) -> anyhow::Result<(FlightTable, Vec<u64>)> {
+    pub fn collect(&self, plan: &Plan) -> anyhow::Result<(FlightTable, Vec<u64>)> {
         let missing = self.missing()?;
         let is_missing: HashSet<&u64> = missing.iter().collect();
         let mut all = FlightTable::new(&shard::columns_of(plan));
@@ -148,8 +148,8 @@ impl CampaignFolder {
 }
 
 /// Opens the folder, or creates it unless it is only read, and takes the lock that `access` needs.
-fn prepare(path: &Path, access: Access) -> anyhow::Result<(Dir, Option<File>)> {
-    if access == Access::Reading {
+fn prepare(path: &Path, access: FolderAccess) -> anyhow::Result<(Dir, Option<File>)> {
+    if access == FolderAccess::Reading {
         let dir = Dir::open(path).ok().filter(|dir| dir.has(LAYOUT)).context("there is no campaign in it")?;
         return Ok((dir, None));
     }
@@ -158,7 +158,7 @@ fn prepare(path: &Path, access: Access) -> anyhow::Result<(Dir, Option<File>)> {
     let is_flight = |name: &OsString| name.to_string_lossy().starts_with("flight-");
     ensure!(is_ours || dir.names()?.iter().all(is_flight), "it has something else in it; give another with --out");
     let how = match access {
-        Access::Alone => FlockOperation::NonBlockingLockExclusive,
+        FolderAccess::Alone => FlockOperation::NonBlockingLockExclusive,
         _ => FlockOperation::NonBlockingLockShared,
     };
     // A file system without locks does no harm: a shard is renamed into place, and is equal whatever process flew it.
@@ -183,8 +183,8 @@ mod tests {
     use super::*;
     use crate::Campaign;
 
-    fn plan(text: &str) -> CampaignPlan {
-        CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
+    fn plan(text: &str) -> Plan {
+        Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
     }
 
     #[test]
@@ -192,15 +192,17 @@ mod tests {
         let top = tempfile::tempdir().unwrap();
         let path = top.path().join("a/b");
         let ours = plan("seeds = 10");
-        let open = |plan: &CampaignPlan, shards, access| CampaignFolder::open(&path, plan, shards, access);
-        let said = |plan: &CampaignPlan, shards| format!("{:#}", open(plan, shards, Access::Alone).unwrap_err());
-        assert!(open(&ours, None, Access::Reading).is_err() && !path.exists(), "nothing is made by looking");
-        let folder = open(&ours, Some(4), Access::Alone).unwrap();
+        let open = |plan: &Plan, shards, access| CampaignFolder::open(&path, plan, shards, access);
+        let said = |plan: &Plan, shards| format!("{:#}", open(plan, shards, FolderAccess::Alone).unwrap_err());
+        assert!(open(&ours, None, FolderAccess::Reading).is_err() && !path.exists(), "nothing is made by looking");
+        let folder = open(&ours, Some(4), FolderAccess::Alone).unwrap();
         assert_eq!((folder.layout.shards, folder.missing().unwrap()), (4, vec![0, 1, 2, 3]));
         assert!(said(&ours, None).contains("another campaign is flying"), "it is held");
         drop(folder);
-        let [one, two] =
-            [open(&ours, None, Access::WithShards).unwrap(), open(&ours, None, Access::WithShards).unwrap()];
+        let [one, two] = [
+            open(&ours, None, FolderAccess::WithShards).unwrap(),
+            open(&ours, None, FolderAccess::WithShards).unwrap(),
+        ];
         assert_eq!(one.layout, two.layout);
         drop((one, two));
         assert!(said(&plan("seeds = 11"), None).contains("another campaign, or this one by another name"));
@@ -219,7 +221,7 @@ mod tests {
     fn a_folder_of_something_else_is_left_alone() {
         let top = tempfile::tempdir().unwrap();
         fs::write(top.path().join("thesis.tex"), "").unwrap();
-        let refused = CampaignFolder::open(top.path(), &plan(""), None, Access::Alone).unwrap_err();
+        let refused = CampaignFolder::open(top.path(), &plan(""), None, FolderAccess::Alone).unwrap_err();
         assert!(format!("{refused:#}").contains("something else in it"));
         assert_eq!(fs::read_dir(top.path()).unwrap().count(), 1);
     }

@@ -72,5 +72,5 @@ pub mod variation;
 
 pub use file::Campaign;
 pub use own_controller::OwnController;
-pub use plan::{CampaignPlan, PlannedFlight};
+pub use plan::{Plan, PlannedFlight};
 pub use rate::Rate;

@@ -11,14 +11,14 @@ use std::time::Instant;
 use rayon::iter::{ParallelBridge, ParallelIterator};
 
 use crate::folder::CampaignFolder;
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::row::{self, Standing};
 use crate::shard;
 use crate::table::{Cell, FlightTable};
 
 /// Progress of a campaign.
 #[derive(Debug, Clone, Copy)]
-pub struct CampaignProgress {
+pub struct Progress {
     /// Flights flown so far by this call.
     pub flown: u64,
     /// Flights that this call has to fly.
@@ -30,7 +30,7 @@ pub struct CampaignProgress {
     started: Instant,
 }
 
-impl CampaignProgress {
+impl Progress {
     /// Returns the progress in one line, with the time left.
     pub fn describe(&self) -> String {
         let Self { flown, all, units, failed, invalid, started } = self;
@@ -55,7 +55,7 @@ fn duration(time_s: f64) -> String {
 
 /// Flies all flights of a small plan on all cores, without a folder.
 #[cfg(test)]
-pub fn fly_all(plan: &CampaignPlan) -> FlightTable {
+pub fn fly_all(plan: &Plan) -> FlightTable {
     let row = |number| row::of(plan, number, || true).map_or(vec![], |row| row.cells);
     let rows: Vec<_> = rayon::iter::IntoParallelIterator::into_par_iter(0..plan.flights()).map(row).collect();
     let mut table = FlightTable::new(&shard::columns_of(plan));
@@ -71,22 +71,16 @@ pub fn fly_all(plan: &CampaignPlan) -> FlightTable {
 /// # Errors
 /// A shard cannot be written; those already written stay.
 pub fn fly(
-    plan: &CampaignPlan,
+    plan: &Plan,
     folder: &CampaignFolder,
     shards: &[u64],
     interrupts: &AtomicU32,
-    mut show: impl FnMut(&CampaignProgress, &[Cell]),
+    mut show: impl FnMut(&Progress, &[Cell]),
 ) -> anyhow::Result<bool> {
     let range = |shard: u64| shard::range(folder.layout.flights, shard, folder.layout.shards);
     let all = shards.iter().map(|shard| range(*shard)).map(|range| range.end - range.start).sum();
-    let mut progress = CampaignProgress {
-        flown: 0,
-        all,
-        units: plan.campaign.units(),
-        failed: 0,
-        invalid: 0,
-        started: Instant::now(),
-    };
+    let mut progress =
+        Progress { flown: 0, all, units: plan.campaign.units(), failed: 0, invalid: 0, started: Instant::now() };
     let columns = shard::columns_of(plan);
     let is_over = AtomicU32::new(0);
     let go_on = || interrupts.load(Ordering::Relaxed) + is_over.load(Ordering::Relaxed) == 0;

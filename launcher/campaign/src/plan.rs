@@ -20,7 +20,7 @@ use crate::variation::{Factor, Values};
 const LOOKED_AT: u64 = 64;
 
 #[derive(Debug, Clone)]
-pub struct CampaignPlan {
+pub struct Plan {
     pub campaign: Campaign,
     points: Points,
     /// Pairs of target and kind that the random faults are drawn from.
@@ -56,7 +56,7 @@ impl PlanAxis {
     }
 }
 
-impl CampaignPlan {
+impl Plan {
     /// # Errors
     /// The random faults cannot be drawn, or would begin after the end of a flight.
     pub fn new(campaign: Campaign) -> anyhow::Result<Self> {
@@ -259,8 +259,8 @@ mod tests {
 
     use super::*;
 
-    fn plan(text: &str) -> CampaignPlan {
-        CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
+    fn plan(text: &str) -> Plan {
+        Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
     }
 
     const TWO: &str = "[controller.a]\nattitude.law = 'lqr'\n[controller.b]\nattitude.law = 'pid'\n";
@@ -407,7 +407,7 @@ mod tests {
     #[test]
     fn a_random_fault_begins_before_the_shortest_flight_ends() {
         let text = "samples = 3\n[vary]\nrun.duration_s = [20, 10.0]\n[random_faults]\ncount = [1, 1]\nat_s = [1, 12]\nfor_s = [1, 2]";
-        let refused = CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap_err();
+        let refused = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap_err();
         assert!(format!("{refused:#}").contains("a flight ends after 10 s"), "{refused:#}");
         plan(&text.replace("10.0", "13.0"));
     }

@@ -17,7 +17,7 @@ use flight::log::Record;
 use flight::programs::hex;
 use flight::{guarded, scenario};
 use outcome::happenings::Happenings;
-use outcome::judge::FlightVerdict;
+use outcome::judge::Verdict;
 use outcome::metrics::Metrics;
 use outcome::run_record::phases;
 use outcome::summary::Summary;
@@ -28,7 +28,7 @@ use sha2::{Digest, Sha256};
 
 use crate::columns::measured;
 use crate::limit::{self, FoundLimit, Limit};
-use crate::plan::{CampaignPlan, PlannedFlight};
+use crate::plan::{Plan, PlannedFlight};
 use crate::table::{Cell, FlightTable};
 
 /// Standing of a flight: passed, failed or invalid.
@@ -62,7 +62,7 @@ pub struct FlightRow {
 
 /// Flies number `number` of a plan, and makes its row: the cells of the plan, with `[limit]` those of the search, and
 /// those of the outcome. `None` when `go_on` said no before the end.
-pub fn of(plan: &CampaignPlan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
+pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
     let flight = plan.flight(number);
     let (of_search, outcome) = match plan.campaign.limit() {
         None => (vec![], fly(&flight, go_on, |_| {})?),
@@ -75,7 +75,7 @@ pub fn of(plan: &CampaignPlan, number: u64, go_on: impl Fn() -> bool) -> Option<
 }
 
 /// Returns the flight that row `number` tells of: with `[limit]` that at the limit, which is searched again.
-pub fn told_of(plan: &CampaignPlan, number: u64) -> PlannedFlight {
+pub fn told_of(plan: &Plan, number: u64) -> PlannedFlight {
     let found = plan.campaign.limit().and_then(|limit| Some((limit, search(plan, limit, number, || true)?.0?.limit?)));
     found.map_or_else(|| plan.flight(number), |(limit, step)| plan.flight_with(number, &[limit.setting(step)]))
 }
@@ -83,7 +83,7 @@ pub fn told_of(plan: &CampaignPlan, number: u64) -> PlannedFlight {
 /// Searches the limit of number `number`; returns it with the flight there, or at the safe end if there is none. An
 /// invalid flight ends the search, and stands alone. `None` when `go_on` said no before the end.
 fn search(
-    plan: &CampaignPlan,
+    plan: &Plan,
     limit: &Limit,
     number: u64,
     go_on: impl Fn() -> bool,
@@ -157,7 +157,7 @@ fn try_to_fly(
     if was_stopped {
         return Ok(None);
     }
-    let verdict = FlightVerdict::of(&summary, scenario, &how);
+    let verdict = Verdict::of(&summary, scenario, &how);
     let standing = if verdict.passed() { Standing::Passed } else { Standing::Failed };
     let metrics = summary.metrics();
     let mut cells = vec![
@@ -217,7 +217,7 @@ mod tests {
 
     fn flown(settings: &str) -> FlightRow {
         let text = format!("[settings]\nrun.duration_s = 1.0\n{settings}");
-        let plan = CampaignPlan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         fly(&plan.flight(0), || true, |_| {}).unwrap()
     }
 
@@ -285,7 +285,7 @@ mod tests {
         };
         let text = "seeds = 2\n[settings]\nrun.duration_s = 2.0\n[vary]\nfault = [[], [{ at_s = 0.5, for_s = 1.0, target = 'controls', \
                     kind = 'corrupt', count = 3 }], [{ at_s = 0.5, target = 'mixer', kind = 'kill' }]]";
-        let plan = CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         for number in 0..plan.flights() {
             let flight = plan.flight(number);
             assert_eq!(states(&flight, true), states(&flight, false), "{:?}", flight.values);
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_flight_that_is_stopped_has_no_row() {
-        let plan = CampaignPlan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let seen = Flag::new(0);
         let stopped = fly(&plan.flight(0), || seen.get() < 10, |_| seen.set(seen.get() + 1));
         assert_eq!((stopped, seen.get() < 20), (None, true));

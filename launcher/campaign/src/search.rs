@@ -16,7 +16,7 @@ use toml::Value;
 
 use crate::columns;
 use crate::file::Campaign;
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::row::{self, FlightRow, Standing};
 use crate::table::Cell;
 use crate::tune::{Tune, at, merged, population, starts};
@@ -47,7 +47,7 @@ pub struct Tuned {
 
 /// Search of the settings of one controller.
 struct Search<'a> {
-    plan: &'a CampaignPlan,
+    plan: &'a Plan,
     controller: usize,
     /// Keys and values of the file, by group.
     groups: Vec<Vec<(String, f64)>>,
@@ -66,7 +66,7 @@ pub fn search(
         let known: Vec<&str> = tune.scale.keys().map(String::as_str).collect();
         ensure!(tune.scale.contains_key(name), "[tune.scale] has no `{name}`; it has {}", known.join(", "));
     }
-    let plan = CampaignPlan::new(campaign.clone().drawn_anew(tune.seed, tune.samples))?;
+    let plan = Plan::new(campaign.clone().drawn_anew(tune.seed, tune.samples))?;
     let mut found = vec![];
     for (name, groups) in tune.scale.iter().filter(|(name, _)| only.is_empty() || only.contains(name)) {
         let controller = plan.campaign.controllers.iter().position(|(controller, _)| controller == name);
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn a_factor_at_the_border_of_the_search_is_named() {
         let campaign = read(FILE).unwrap();
-        let plan = CampaignPlan::new(campaign.clone()).unwrap();
+        let plan = Plan::new(campaign.clone()).unwrap();
         let groups = starts(&campaign.controllers[0].1, &campaign.tune().unwrap().scale["pid"]).unwrap();
         let search = Search { plan: &plan, controller: 0, groups };
         let beyond = libm::log(WIDEST) + 1.0;

@@ -3,7 +3,7 @@
 use anyhow::ensure;
 
 use crate::file::SEED;
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::row;
 
 /// Pairs of flights with different seeds that are flown at most to find one pair that differs.
@@ -13,7 +13,7 @@ const TRIED: u64 = 64;
 ///
 /// # Errors
 /// The two flights of every tried pair are equal.
-pub fn check(plan: &CampaignPlan) -> anyhow::Result<()> {
+pub fn check(plan: &Plan) -> anyhow::Result<()> {
     let axes = plan.listed_axes();
     let Some((_, axis)) = axes.iter().find(|(key, axis)| *key == SEED && axis.values > 1) else { return Ok(()) };
     let others = plan.flights() / axis.values;
@@ -55,7 +55,7 @@ mod tests {
 
     fn checked(text: &str) -> anyhow::Result<()> {
         let text = format!("{text}\n[settings]\nrun.duration_s = 0.5\n");
-        check(&CampaignPlan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap())
+        check(&Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap())
     }
 
     #[test]

@@ -15,7 +15,7 @@ use folder::dir::Dir;
 use settings::file::MAX_RESULTS_BYTES;
 
 use crate::layout::CampaignLayout;
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::table::{Cell, ColumnType, FlightTable};
 use crate::{columns, limit};
 
@@ -50,7 +50,7 @@ pub fn name(index: u64) -> String {
 }
 
 /// Columns of all tables of a campaign.
-pub fn columns_of(plan: &CampaignPlan) -> Vec<(String, ColumnType)> {
+pub fn columns_of(plan: &Plan) -> Vec<(String, ColumnType)> {
     let of_a_search = plan.campaign.limit().map(|_| limit::columns());
     [plan.columns(), of_a_search.unwrap_or_default(), columns::of_the_outcome()].concat()
 }
@@ -75,7 +75,7 @@ pub fn write(shards: &Dir, layout: &CampaignLayout, index: u64, rows: &FlightTab
 ///
 /// # Errors
 /// The file does not hold each of its flights once; the message says what to do.
-pub fn read(shards: &Dir, plan: &CampaignPlan, layout: &CampaignLayout, index: u64) -> anyhow::Result<FlightTable> {
+pub fn read(shards: &Dir, plan: &Plan, layout: &CampaignLayout, index: u64) -> anyhow::Result<FlightTable> {
     let again = "remove the file, and the same command flies its flights again";
     let read = || -> anyhow::Result<FlightTable> {
         let bytes = shards.read(name(index), MAX_RESULTS_BYTES)?;

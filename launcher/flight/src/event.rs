@@ -9,7 +9,7 @@
 
 use std::os::fd::AsFd;
 
-pub use ring::event::{CommandSender, Event, TimedEvent, What, name, size_in_words};
+pub use ring::event::{Event, Sender, TimedEvent, What, name, size_in_words};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pipe::PIPE_BUF;

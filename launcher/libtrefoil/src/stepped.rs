@@ -14,7 +14,7 @@ use flight::provenance::provenance;
 use flight::scenario;
 use foreign::abi::TrefoilSetup;
 use foreign::setup::Setup;
-use outcome::judge::{Circumstances, FlightVerdict};
+use outcome::judge::{Circumstances, Verdict};
 use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
 use runtime::console::eprint_line;
@@ -121,7 +121,7 @@ impl TrefoilFlight {
         let flown = ring.over();
         flown.failures.iter().for_each(|why| eprint_line(why));
         let (summary, scenario, how) = (&self.summary, &self.scenario, &Circumstances::from(flown));
-        let verdict = &FlightVerdict::of(summary, scenario, how);
+        let verdict = &Verdict::of(summary, scenario, how);
         let wall_s = self.started.elapsed().as_secs_f64();
         let provenance = Some(provenance(scenario, &[]));
         let record = RunRecord::of(Account { summary, scenario, how, verdict, wall_s, provenance });

@@ -24,7 +24,7 @@ const TOKEN_BYTES: usize = 18;
 
 /// Rule for all requests of one server.
 #[derive(Debug, Clone)]
-pub struct AccessRule {
+pub struct Access {
     address: SocketAddr,
     token: String,
 }
@@ -51,7 +51,7 @@ impl RequestRefused {
     }
 }
 
-impl AccessRule {
+impl Access {
     /// Makes the rule for a server on `address`, and a token unless one is given.
     ///
     /// # Errors
@@ -158,12 +158,12 @@ mod tests {
     const TOKEN: &str = "0123456789abcdef";
     const HOST: (HeaderName, &str) = (header::HOST, "127.0.0.1:8080");
 
-    fn at(address: &str, token: Option<&str>) -> AccessRule {
-        AccessRule::new(address.parse().unwrap(), token.map(str::to_owned)).unwrap()
+    fn at(address: &str, token: Option<&str>) -> Access {
+        Access::new(address.parse().unwrap(), token.map(str::to_owned)).unwrap()
     }
 
     /// Decides on a request for `path` with `headers`.
-    fn check(access: &AccessRule, path: &str, headers: &[(HeaderName, &str)]) -> Result<(), RequestRefused> {
+    fn check(access: &Access, path: &str, headers: &[(HeaderName, &str)]) -> Result<(), RequestRefused> {
         let headers = headers.iter().map(|(name, value)| (name.clone(), value.parse().unwrap())).collect();
         access.check(&headers, &path.parse().unwrap(), path.starts_with("/foxglove"))
     }
@@ -241,7 +241,7 @@ mod tests {
         assert_ne!(one.token(), other.token());
         for token in ["", "short", "0123456789abcde?", "0123456789 abcdef"] {
             let given = Some(token.to_owned());
-            assert!(AccessRule::new("127.0.0.1:1".parse().unwrap(), given).is_err(), "{token}");
+            assert!(Access::new("127.0.0.1:1".parse().unwrap(), given).is_err(), "{token}");
         }
     }
 }

@@ -45,7 +45,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 use std::thread::JoinHandle;
 
-use access::AccessRule;
+use access::Access;
 use document::Document;
 use hub::Hub;
 use player::Player;
@@ -69,7 +69,7 @@ pub enum FlightSource {
 /// only flight.
 pub fn serve(
     listener: TcpListener,
-    access: AccessRule,
+    access: Access,
     source: FlightSource,
     interrupts: Arc<AtomicU32>,
 ) -> anyhow::Result<()> {
@@ -91,12 +91,12 @@ pub fn serve(
 }
 
 /// Serves a page that is made anew meanwhile, until it is closed.
-pub fn serve_document(listener: TcpListener, access: AccessRule, document: Arc<Document>) -> anyhow::Result<()> {
+pub fn serve_document(listener: TcpListener, access: Access, document: Arc<Document>) -> anyhow::Result<()> {
     listener.set_nonblocking(true)?;
     run(listener, access, document.hub.clone(), ServerContent::Document(document))
 }
 
-fn run(listener: TcpListener, access: AccessRule, hub: Arc<Hub>, content: ServerContent) -> anyhow::Result<()> {
+fn run(listener: TcpListener, access: Access, hub: Arc<Hub>, content: ServerContent) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let served = runtime.block_on(server::serve(listener, access, hub, content));
     // Threads that still carry out a command are not waited for.

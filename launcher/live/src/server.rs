@@ -15,7 +15,7 @@ use axum::response::{Html, IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::broadcast::error::RecvError;
 
-use crate::access::{self, AccessRule, RequestRefused};
+use crate::access::{self, Access, RequestRefused};
 use crate::document::Document;
 use crate::foxglove;
 use crate::hub::Hub;
@@ -50,18 +50,13 @@ pub enum ServerContent {
 
 #[derive(Clone)]
 struct Context {
-    access: Arc<AccessRule>,
+    access: Arc<Access>,
     hub: Arc<Hub>,
     content: ServerContent,
 }
 
 /// Serves until the hub is closed.
-pub async fn serve(
-    listener: TcpListener,
-    access: AccessRule,
-    hub: Arc<Hub>,
-    content: ServerContent,
-) -> anyhow::Result<()> {
+pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content: ServerContent) -> anyhow::Result<()> {
     let context = Context { access: Arc::new(access), hub: hub.clone(), content };
     let routes = Router::new()
         .route("/", get(whole_page))

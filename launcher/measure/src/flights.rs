@@ -7,12 +7,12 @@ use contract::message::Truth;
 use flight::guarded;
 use flight::log::Record;
 use flight::stack::{Ended, FlightResult, Stack, StartError};
-use outcome::judge::FlightVerdict;
+use outcome::judge::Verdict;
 use outcome::summary::Summary;
 use settings::{Scenario, from_merged};
 
 /// Flies `scenario` to its end by one thread; `watch` is given every message.
-pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, FlightVerdict) {
+pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Verdict) {
     let mut summary = Summary::new(scenario);
     let watch = |record: &Record| {
         summary.observe(record);
@@ -21,7 +21,7 @@ pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summa
     };
     let flown = guarded::fly(scenario, true, watch, |_| {});
     let flown = flown.unwrap_or_else(|error| panic!("cannot fly a checked scenario in process: {error}"));
-    let verdict = FlightVerdict::of(&summary, scenario, &flown.into());
+    let verdict = Verdict::of(&summary, scenario, &flown.into());
     (summary, verdict)
 }
 

@@ -15,7 +15,7 @@ use crate::summary::Summary;
 
 /// Verdict on a flight.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FlightVerdict {
+pub struct Verdict {
     /// Exit code of `trefoil fly`, by the gravest of what happened.
     pub exit_code: u8,
     /// Why the flight is no pass, in words that do not depend on how much or when; empty for a pass.
@@ -32,7 +32,7 @@ pub struct FlightVerdict {
     joint: &'static str,
 }
 
-impl FlightVerdict {
+impl Verdict {
     /// Judges the flight of `scenario` that `summary` was gathered of.
     pub fn of(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Self {
         let bounds = bounds::check(scenario, &summary.metrics());

@@ -12,7 +12,7 @@ use flight::log::{self, Log, LogOutcome, LogSpan, Record};
 use flight::stack::Ended;
 use settings::Scenario;
 
-use crate::judge::{Circumstances, FlightVerdict};
+use crate::judge::{Circumstances, Verdict};
 use crate::run_record::{Account, RunRecord};
 use crate::summary::Summary;
 
@@ -188,7 +188,7 @@ fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) 
         port_failures: vec![],
         observers: vec![],
     };
-    let verdict = &FlightVerdict::of(summary, scenario, &how);
+    let verdict = &Verdict::of(summary, scenario, &how);
     let wall_s = f64::NAN; // unknown, and shown as such
     RunRecord::of(Account { summary, scenario, how: &how, verdict, wall_s, provenance: None })
 }

@@ -23,7 +23,7 @@ use settings::{Mode, Profile, Scenario, SolverName, candidate, schema_of};
 use crate::bounds::BoundCheck;
 use crate::faults::FaultRecord;
 use crate::happenings::{Happenings, Phase};
-use crate::judge::{Circumstances, FlightVerdict};
+use crate::judge::{Circumstances, Verdict};
 use crate::metrics::{Metrics, or_nan};
 use crate::solves::SolverRecord;
 use crate::summary::Summary;
@@ -116,7 +116,7 @@ pub struct Account<'a> {
     pub summary: &'a Summary,
     pub scenario: &'a Scenario,
     pub how: &'a Circumstances,
-    pub verdict: &'a FlightVerdict,
+    pub verdict: &'a Verdict,
     /// Wall time of the flight \[s\], without start and report.
     pub wall_s: f64,
     pub provenance: Option<Provenance>,
@@ -252,7 +252,7 @@ mod tests {
         };
         let flown = guarded::fly(scenario, true, watch, |_| {}).unwrap();
         let how = Circumstances::from(flown);
-        let verdict = FlightVerdict::of(&summary, scenario, &how);
+        let verdict = Verdict::of(&summary, scenario, &how);
         let provenance = Some(flight::provenance::provenance(scenario, &[]));
         RunRecord::of(Account { summary: &summary, scenario, how: &how, verdict: &verdict, wall_s: 1.0, provenance })
     }

@@ -6,11 +6,11 @@ use flight::swap_story::of_candidates;
 use settings::{Mode, Scenario};
 
 use crate::faults::FaultRecord;
-use crate::judge::FlightVerdict;
+use crate::judge::Verdict;
 use crate::run_record::RunRecord;
 
 /// Describes a flight of `scenario` in some twenty lines.
-pub fn describe(run: &RunRecord, verdict: &FlightVerdict, scenario: &Scenario) -> String {
+pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> String {
     use std::fmt::Write;
     let m = &run.metrics;
     let mut text = format!("{}: {}\n", run.name, verdict.describe());

@@ -15,7 +15,7 @@ use crate::fields::difference;
 use crate::plan::{ComparedMessages, FirstDifference, ReplayPlan, Replayed};
 use crate::program::Program;
 use crate::recording::Recording;
-use crate::script::{Key, Read, RecordedCycle, RecordedProcess, Script};
+use crate::script::{Cycle, Key, Process, Read, Script};
 use crate::worker::Worker;
 
 /// Replays a recording from its log as `plan` says; `each` gets every message, computed or of the log.
@@ -80,7 +80,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
 
     /// Returns the logged memory of a process at the start of the replay, if the process was already running then.
     fn begins_with(&self, i: usize) -> Option<&Memory> {
-        let RecordedProcess { topic, epoch, .. } = self.script.processes[i];
+        let Process { topic, epoch, .. } = self.script.processes[i];
         self.script.begins_with.iter().find(|memory| (memory.topic, memory.origin.epoch) == (topic, epoch))
     }
 
@@ -127,7 +127,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         let courses = self.courses.iter().zip(&self.script.processes);
         let held_up = courses.filter_map(|(course, process)| Some((course.held_up.as_ref()?, process)));
         self.replayed.stopped = match held_up.min_by_key(|((tick, _), process)| (*tick, process.place())) {
-            Some(((tick, waits), RecordedProcess { topic, epoch, .. })) => {
+            Some(((tick, waits), Process { topic, epoch, .. })) => {
                 let cause = hole.unwrap_or_else(|| waits.words());
                 Some(format!("at tick {tick} {} {epoch} cannot go on: {cause}", topic.publisher()))
             }
@@ -141,7 +141,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
     /// up for good.
     fn go_on(&mut self, until: u64) -> anyhow::Result<()> {
         self.courses.resize_with(self.script.processes.len(), ProcessCourse::default);
-        for RecordedProcess { topic, continues, .. } in &self.script.processes {
+        for Process { topic, continues, .. } in &self.script.processes {
             let flies = |epoch| {
                 self.plan.computes(self.recording, *topic, epoch) && self.script.process(*topic, epoch).is_some()
             };
@@ -220,7 +220,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
     }
 
     /// Returns the next cycle of a process; `None` if it is held up, not known whole, or after the end of the plan.
-    fn next(&self, i: usize) -> Option<&RecordedCycle> {
+    fn next(&self, i: usize) -> Option<&Cycle> {
         let next = self.script.processes[i].cycles.get(self.courses[i].cycle)?;
         let is_whole = next.tick < self.script.reach;
         (is_whole && self.courses[i].held_up.is_none() && next.tick <= self.plan.until.unwrap_or(u64::MAX))
@@ -233,7 +233,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
 
     /// Returns whether a process is computed here; if not, its messages are those of the log.
     fn computes(&self, i: usize) -> bool {
-        let RecordedProcess { topic, epoch, .. } = self.script.processes[i];
+        let Process { topic, epoch, .. } = self.script.processes[i];
         self.plan.computes(self.recording, topic, epoch)
     }
 
@@ -258,7 +258,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
     }
 
     fn begin(&mut self, i: usize) -> anyhow::Result<()> {
-        let RecordedProcess { topic, epoch, continues, .. } = self.script.processes[i];
+        let Process { topic, epoch, continues, .. } = self.script.processes[i];
         let memory = continues.and_then(|origin| Some((origin, (*self.memories.get(&(topic, origin))?)?)));
         let settings = self.plan.settings_of(self.recording, topic, epoch);
         let elsewhere = self.plan.elsewhere().filter(|(of, _)| *of == topic);
@@ -277,7 +277,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
 
     /// Keeps the memory of a process that has done `done` ticks, if another process begins with it.
     fn remember(&mut self, i: usize, done: u64) {
-        let RecordedProcess { topic, epoch, .. } = self.script.processes[i];
+        let Process { topic, epoch, .. } = self.script.processes[i];
         if let Some(memory) = self.memories.get_mut(&(topic, Origin { epoch, done })) {
             *memory = match &self.courses[i].worker {
                 Some(Runs::Here(worker)) => worker.memory(),
@@ -330,13 +330,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
     }
 
     /// Computes the next cycle of a process; adds what it sends to `sent`, TRUTH first.
-    fn compute(
-        &mut self,
-        i: usize,
-        next: &RecordedCycle,
-        is_known: bool,
-        sent: &mut Vec<Record>,
-    ) -> anyhow::Result<()> {
+    fn compute(&mut self, i: usize, next: &Cycle, is_known: bool, sent: &mut Vec<Record>) -> anyhow::Result<()> {
         let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
         if let (false, true, Runs::Here(worker)) = (is_known, self.courses[i].follows, &mut worker) {
@@ -392,7 +386,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
 
     /// Compares what a process sent in the cycle of `tick` with what it sent in the flight, TRUTH last.
     fn compare(&mut self, i: usize, tick: u64, sent: &[Record]) {
-        let RecordedProcess { topic, epoch, ref recorded, .. } = self.script.processes[i];
+        let Process { topic, epoch, ref recorded, .. } = self.script.processes[i];
         let messages = &mut self.replayed.messages[topic as usize];
         let is_truth = |record: &&Record| record.stamped().is_none();
         for record in sent.iter().filter(|record| !is_truth(record)).chain(sent.iter().filter(is_truth)) {

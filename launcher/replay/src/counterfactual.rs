@@ -13,7 +13,7 @@ use runtime::release::Release;
 use settings::{Late, Mode};
 
 use crate::recording::Recording;
-use crate::script::{Key, Read, RecordedCycle, RecordedProcess, Script};
+use crate::script::{Cycle, Key, Process, Read, Script};
 
 /// Disturbance of a tick: the first thing round the ring that was wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -45,11 +45,11 @@ pub fn without(recording: &Recording, script: &Script, ticks: &BTreeSet<u64>) ->
     repaired
 }
 
-fn process_of(script: &Script, topic: Topic, epoch: u64) -> Option<&RecordedProcess> {
+fn process_of(script: &Script, topic: Topic, epoch: u64) -> Option<&Process> {
     script.process(topic, epoch).map(|i| &script.processes[i])
 }
 
-fn look_at(recording: &Recording, script: &Script, plant: &RecordedProcess, tick: u64) -> Option<Disturbed> {
+fn look_at(recording: &Recording, script: &Script, plant: &Process, tick: u64) -> Option<Disturbed> {
     let disturbed = |topic: Topic, what: String| Some(Disturbed { tick, node: topic.publisher(), what });
     let Some(sample) = plant.cycle(tick) else { return disturbed(Topic::State, "took no sample".into()) };
     if let Some(what) = harm(recording, plant, sample) {
@@ -86,7 +86,7 @@ fn look_at(recording: &Recording, script: &Script, plant: &RecordedProcess, tick
 }
 
 /// Describes what happened to the message of a cycle; `None` if it was delivered in time and as it was meant.
-fn harm(recording: &Recording, process: &RecordedProcess, cycle: &RecordedCycle) -> Option<String> {
+fn harm(recording: &Recording, process: &Process, cycle: &Cycle) -> Option<String> {
     let deadline = Release::of(&recording.scenario).deadline(recording.scenario.deadline_of(process.topic as usize));
     let response_ns = cycle.publish_ns.saturating_sub(cycle.sample_ns);
     let late = recording.scenario.run.mode == Mode::Realtime && response_ns > deadline.deadline_ns;
@@ -99,7 +99,7 @@ fn harm(recording: &Recording, process: &RecordedProcess, cycle: &RecordedCycle)
 }
 
 /// Returns the active process of a node on a tick, with its cycle.
-fn active_cycle(script: &Script, topic: Topic, tick: u64) -> Option<(&RecordedProcess, &RecordedCycle)> {
+fn active_cycle(script: &Script, topic: Topic, tick: u64) -> Option<(&Process, &Cycle)> {
     let of_node = script.processes.iter().filter(|process| process.topic == topic);
     { of_node }.find_map(|process| Some((process, process.cycle(tick).filter(|cycle| !cycle.standby)?)))
 }
@@ -119,18 +119,10 @@ fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
         let inputs = Topic::ALL.map(|input| read[input as usize].filter(|_| input.listeners().contains(&topic)));
         let publish_ns = sample_ns + usual.response_ns[topic as usize];
         let faults = process.cycles[..at].last().map_or(0, |before| before.faults);
-        let ordered = RecordedCycle {
-            tick,
-            sample_ns,
-            publish_ns,
-            standby: false,
-            faulted: false,
-            faults,
-            inputs,
-            arrivals: vec![],
-        };
+        let ordered =
+            Cycle { tick, sample_ns, publish_ns, standby: false, faulted: false, faults, inputs, arrivals: vec![] };
         match process.cycles.get_mut(at).filter(|cycle| cycle.tick == tick) {
-            Some(cycle) => *cycle = RecordedCycle { faults: cycle.faults, ..ordered },
+            Some(cycle) => *cycle = Cycle { faults: cycle.faults, ..ordered },
             None => process.cycles.insert(at, ordered),
         }
         let key = Key { topic, epoch: process.epoch, tick };
@@ -144,10 +136,10 @@ fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
 /// Drops late answers of a process: those to ticks before `tick` for which it had read later messages, because it was
 /// started or woke up late. With an answer to `tick` in time they would not exist. Their readers read that one instead.
 fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
-    let RecordedProcess { topic, epoch, cycles, .. } = &mut script.processes[i];
+    let Process { topic, epoch, cycles, .. } = &mut script.processes[i];
     let (topic, epoch) = (*topic, *epoch);
     let is_later = |read: &Read| read.key.tick > tick && read.key.tick < u64::MAX;
-    let is_late = |cycle: &RecordedCycle| cycle.tick < tick && cycle.inputs.iter().flatten().any(is_later);
+    let is_late = |cycle: &Cycle| cycle.tick < tick && cycle.inputs.iter().flatten().any(is_later);
     let late: Vec<u64> = cycles.iter().filter(|cycle| is_late(cycle)).map(|cycle| cycle.tick).collect();
     if late.is_empty() {
         return;
@@ -164,9 +156,8 @@ fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
 
 /// Returns the process that answers to `tick`, or else the one that answered last before it.
 fn worker_at(script: &Script, topic: Topic, tick: u64) -> Option<usize> {
-    let active = |process: &RecordedProcess| {
-        process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick)
-    };
+    let active =
+        |process: &Process| process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick);
     let of_node = script.processes.iter().enumerate().filter(|(_, process)| process.topic == topic);
     { of_node }.filter_map(|(i, process)| Some((active(process)?, i))).max().map(|(_, i)| i)
 }
@@ -174,7 +165,7 @@ fn worker_at(script: &Script, topic: Topic, tick: u64) -> Option<usize> {
 /// Makes each process that took over continue from the undone ticks of the one before it.
 fn continue_from_what_was_added(script: &mut Script, ticks: &BTreeSet<u64>) {
     for i in 0..script.processes.len() {
-        let RecordedProcess { topic, continues: Some(origin), ref cycles, .. } = script.processes[i] else { continue };
+        let Process { topic, continues: Some(origin), ref cycles, .. } = script.processes[i] else { continue };
         let Some(first) = cycles.first().map(|first| first.tick) else { continue };
         let added = ticks.range(origin.done..first.max(origin.done)).next_back().copied();
         let before = process_of(script, topic, origin.epoch);
@@ -196,9 +187,9 @@ struct Usual {
 impl Usual {
     fn of(script: &Script, period_ns: u64) -> Self {
         let of_node = |topic| script.processes.iter().filter(move |process| process.topic == topic);
-        let response = |cycle: &RecordedCycle| cycle.publish_ns.saturating_sub(cycle.sample_ns);
+        let response = |cycle: &Cycle| cycle.publish_ns.saturating_sub(cycle.sample_ns);
         let plant = || of_node(Topic::State).flat_map(|process| process.cycles.windows(2));
-        let in_order = |pair: &[RecordedCycle]| -> Vec<u64> {
+        let in_order = |pair: &[Cycle]| -> Vec<u64> {
             let of_sample = pair[1].arrivals.iter().filter(|(read, _)| read.key.tick == pair[0].tick);
             of_sample.map(|(_, after_ns)| *after_ns).filter(|after_ns| *after_ns < period_ns).collect()
         };

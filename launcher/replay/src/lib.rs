@@ -38,7 +38,7 @@ pub use fields::{Differs, difference};
 
 pub use plan::{ComparedMessages, FirstDifference, ReplayPlan, Replayed};
 pub use recording::Recording;
-pub use script::{Key, Read, RecordedCycle, RecordedProcess, Script};
+pub use script::{Cycle, Key, Process, Read, Script};
 
 #[cfg(test)]
 mod tests;

@@ -19,8 +19,8 @@ use runtime::error::SessionError;
 use runtime::realtime::{ControlPage, phase};
 use settings::{Mode, Scenario};
 
-use crate::script::RecordedCycle;
-use crate::sender::{self, Sender};
+use crate::script::Cycle;
+use crate::sender::{self, SendRecord};
 
 const A_DAY: Duration = Duration::from_secs(86_400);
 /// Longest wait for a program between two looks \[ns\].
@@ -31,7 +31,7 @@ pub struct Program {
     topic: Topic,
     page: Arc<ControlPage>,
     /// Senders of what it may read, by topic.
-    senders: HashMap<Topic, Sender>,
+    senders: HashMap<Topic, SendRecord>,
     /// Number of messages sent to it so far, by topic.
     sent: [u64; Topic::COUNT],
     observers: Observers,
@@ -94,7 +94,7 @@ impl Program {
     ///
     /// # Errors
     /// The program ends, or does not answer in time.
-    pub fn run(&mut self, cycle: &RecordedCycle, mut each: impl FnMut(&Record)) -> anyhow::Result<()> {
+    pub fn run(&mut self, cycle: &Cycle, mut each: impl FnMut(&Record)) -> anyhow::Result<()> {
         let done = cycle.tick as u32 + 1;
         for upstream in Topic::ALL.into_iter().filter(|topic| *topic != self.topic) {
             self.page.role(upstream).done(1).set(done);

@@ -34,7 +34,7 @@ pub struct Read {
 
 /// Cycle of a process: its answer to a sample; for the plant the sample.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct RecordedCycle {
+pub struct Cycle {
     pub tick: u64,
     /// Instant of the sample, and (`publish_ns`) when the answer was ready, as the process read the clock \[ns\].
     pub sample_ns: u64,
@@ -53,12 +53,12 @@ pub struct RecordedCycle {
 
 /// Cycles and messages of one process.
 #[derive(Debug, Clone)]
-pub struct RecordedProcess {
+pub struct Process {
     pub topic: Topic,
     pub epoch: u64,
     /// Process and tick whose memory it began with; `None` if it began without.
     pub continues: Option<Origin>,
-    pub cycles: Vec<RecordedCycle>,
+    pub cycles: Vec<Cycle>,
     /// Intact messages in the order of sending.
     pub recorded: Arc<Vec<Record>>,
     numbers: Numbers,
@@ -82,7 +82,7 @@ struct Numbers {
 #[derive(Debug, Clone)]
 pub struct Script {
     /// Processes in the order of their first messages.
-    pub processes: Vec<RecordedProcess>,
+    pub processes: Vec<Process>,
     /// Gaps of the log, by process, each with the tick after which nothing of that process is known.
     pub holes: Vec<(u64, String)>,
     ahead: VecDeque<Record>,
@@ -188,7 +188,7 @@ impl Script {
     /// Drops the TRUTHs, and the sequence numbers of messages, that were sent before `tick`.
     pub(super) fn forget_before(&mut self, tick: u64) {
         self.truths.drain(..self.truths.partition_point(|truth| truth.tick < tick));
-        for RecordedProcess { numbers: Numbers { ticks, .. }, .. } in &mut self.processes {
+        for Process { numbers: Numbers { ticks, .. }, .. } in &mut self.processes {
             while ticks.len() > 1 && ticks.front().is_some_and(|(_, sent)| *sent < tick) {
                 ticks.pop_front();
             }
@@ -209,7 +209,7 @@ impl Script {
     /// Returns the index of a process, which is added if it is new.
     fn process_of(&mut self, topic: Topic, epoch: u64) -> usize {
         self.process(topic, epoch).unwrap_or_else(|| {
-            self.processes.push(RecordedProcess::new(topic, epoch));
+            self.processes.push(Process::new(topic, epoch));
             self.processes.len() - 1
         })
     }
@@ -256,7 +256,7 @@ impl Script {
     }
 }
 
-impl RecordedProcess {
+impl Process {
     fn new(topic: Topic, epoch: u64) -> Self {
         Self {
             topic,
@@ -313,7 +313,7 @@ impl RecordedProcess {
 
     fn begin_cycle(&mut self, stamp: &Stamp, inputs: [Option<Read>; Topic::COUNT], arrivals: Vec<(Read, u64)>) {
         let own = self.topic as usize;
-        self.cycles.push(RecordedCycle {
+        self.cycles.push(Cycle {
             tick: stamp.tick,
             sample_ns: stamp.sample_ns,
             publish_ns: stamp.publish_ns[own],
@@ -331,7 +331,7 @@ impl RecordedProcess {
     }
 
     /// Returns its cycle of `tick`, if there is one.
-    pub fn cycle(&self, tick: u64) -> Option<&RecordedCycle> {
+    pub fn cycle(&self, tick: u64) -> Option<&Cycle> {
         self.cycles.get(self.cycles.partition_point(|cycle| cycle.tick < tick)).filter(|cycle| cycle.tick == tick)
     }
 
@@ -350,7 +350,7 @@ impl RecordedProcess {
         next.arrivals = later.into_iter().map(|(read, after_ns)| (read, after_ns - passed_ns)).collect();
         let sample_ns = before.sample_ns + passed_ns;
         let publish_ns = before.publish_ns + passed_ns;
-        self.cycles.insert(at, RecordedCycle { tick, sample_ns, publish_ns, arrivals: earlier, ..before });
+        self.cycles.insert(at, Cycle { tick, sample_ns, publish_ns, arrivals: earlier, ..before });
     }
 
     /// Lets `command` come to the plant `after_ns` after the sample that it answers to, and at no other time.

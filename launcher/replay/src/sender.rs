@@ -8,11 +8,11 @@ use runtime::ports::Ports;
 use flight::log::Record;
 
 /// Sends a message of one topic; one of another is ignored.
-pub type Sender = Box<dyn Fn(&Record)>;
+pub type SendRecord = Box<dyn Fn(&Record)>;
 
 /// Opens the sender of the process `epoch` that publishes `topic`.
-pub fn open(ports: &mut Ports, topic: Topic, epoch: u32) -> Result<Sender, SessionError> {
-    fn of<M: Message>(ports: &mut Ports, epoch: u32) -> Result<Sender, SessionError> {
+pub fn open(ports: &mut Ports, topic: Topic, epoch: u32) -> Result<SendRecord, SessionError> {
+    fn of<M: Message>(ports: &mut Ports, epoch: u32) -> Result<SendRecord, SessionError> {
         let port = ports.sender::<M>(epoch)?;
         // A send fails if no port listens: that of a worker does, and the end of a program is seen by the wait for it.
         Ok(Box::new(move |record| _ = record.message().map(|message| port.send(message))))

@@ -18,8 +18,8 @@ use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 use settings::{Fault, Scenario};
 
-use crate::script::RecordedCycle;
-use crate::sender::{self, Sender};
+use crate::script::Cycle;
+use crate::sender::{self, SendRecord};
 use ring::workers::Ring;
 
 pub struct Worker {
@@ -28,7 +28,7 @@ pub struct Worker {
     core: Core,
     observers: Observers,
     /// Senders of what it reads, by topic and epoch.
-    senders: HashMap<(Topic, u32), Sender>,
+    senders: HashMap<(Topic, u32), SendRecord>,
     /// Number of changes of the fault table that it knows.
     faults: u64,
 }
@@ -99,7 +99,7 @@ impl Worker {
     /// sends. A `known` message is not computed but sent again: so ports and faults come to where the flight had them.
     pub fn run(
         &mut self,
-        cycle: &RecordedCycle,
+        cycle: &Cycle,
         given: &[(usize, Fault)],
         known: Option<&Record>,
         mut each: impl FnMut(&Record),

@@ -7,7 +7,7 @@ use campaign::folder::CampaignFolder;
 use campaign::observed::Observed;
 use campaign::page::{self, CampaignPage, differences, limits, promises};
 use campaign::row::Standing;
-use campaign::{CampaignPlan, Rate};
+use campaign::{Plan, Rate};
 use contract::exit;
 use flight::interrupts::end_at_once;
 use outcome::target::TargetVerdict;
@@ -22,7 +22,7 @@ pub struct ResultsView {
 }
 
 impl ResultsView {
-    pub fn new(again: String, plan: &CampaignPlan, observed: Option<&Path>) -> anyhow::Result<Self> {
+    pub fn new(again: String, plan: &Plan, observed: Option<&Path>) -> anyhow::Result<Self> {
         let read = |run: &Path| {
             let limit =
                 plan.campaign.limit().context("--observed stands beside limits, and the campaign has no [limit]")?;
@@ -33,7 +33,7 @@ impl ResultsView {
 }
 
 /// Writes the results of the shards that are there and prints a summary; returns the exit code.
-pub fn conclude(plan: &CampaignPlan, folder: &CampaignFolder, shown: &ResultsView) -> anyhow::Result<u8> {
+pub fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &ResultsView) -> anyhow::Result<u8> {
     end_at_once(
         "interrupted before the results were written; the shards are there, and the same command continues".into(),
     );

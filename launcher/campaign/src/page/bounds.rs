@@ -9,7 +9,7 @@ use outcome::metrics::Metrics;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use view::draw::short;
 
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::row::Standing;
 use crate::table::{Cell, FlightTable};
 
@@ -59,7 +59,7 @@ impl Bound {
 }
 
 /// Collects the bounds of the flights that were flown.
-pub fn of(plan: &CampaignPlan, flights: &FlightTable) -> Vec<Bound> {
+pub fn of(plan: &Plan, flights: &FlightTable) -> Vec<Bound> {
     let (Some(numbers), Some(verdicts)) = (flights.column("flight"), flights.column("verdict")) else { return vec![] };
     let is_flown = |row: &usize| verdicts.text(*row) != Standing::Invalid.name();
     let rows: Vec<usize> = (0..flights.rows()).filter(is_flown).collect();

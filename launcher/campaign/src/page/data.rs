@@ -6,7 +6,7 @@ use super::bins::Binned;
 use super::bounds::{self, Bound};
 use crate::evidence::Evidence;
 use crate::observed::Observed;
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::rate::Rate;
 use crate::row::Standing;
 use crate::table::{Cell, FlightTable};
@@ -15,7 +15,7 @@ use crate::table::{Cell, FlightTable};
 const NO_FACTORS: [&str; 3] = ["flight", "controller", "run.seed"];
 
 pub struct CampaignPage<'a> {
-    pub plan: &'a CampaignPlan,
+    pub plan: &'a Plan,
     pub flights: &'a FlightTable,
     /// Names of the controllers.
     pub names: Vec<&'a str>,
@@ -62,7 +62,7 @@ impl ShownError {
 }
 
 impl<'a> CampaignPage<'a> {
-    pub fn new(plan: &'a CampaignPlan, flights: &'a FlightTable) -> Self {
+    pub fn new(plan: &'a Plan, flights: &'a FlightTable) -> Self {
         let names: Vec<&str> = plan.campaign.controllers.iter().map(|(name, _)| name.as_str()).collect();
         let number = |row: usize| match flights.column("flight").map(|all| all.cell(row)) {
             Some(Cell::Int(number)) => number as u64,

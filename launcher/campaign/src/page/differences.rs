@@ -144,7 +144,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::{Campaign, CampaignPlan, local};
+    use crate::{Campaign, Plan, local};
 
     const CAMPAIGN: &str = "samples = 6\n[settings]\nrun.duration_s = 1.0\nmission.trajectory = 'hover'\n\
         initial.velocity_mps = [1.0, 0.0, 0.0]\n[vary]\nplant.airframe.mass_kg = { uniform = [1.05, 1.15] }\n\
@@ -154,7 +154,7 @@ mod tests {
     fn said(compare: &str) -> String {
         let campaign = Campaign::read(&format!("{CAMPAIGN}[compare]\n{compare}"), "x.toml", "x", Path::new(""));
         let plan = match campaign {
-            Ok(campaign) => CampaignPlan::new(campaign).unwrap(),
+            Ok(campaign) => Plan::new(campaign).unwrap(),
             Err(error) => return format!("{error:#}"),
         };
         let table = local::fly_all(&plan);

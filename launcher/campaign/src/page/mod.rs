@@ -67,14 +67,14 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::plan::CampaignPlan;
+    use crate::plan::Plan;
     use crate::rate::Rate;
     use crate::table::FlightTable;
     use crate::{Campaign, local, shard};
 
     /// Flies all flights of a campaign.
-    fn flown(text: &str) -> (CampaignPlan, FlightTable) {
-        let plan = CampaignPlan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+    fn flown(text: &str) -> (Plan, FlightTable) {
+        let plan = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let table = local::fly_all(&plan);
         (plan, table)
     }
@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_campaign_without_flights_has_a_page() {
-        let plan = CampaignPlan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let empty = FlightTable::new(&shard::columns_of(&plan));
         let html = page(&CampaignPage::new(&plan, &empty), "").unwrap();
         assert!(html.contains("0 of 1 flights are there"), "{html}");

@@ -215,7 +215,7 @@ mod tests {
     use super::*;
     use crate::shard;
     use crate::table::FlightTable;
-    use crate::{Campaign, CampaignPlan, row};
+    use crate::{Campaign, Plan, row};
 
     /// Three settings of a short hover under two controllers, of which `strict` fails by its bound.
     const CAMPAIGN: &str = "[settings]\nrun.duration_s = 0.5\n[case.calm]\n[case.pushed]\ninitial.velocity_mps = [1.0, 0.0, 0.0]\n\
@@ -225,7 +225,7 @@ mod tests {
     /// Flies the campaign, without its last `missing` flights; returns the verdicts on `promise`.
     fn verdicts(promise: &str, missing: u64) -> Vec<Target> {
         let text = format!("{CAMPAIGN}[[promise]]\nfigure = \"{{case}} {{controller}}\"\n{promise}");
-        let plan = CampaignPlan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let plan = Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let mut flights = FlightTable::new(&shard::columns_of(&plan));
         for number in 0..plan.flights() - missing {
             let flight = plan.flight(number);

@@ -3,11 +3,11 @@
 use flight::event::name;
 use view::draw::{escape, list};
 
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::shard;
 
 /// Returns the section.
-pub fn section(plan: &CampaignPlan) -> String {
+pub fn section(plan: &Plan) -> String {
     let campaign = &plan.campaign;
     let sampling = name(campaign.sampling());
     let samples = campaign.samples().map(|samples| ("samples".to_owned(), format!("{samples}, {sampling}")));

@@ -6,7 +6,7 @@ use view::draw::{self, STYLE, escape};
 
 use super::data::CampaignPage;
 use super::{OWN_STYLE, factors, limits, maps, pairs, setup, worst};
-use crate::plan::CampaignPlan;
+use crate::plan::Plan;
 use crate::table::FlightTable;
 
 /// Warning about the figures of an unfinished campaign.
@@ -15,7 +15,7 @@ const PARTIAL: &str = "The flights that are there are no random sample of the ca
 
 /// Renders the page of the `flights` that are there, in one thread of the caller's priority; `words` tell the progress.
 /// The command `again`, followed by a number, flies one flight again.
-pub fn page(plan: &CampaignPlan, flights: &FlightTable, words: &str, again: &str) -> String {
+pub fn page(plan: &Plan, flights: &FlightTable, words: &str, again: &str) -> String {
     let render = || render(&CampaignPage::new(plan, flights), words, again);
     // The threads of the campaign would take up the work only after the last flight.
     match ThreadPoolBuilder::new().num_threads(1).build() {

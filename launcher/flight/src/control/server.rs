@@ -10,7 +10,7 @@ use runtime::domain::Domain;
 use runtime::realtime::peer_of;
 
 use super::{ControlRequest, Response, SOCKET};
-use crate::event::CommandSender;
+use crate::event::Sender;
 use crate::limits::{CLIENTS, NEW_CLIENTS, REQUEST_BYTES, REQUEST_LIMIT};
 
 /// Socket, and its clients.
@@ -105,8 +105,8 @@ impl Client {
 
 impl Reply {
     /// Returns the process that sent the request.
-    pub fn sender(&self) -> Option<CommandSender> {
-        peer_of(&self.0).map(|(pid, user)| CommandSender { pid, user })
+    pub fn sender(&self) -> Option<Sender> {
+        peer_of(&self.0).map(|(pid, user)| Sender { pid, user })
     }
 
     /// Sends the answer, and closes the connection.

@@ -18,7 +18,7 @@ use serde_json::json;
 
 use super::{Memory, Record};
 use crate::event::name;
-use crate::event::{CommandSender, Event};
+use crate::event::{Event, Sender};
 
 /// Types generated from `proto/trefoil.proto`.
 mod wire {
@@ -66,7 +66,7 @@ pub fn decode(kind: usize, bytes: &[u8]) -> Result<Record, DecodeError> {
 pub fn encode_event(event: &Event) -> Vec<u8> {
     let Event { tick, ref node, epoch, what, ref why, swap, origin, by, ref fault } = *event;
     let [swap, origin] = [swap, origin].map(|swap| swap.map(|swap| swap as u64));
-    let by = by.map(|CommandSender { pid, user }| wire::Sender { pid, user });
+    let by = by.map(|Sender { pid, user }| wire::Sender { pid, user });
     let fault_number = fault.as_ref().map(|fault| fault.0 as u64);
     let fault = fault.as_ref().map(|fault| json!(fault.1).to_string());
     wire::Event {
@@ -87,7 +87,7 @@ pub fn encode_event(event: &Event) -> Vec<u8> {
 pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
     let wire::Event { tick, node, epoch, what, why, swap, origin, by, fault_number, fault } =
         wire::Event::decode(bytes)?;
-    let by = by.map(|wire::Sender { pid, user }| CommandSender { pid, user });
+    let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });
     let what = serde_json::from_value(what.into()).context("what happened is unknown")?;
     let fault =
         fault_number.zip(fault).map(|(number, text)| Ok(Box::new((number as usize, serde_json::from_str(&text)?))));

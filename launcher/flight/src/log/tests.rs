@@ -17,7 +17,7 @@ use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
 use tempfile::TempDir;
 
 use super::{Log, LogWriter, Lz4, Record, read};
-use crate::event::{CommandSender, Event, What};
+use crate::event::{Event, Sender, What};
 
 mod damage;
 mod index;
@@ -137,7 +137,7 @@ fn events_stand_at_their_ticks_beside_the_messages() {
         Event::new(3, "mixer", 1, What::Died),
         Event::new(5, "mixer", 2, What::TookOver).because("the \u{3bc} of \"it\"\n").begins(Some(0)),
     ];
-    events[1].by = Some(CommandSender { pid: 7, user: 1000 });
+    events[1].by = Some(Sender { pid: 7, user: 1000 });
     write_states(&mut log, 0..4);
     for event in &events {
         log.write_event(event).unwrap();

@@ -16,7 +16,7 @@ use super::swaps::settle;
 use crate::control::server::Server;
 use crate::control::view::rung;
 use crate::control::{ControlRequest, Response};
-use crate::event::{CommandSender, Event, TimedEvent, What};
+use crate::event::{Event, Sender, TimedEvent, What};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
 use crate::log::Record;
 use ring::states::{self, length_m};
@@ -27,7 +27,7 @@ pub struct Requests {
     /// `true` if the flight was asked to end.
     pub stopped: bool,
     /// Sender of each swap that was ordered in flight, by its number.
-    orderers: BTreeMap<usize, CommandSender>,
+    orderers: BTreeMap<usize, Sender>,
 }
 
 impl Requests {
@@ -56,7 +56,7 @@ impl Requests {
         &mut self,
         run: &mut FlightRun,
         request: ControlRequest,
-        sender: Option<CommandSender>,
+        sender: Option<Sender>,
     ) -> Result<Value, String> {
         match request {
             ControlRequest::Status => Ok(status(run)),
@@ -123,7 +123,7 @@ fn node_status(run: &FlightRun, topic: Topic) -> Value {
 }
 
 /// Adds `fault` to the flight, to begin `at_s` after the next sample but one; returns it with its time in the flight.
-fn inject(run: &mut FlightRun, mut fault: Fault, sender: Option<CommandSender>) -> Result<Value, String> {
+fn inject(run: &mut FlightRun, mut fault: Fault, sender: Option<Sender>) -> Result<Value, String> {
     needs_a_clock(run)?;
     let (is_known, kind) = (fault.target.kinds().contains(&fault.kind), fault.kind);
     if is_known && !fault.target.kinds_in_flight().any(|given| given == kind) {
@@ -151,7 +151,7 @@ fn inject(run: &mut FlightRun, mut fault: Fault, sender: Option<CommandSender>) 
 }
 
 /// Ends the faults of `target`, or all; returns those that were not over, with the time that they have lasted.
-fn clear(run: &mut FlightRun, target: Option<FaultTarget>, sender: Option<CommandSender>) -> Result<Value, String> {
+fn clear(run: &mut FlightRun, target: Option<FaultTarget>, sender: Option<Sender>) -> Result<Value, String> {
     needs_a_clock(run)?;
     let end = run.next_tick();
     let sought = |fault: &Fault| target.is_none_or(|target| target == fault.target) && !is_over(run, fault);
@@ -191,7 +191,7 @@ fn is_over(run: &FlightRun, fault: &Fault) -> bool {
     ticks.is_empty() || last <= run.next_tick()
 }
 
-fn note(run: &mut FlightRun, number: usize, fault: &Fault, what: What, by: Option<CommandSender>) {
+fn note(run: &mut FlightRun, number: usize, fault: &Fault, what: What, by: Option<Sender>) {
     let tick = run.page.plant_tick();
     run.events.push(Event {
         by,

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
-use outcome::judge::FlightVerdict;
+use outcome::judge::Verdict;
 use outcome::percentiles::Percentiles;
 use serde::Serialize;
 use settings::{Mode, Scenario, SchedulingPolicy, from_merged, load};
@@ -77,7 +77,7 @@ impl TimedFlights {
             stack.fly_to_the_end(interrupts, |record| cycles.observe(record), || meter.read(&namespace))?;
         let class = if self.policy == SchedulingPolicy::Fifo { "fifo" } else { "other" };
         self.as_asked &= flown.scheduling.iter().all(|(_, got)| got.policy == class);
-        self.inside &= FlightVerdict::of(&summary, scenario, &flown.how).passed();
+        self.inside &= Verdict::of(&summary, scenario, &flown.how).passed();
         self.cpu_percent = meter.share_percent().or(self.cpu_percent);
         self.missed.extend(cycles.misses());
         self.ages.rounds.push(cycles.ages_ns());

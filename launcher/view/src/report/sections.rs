@@ -64,7 +64,7 @@ pub fn ended(run: &RunRecord, result: &str) -> String {
 }
 
 /// Warns of what is missing of the log, and of what else a reader must know: see
-/// [`outcome::judge::FlightVerdict::reservations`].
+/// [`outcome::judge::Verdict::reservations`].
 pub fn warnings(run: &RunRecord) -> [String; 2] {
     let warning = |about: &str, words: &str| match words {
         "" => String::new(),

@@ -11,7 +11,7 @@ use flight::provenance::{Provenance, host, provenance};
 use flight::stack::Ended;
 use outcome::bounds::BoundCheck;
 use outcome::faults::FaultRecord;
-use outcome::judge::{Circumstances, FlightVerdict};
+use outcome::judge::{Circumstances, Verdict};
 use outcome::percentiles::Percentiles;
 use outcome::run_record::{Account, RunRecord};
 use outcome::solves::{Iterations, SolverRecord};
@@ -98,7 +98,7 @@ fn record(log: &Log, scenario: &Scenario) -> RunRecord {
         port_failures: vec![],
         observers: vec![],
     };
-    let verdict = FlightVerdict::of(summary, scenario, &how);
+    let verdict = Verdict::of(summary, scenario, &how);
     RunRecord::of(Account { summary, scenario, how: &how, verdict: &verdict, wall_s: 1.0, provenance: None })
 }
 

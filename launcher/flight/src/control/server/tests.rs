@@ -91,5 +91,5 @@ fn the_kernel_names_the_sender_of_a_request() {
     enter(&domain).write_all(b"\"status\"\n").expect("written");
     let (_, reply) = server.request().expect("a request");
     let user = rustix::process::geteuid().as_raw();
-    assert_eq!(reply.sender(), Some(CommandSender { pid: std::process::id() as i32, user }));
+    assert_eq!(reply.sender(), Some(Sender { pid: std::process::id() as i32, user }));
 }
