@@ -2,7 +2,6 @@
 //! run, and what is refused stays as it was.
 
 use std::fs;
-use std::io::Write;
 use std::os::unix::fs::{PermissionsExt, chown, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -11,7 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::harness::{NOBODY, has_root, launcher};
+use crate::harness::{NOBODY, copy_program, has_root, launcher, write_script};
 
 /// No command of these tests may last longer.
 const WATCHDOG: Duration = Duration::from_secs(60);
@@ -231,9 +230,7 @@ fn names_do_not_control_the_terminal() {
 
 /// A command of that name in a folder for PATH.
 fn put_command(folder: &Path, name: &str, script: &str) {
-    let path = folder.join(name);
-    fs::write(&path, script).expect("can be written");
-    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("it is ours");
+    write_script(&folder.join(name), script);
 }
 
 #[test]
@@ -277,10 +274,11 @@ fn a_script_that_stands_in_the_folder_is_not_submitted() {
 fn programs_of_other_sources_are_told_apart() {
     let place = Place::flown();
     let other = place.at("other-launcher");
-    fs::copy(env!("CARGO_BIN_EXE_trefoil"), &other).expect("can be copied");
-    let mut program = fs::OpenOptions::new().append(true).open(&other).expect("can be opened");
-    program.write_all(b"\0").expect("can be written"); // the same program, of other bytes
-    drop(program);
+    let same = fs::read(env!("CARGO_BIN_EXE_trefoil")).expect("can be read");
+    let bytes = place.at("other-bytes"); // the same program, of other bytes
+    fs::write(&bytes, [&same[..], b"\0"].concat()).expect("can be written");
+    fs::set_permissions(&bytes, fs::Permissions::from_mode(0o755)).expect("it is ours");
+    copy_program(&bytes, &other);
     let run = || {
         let mut command = Command::new(&other);
         command.arg("campaign").arg(place.at("small.toml")).arg("--out").arg(place.at("out"));

@@ -1,12 +1,13 @@
 //! Inheritance of the launcher from its parent, and a program file that is replaced in flight.
 
 use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::control::{status, tell};
-use crate::harness::{launcher, namespace, shared_memory_of, skip, wait_until};
+use crate::harness::{copy_program, launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// `trefoil fly` into `out`, started by `wrapper`; nothing when that cannot be done here.
 fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile::TempDir) -> Option<Command> {
@@ -70,7 +71,7 @@ fn a_limit_on_the_size_of_files_is_a_reason() {
 fn a_program_that_is_built_anew_in_flight_is_still_the_one_that_flies() {
     let (ns, folder) = (namespace(), tempfile::tempdir().expect("a temporary folder"));
     let program = folder.path().join("trefoil");
-    std::fs::copy(launcher().get_program(), &program).expect("copied");
+    copy_program(Path::new(launcher().get_program()), &program);
     let mut flight = Command::new(&program);
     flight.args(["fly", "--no-log", "--set", "run.duration_s=30.0", "--namespace", &ns, "--out"]);
     let mut flight = flight.arg(folder.path().join("run")).stdout(Stdio::null()).spawn().expect("the launcher starts");

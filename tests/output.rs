@@ -162,3 +162,16 @@ fn a_launcher_that_waits_for_a_slow_recorder_says_so() {
     assert!(said.is_some());
     assert_eq!(flight.finish().code(), Some(0));
 }
+
+#[test]
+fn a_flight_that_diverges_is_not_said_to_be_inside_its_bounds() {
+    let lost = ["plant.rotor_lag_s=0.2", "bounds.max_position_error_m=inf", "bounds.max_fallback_s=inf"];
+    let sets = lost.iter().flat_map(|set| ["--set", set]);
+    let arguments: Vec<&str> = ["--mode", "inprocess", "--no-log"].into_iter().chain(sets).collect();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let output = launcher().arg("fly").args(&arguments).arg("--out").arg(folder.path().join("run")).output();
+    let output = output.expect("it ends");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let first = said.lines().next().expect("a line");
+    assert!(output.status.code() == Some(1) && first.contains("diverged") && !first.contains("inside"), "{said}");
+}

@@ -4,12 +4,15 @@
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::process::{Command, Output};
 
 use runtime::domain::Domain;
 use runtime::port::bytes_needed;
 
-use crate::harness::{AS_NOBODY, Flight, has_root, launcher, namespace, shared_memory_of, skip, top, wait_until};
+use crate::harness::{
+    AS_NOBODY, Flight, copy_program, has_root, launcher, namespace, shared_memory_of, skip, top, wait_until,
+};
 use crate::processes::{kill, start_flying};
 
 /// A flight that no timing disturbs; `$OUT` is a folder that everybody may write to.
@@ -34,7 +37,7 @@ fn cannot_separate(kind: &str) -> bool {
 fn with_memory(options: &str, script: &str) -> Output {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("trefoil");
-    fs::copy(launcher().get_program(), &program).expect("the launcher can be copied");
+    copy_program(Path::new(launcher().get_program()), &program);
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).expect("it is ours");
     let script = format!("set -e\nmount -t tmpfs -o {options} trefoil-test /dev/shm\ncd $OUT\n{script}");
     let mut shell = Command::new("unshare");

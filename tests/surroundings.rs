@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::Value;
 
-use crate::harness::{AS_NOBODY, has_root, namespace, top};
+use crate::harness::{AS_NOBODY, copy_program, has_root, namespace, top};
 
 /// Expected end of a flight.
 #[derive(Clone, Copy)]
@@ -138,7 +138,7 @@ fn judge(must: Must, came: &Came) -> Result<String, String> {
 pub fn program(folder: &Path) -> PathBuf {
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755)).expect("it is ours");
     let program = folder.join("trefoil");
-    fs::copy(env!("CARGO_BIN_EXE_trefoil"), &program).expect("it can be copied");
+    copy_program(Path::new(env!("CARGO_BIN_EXE_trefoil")), &program);
     program
 }
 

@@ -39,11 +39,12 @@ impl Verdict {
         let swaps = FailedSwap::all(scenario, &how.events);
         let (exit_code, cause) = pass_or_cause(summary, how, &bounds, &swaps);
         let reservations = reservations(summary, scenario, how, &bounds, &swaps);
-        let joint = match how.ended {
-            Ended::Flown if reservations.is_empty() => ", inside its bounds",
-            Ended::Flown if !summary.status().diverged() => ", but ",
-            _ if reservations.is_empty() => "",
-            _ => "; ",
+        let is_flown = matches!(how.ended, Ended::Flown) && !summary.status().diverged();
+        let joint = match (is_flown, reservations.is_empty()) {
+            (true, true) => ", inside its bounds",
+            (true, false) => ", but ",
+            (false, true) => "",
+            (false, false) => "; ",
         };
         let failed_at_s = summary.outside_since_s().unwrap_or(summary.time_s());
         Self {

@@ -59,7 +59,7 @@ pub struct Scenario {
 pub enum Profile {
     /// The paper's controller as verified: fragile, it tolerates less than 5 ms of delay.
     Paper,
-    /// The stack's own controller: lag and delay in the model, exact constraints.
+    /// The stack's own controller: lag and measured delay in the model, estimates, preview.
     Robust,
 }
 
