@@ -44,24 +44,19 @@ impl Outcome {
     }
 }
 
-/// Writes an executable by a shell command over `path` (`$0`) and `from` (`$1`). What this process itself had open for
-/// writing, the child of another test might still have open, and a file that is open for writing cannot be run.
-fn make_executable(command: &str, path: &Path, from: &Path, input: &[u8]) {
-    let mut shell = Command::new("sh");
-    shell.args(["-c", command]).args([path, from]).stdin(Stdio::piped());
-    let mut shell = shell.spawn().expect("sh runs");
-    shell.stdin.take().expect("a pipe").write_all(input).expect("it is read");
-    assert!(shell.wait().expect("sh ends").success(), "{}", path.display());
-}
-
-/// Copies a program so that it can be run at once.
+/// Copies a program by a process of its own: what this process has open for writing, the child of another test may
+/// still have open, and a file that is open for writing cannot be run.
 pub fn copy_program(from: &Path, to: &Path) {
-    make_executable("cat >/dev/null; cp \"$1\" \"$0\"", to, from, b"");
+    assert!(Command::new("cp").args([from, to]).status().expect("cp runs").success(), "{}", to.display());
 }
 
-/// Writes a script so that it can be run at once.
+/// Writes a script by a process of its own, as [`copy_program`] copies.
 pub fn write_script(path: &Path, script: &str) {
-    make_executable("cat >\"$0\" && chmod 755 \"$0\"", path, path, script.as_bytes());
+    let mut shell = Command::new("sh");
+    let mut shell =
+        shell.args(["-c", "cat >\"$0\" && chmod 755 \"$0\""]).arg(path).stdin(Stdio::piped()).spawn().expect("sh");
+    shell.stdin.take().expect("a pipe").write_all(script.as_bytes()).expect("it is read");
+    assert!(shell.wait().expect("sh ends").success(), "{}", path.display());
 }
 
 /// The user `nobody`, and what starts a command as that user.

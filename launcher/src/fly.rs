@@ -145,7 +145,7 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
         wall_s: wall.as_secs_f64(),
         provenance: Some(provenance(&scenario, &scheduling)),
     };
-    // Five sixths of the time of a flight in process: only for a flight that is looked at.
+    // It takes several times as long as a flight in process: only for a flight that is looked at.
     let hover = (!args.no_log).then(|| Hover::of(&scenario));
     let record = RunRecord { hover, ..RunRecord::of(account) };
     let run = serde_json::to_string_pretty(&record)? + "\n";
