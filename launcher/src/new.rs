@@ -46,7 +46,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
         bail!("the folder {shown} is not empty: name a new one");
     }
     for (path, text) in template.files(&node, &HoverModel::of(&Scenario::default())) {
-        write(&args.dir.join(path), &text).with_context(|| format!("cannot write {shown}/{path}"))?;
+        write(&args.dir.join(&path), &text).with_context(|| format!("cannot write {shown}/{path}"))?;
         print(&format!("{shown}/{path}\n"));
     }
     let launcher = std::env::args_os().next().map_or_else(|| "trefoil".into(), PathBuf::from);

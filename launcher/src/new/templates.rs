@@ -1,8 +1,11 @@
 //! Templates of controllers, part of the launcher's program.
 //!
-//! In a file `@NODE@` stands for the name of the node, `@MODES@` and `@ABOUT@` for texts of the template.
+//! In a file `@NODE@` stands for the name of the node, `@MODES@` and `@ABOUT@` for the texts `modes.md` and `about.md`.
+
+use std::collections::BTreeMap;
 
 use clap::ValueEnum;
+use include_dir::{Dir, DirEntry, include_dir};
 
 use super::model::HoverModel;
 use crate::manual::Described;
@@ -41,161 +44,45 @@ pub enum TemplateNode {
 pub struct Template {
     pub language: Language,
     pub node: TemplateNode,
-    /// Modes in which it flies, for its README.
-    modes: &'static str,
-    /// Description of the files, for its README.
-    about: &'static str,
-    /// Files beside those of every template, by their paths in the folder.
-    files: &'static [(&'static str, Text)],
+    /// Folders of its files; a file takes the place of one with its name in a folder before, and in `common`.
+    folders: &'static [&'static str],
+    /// Files that are made of the model, by their paths.
+    made: &'static [(&'static str, Make)],
 }
 
-/// Text of a file.
-#[derive(Clone, Copy)]
-enum Text {
-    Fixed(&'static str),
-    Made(fn(&HoverModel) -> String),
-}
+/// Makes the text of a file.
+type Make = fn(&HoverModel) -> String;
 
-/// Reads a file of the templates when the launcher is built.
-macro_rules! template {
-    ($path:literal) => {
-        include_str!(concat!("../../templates/", $path))
-    };
-}
-
-/// Text of a file of the templates.
-macro_rules! text {
-    ($path:literal) => {
-        Text::Fixed(template!($path))
-    };
-}
-
-/// Makes a template without files, of a controller that is built to a library.
-const fn library(language: Language, node: TemplateNode, about: &'static str) -> Template {
-    Template { language, node, modes: template!("common/library.md"), about, files: &[] }
-}
-
-const SCENARIO: Text = text!("common/scenario.toml");
-const TREFOIL_H: Text = Text::Fixed(include_str!("../../../foreign/include/trefoil.h"));
-const LQR_H: Text = text!("common/lqr.h");
-const TEST_C: Text = text!("common/test_attitude.c");
-/// Files of every template.
-const COMMON: [(&str, Text); 3] = [
-    ("README.md", text!("common/README.md")),
-    (".gitignore", text!("common/gitignore")),
-    ("scenario.schema.json", Text::Made(schema)),
-];
+/// The folders, read when the launcher is built.
+static FOLDERS: Dir = include_dir!("$CARGO_MANIFEST_DIR/templates");
+const C: &[(&str, Make)] = &[("model.h", HoverModel::c), ("trefoil.h", trefoil_h)];
+const JSON: &[(&str, Make)] = &[("model.json", HoverModel::json)];
+const C_AND_JSON: &[(&str, Make)] = &[C[0], C[1], JSON[0]];
 
 const TEMPLATES: [Template; 9] = [
+    attitude_mpc(Language::C, &["test", "lqr", "c", "c-attitude-mpc"], C),
     Template {
-        files: &[
-            ("controller.c", text!("c/attitude-mpc.c")),
-            ("lqr.h", LQR_H),
-            ("model.h", Text::Made(HoverModel::c)),
-            ("trefoil.h", TREFOIL_H),
-            ("test_controller.c", TEST_C),
-            ("Makefile", text!("c/Makefile")),
-            ("scenario.toml", SCENARIO),
-        ],
-        ..library(Language::C, TemplateNode::AttitudeMpc, template!("c/attitude-mpc.md"))
+        language: Language::C,
+        node: TemplateNode::Guidance,
+        folders: &["c", "c-guidance"],
+        made: &[("trefoil.h", trefoil_h)],
     },
-    Template {
-        files: &[
-            ("controller.c", text!("c/guidance.c")),
-            ("trefoil.h", TREFOIL_H),
-            ("test_controller.c", text!("c/test_guidance.c")),
-            ("Makefile", text!("c/Makefile")),
-            ("scenario.toml", text!("c/guidance.toml")),
-        ],
-        ..library(Language::C, TemplateNode::Guidance, template!("c/guidance.md"))
-    },
-    Template {
-        files: &[
-            ("controller.c", text!("c/mixer.c")),
-            ("model.h", Text::Made(HoverModel::c)),
-            ("trefoil.h", TREFOIL_H),
-            ("test_controller.c", text!("c/test_mixer.c")),
-            ("Makefile", text!("c/Makefile")),
-            ("scenario.toml", SCENARIO),
-        ],
-        ..library(Language::C, TemplateNode::Mixer, template!("c/mixer.md"))
-    },
-    Template {
-        files: &[
-            ("controller.cpp", text!("cpp/controller.cpp")),
-            ("lqr.h", LQR_H),
-            ("model.h", Text::Made(HoverModel::c)),
-            ("trefoil.h", TREFOIL_H),
-            ("test_controller.c", TEST_C),
-            ("Makefile", text!("cpp/Makefile")),
-            ("scenario.toml", SCENARIO),
-        ],
-        ..library(Language::Cpp, TemplateNode::AttitudeMpc, template!("cpp/about.md"))
-    },
-    Template {
-        files: &[
-            ("generate.py", text!("casadi/generate.py")),
-            ("model.json", Text::Made(HoverModel::json)),
-            ("test_controller.py", text!("casadi/test_controller.py")),
-            ("Makefile", text!("casadi/Makefile")),
-            ("scenario.toml", SCENARIO),
-        ],
-        ..library(Language::Casadi, TemplateNode::AttitudeMpc, template!("casadi/about.md"))
-    },
-    Template {
-        files: &[
-            ("generate.py", text!("acados/generate.py")),
-            ("shim.c", text!("acados/shim.c")),
-            ("model.json", Text::Made(HoverModel::json)),
-            ("model.h", Text::Made(HoverModel::c)),
-            ("trefoil.h", TREFOIL_H),
-            ("test_controller.c", TEST_C),
-            ("Makefile", text!("acados/Makefile")),
-            ("scenario.toml", SCENARIO),
-        ],
-        ..library(Language::Acados, TemplateNode::AttitudeMpc, template!("acados/about.md"))
-    },
-    Template {
-        files: &[
-            ("controller.c", text!("simulink/controller.c")),
-            ("controller.h", text!("simulink/controller.h")),
-            ("rtwtypes.h", text!("simulink/rtwtypes.h")),
-            ("shim.c", text!("simulink/shim.c")),
-            ("lqr.h", LQR_H),
-            ("model.h", Text::Made(HoverModel::c)),
-            ("trefoil.h", TREFOIL_H),
-            ("test_controller.c", TEST_C),
-            ("Makefile", text!("simulink/Makefile")),
-            ("scenario.toml", SCENARIO),
-        ],
-        ..library(Language::Simulink, TemplateNode::AttitudeMpc, template!("simulink/about.md"))
-    },
-    Template {
-        language: Language::Python,
-        node: TemplateNode::AttitudeMpc,
-        modes: template!("python/modes.md"),
-        about: template!("python/about.md"),
-        files: &[
-            ("controller.py", text!("python/controller.py")),
-            ("model.json", Text::Made(HoverModel::json)),
-            ("test_controller.py", text!("python/test_controller.py")),
-            ("Makefile", text!("python/Makefile")),
-            ("scenario.toml", text!("python/scenario.toml")),
-        ],
-    },
-    Template {
-        files: &[
-            ("src/lib.rs", text!("rust/lib.rs")),
-            ("src/lqr.rs", text!("rust/lqr.rs")),
-            ("src/model.rs", Text::Made(HoverModel::rust)),
-            ("src/trefoil.rs", Text::Made(types_in_rust)),
-            ("Cargo.toml", text!("rust/Cargo.toml")),
-            ("Makefile", text!("rust/Makefile")),
-            ("scenario.toml", SCENARIO),
-        ],
-        ..library(Language::Rust, TemplateNode::AttitudeMpc, template!("rust/about.md"))
-    },
+    Template { language: Language::C, node: TemplateNode::Mixer, folders: &["c", "c-mixer"], made: C },
+    attitude_mpc(Language::Cpp, &["test", "lqr", "cpp"], C),
+    attitude_mpc(Language::Casadi, &["casadi"], JSON),
+    attitude_mpc(Language::Acados, &["test", "acados"], C_AND_JSON),
+    attitude_mpc(Language::Simulink, &["test", "lqr", "simulink"], C),
+    attitude_mpc(Language::Python, &["python"], JSON),
+    attitude_mpc(Language::Rust, &["rust"], &[("src/model.rs", HoverModel::rust), ("src/trefoil.rs", types_in_rust)]),
 ];
+
+const fn attitude_mpc(
+    language: Language,
+    folders: &'static [&'static str],
+    made: &'static [(&'static str, Make)],
+) -> Template {
+    Template { language, node: TemplateNode::AttitudeMpc, folders, made }
+}
 
 impl Template {
     /// Lists all templates.
@@ -203,22 +90,29 @@ impl Template {
         &TEMPLATES
     }
 
-    /// Writes all files for the node that is called `node`: paths in the folder, and texts.
-    pub fn files(&self, node: &str, model: &HoverModel) -> Vec<(&'static str, String)> {
-        let filled = |text: Text| {
-            let text = match text {
-                Text::Fixed(text) => text.replace("@MODES@\n", self.modes).replace("@ABOUT@\n", self.about),
-                Text::Made(make) => make(model),
-            };
-            text.replace("@NODE@", node)
-        };
-        self.files.iter().chain(&COMMON).map(|(path, text)| (*path, filled(*text))).collect()
+    /// Writes all files for the node that is called `node`: texts by their paths in the folder.
+    pub fn files(&self, node: &str, model: &HoverModel) -> BTreeMap<String, String> {
+        let mut files = BTreeMap::new();
+        for folder in ["common"].iter().chain(self.folders) {
+            let found = FOLDERS.find(&format!("{folder}/**/*")).expect("a pattern").filter_map(DirEntry::as_file);
+            for file in found {
+                let path = file.path().strip_prefix(folder).expect("it is in the folder");
+                let path = path.display().to_string().replace("gitignore", ".gitignore");
+                files.insert(path, file.contents_utf8().expect("text").to_owned());
+            }
+        }
+        files.extend(self.made.iter().map(|(path, make)| ((*path).to_owned(), make(model))));
+        files.insert("scenario.schema.json".to_owned(), Described::Scenario.schema());
+        let [modes, about] = ["modes.md", "about.md"].map(|name| files.remove(name).expect("each template has it"));
+        for text in files.values_mut() {
+            *text = text.replace("@MODES@\n", &modes).replace("@ABOUT@\n", &about).replace("@NODE@", node);
+        }
+        files
     }
 }
 
-/// JSON Schema of the scenario, which its first line names, so that editors complete it.
-fn schema(_: &HoverModel) -> String {
-    Described::Scenario.schema()
+fn trefoil_h(_: &HoverModel) -> String {
+    include_str!("../../../foreign/include/trefoil.h").to_owned()
 }
 
 /// Types of `trefoil.h` in Rust, without the derived traits that need another crate.

@@ -4,6 +4,7 @@
 // process goes on with the same bits.
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +15,7 @@
 #include "trefoil.h"
 
 enum { STATES = CONTROLLER_NX, COMMANDS = CONTROLLER_NU, SAMPLES = CONTROLLER_N };
+enum { WEIGHTS = CONTROLLER_NY, MOTION = CONTROLLER_NYN };
 
 // Rotor speeds as a share of those in hover, and the tilt [rad].
 typedef struct {
@@ -35,17 +37,47 @@ static void destroy(void *node) {
   free(controller);
 }
 
+// Reads {"weights":[...]}: those of w, roll, pitch, yaw, p, q, r and of the commands. Returns whether all are there.
+static bool read_weights(const char *json, double weights[WEIGHTS]) {
+  const char *at = strchr(json, '[');
+  for (int i = 0; i < WEIGHTS; i++) {
+    char *end = NULL;
+    weights[i] = at ? strtod(at + 1, &end) : 0;
+    if (weights[i] <= 0 || *end != (i + 1 < WEIGHTS ? ',' : ']')) return false;
+    at = end;
+  }
+  return true;
+}
+
+// Puts weights in place of those of generate.py.
+static void set_weights(controller_solver_capsule *solver, const double weights[WEIGHTS]) {
+  ocp_nlp_config *config = controller_acados_get_nlp_config(solver);
+  ocp_nlp_dims *dims = controller_acados_get_nlp_dims(solver);
+  ocp_nlp_in *in = controller_acados_get_nlp_in(solver);
+  double stage[WEIGHTS * WEIGHTS] = {0}, last[MOTION * MOTION] = {0};
+  for (int i = 0; i < WEIGHTS; i++) stage[i * WEIGHTS + i] = weights[i];
+  for (int i = 0; i < MOTION; i++) last[i * MOTION + i] = 0.2 * weights[i];  // as in generate.py
+  for (int k = 0; k < SAMPLES; k++) ocp_nlp_cost_model_set(config, dims, in, k, "W", stage);
+  ocp_nlp_cost_model_set(config, dims, in, SAMPLES, "W", last);
+}
+
 static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) {
   const char *reason = NULL;
   if (fabs(setup->dt_s - MODEL_SAMPLE_S) > 1e-9) reason = "model.h is a model of another run.rate_hz";
   if (setup->mass_kg != MODEL_MASS_KG) reason = "model.h is a model of another vehicle";
-  if (strcmp(setup->settings_json, "{}")) reason = "this controller has no settings";
+  double weights[WEIGHTS];
+  bool is_tuned = strcmp(setup->settings_json, "{}");
+  if (is_tuned && !read_weights(setup->settings_json, weights))
+    reason = "give settings.weights: 11 positive numbers, as STATE and COMMAND of generate.py";
   Controller *controller = reason ? NULL : calloc(1, sizeof *controller);
   if (controller) {
     controller->solver = controller_acados_create_capsule();
     memcpy(controller->memory.actuators, HOVER, sizeof HOVER);
     memcpy(controller->memory.command, HOVER, sizeof HOVER);
-    if (controller_acados_create(controller->solver) == 0) return controller;
+    if (controller_acados_create(controller->solver) == 0) {
+      if (is_tuned) set_weights(controller->solver, weights);
+      return controller;
+    }
     reason = "acados cannot create its solver";
     free(controller);
   }
