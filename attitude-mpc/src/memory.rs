@@ -82,7 +82,7 @@ pub struct Whole {
 }
 
 impl MemoryLayout for Whole {
-    const NAME: [u8; 8] = *b"attmpc 6";
+    const NAME: [u8; 8] = *b"attmpc 7";
 }
 
 impl AttitudeMemory {

@@ -26,7 +26,7 @@ use crate::message::State;
 use crate::snapshot::OptionalTick;
 
 /// Longest delay \[samples\].
-pub const MAX_DELAY: usize = 16;
+pub const MAX_DELAY: usize = 31;
 /// Share of a new age in the mean.
 const SHARE: f64 = 0.1;
 

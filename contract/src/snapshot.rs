@@ -14,7 +14,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::integrity::checksum_of;
 
 /// Words of a snapshot: room for the largest memory, that of attitude-mpc, and the two words before it.
-pub const SNAPSHOT_WORDS: usize = 240;
+pub const SNAPSHOT_WORDS: usize = 300;
 
 /// Largest number of words in the memory of the plant; their meaning is private to the plant. It has room for what the
 /// settings allow: the samples of an IMU of 1000 Hz over the latency of a receiver of 500 ms, and the readings that a

@@ -35,5 +35,5 @@ pub struct MixerMemory {
 }
 
 impl MemoryLayout for MixerMemory {
-    const NAME: [u8; 8] = *b"mixer  8";
+    const NAME: [u8; 8] = *b"mixer  9";
 }

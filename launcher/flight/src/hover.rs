@@ -29,7 +29,7 @@ pub use response::{AttitudeBandwidths, PositionBandwidths};
 use response::{attitude_bandwidths, position_bandwidths};
 
 /// Largest delay that is tried for the delay margin \[ms\].
-const MAX_DELAY_MS: f64 = 200.0;
+const MAX_DELAY_MS: f64 = 400.0;
 /// Largest lag that is tried for the lag margin \[ms\].
 const MAX_LAG_MS: f64 = 250.0;
 
@@ -82,7 +82,7 @@ impl Hover {
     pub fn rows(&self) -> Vec<(&'static str, String)> {
         let [one, two, three] = self.rotor_speed;
         let mut rows = vec![
-            ("rotor speeds at hover", format!("{one:.1}, {two:.1}, {three:.1} rad/s")),
+            ("rotor speeds at hover", format!("{one:.1}, {two:.1}, {three:.1} rotor speed unit")),
             ("tilt at hover", format!("{:.2} deg", self.tilt_deg)),
             ("roll at hover", format!("{:.2} deg", self.roll_deg)),
             ("largest thrust over weight", format!("{:.2}", self.thrust_over_weight)),
