@@ -113,6 +113,9 @@ fn an_unstable_loop_is_said_to_be_so_and_has_no_number() {
     assert_eq!(hover.loops, Some(none));
     let rows = hover.rows();
     assert_eq!(rows.iter().filter(|(_, value)| value == "unstable").count(), 4, "{rows:?}");
+    let check = launcher().args(["check", "survey", "--set", settings[0], "--set", settings[1]]).output();
+    let said = String::from_utf8(check.expect("the launcher runs").stderr).expect("text");
+    assert!(said.trim_end().ends_with("survey: valid, but its control loops are unstable about the hover"), "{said}");
 }
 
 #[test]

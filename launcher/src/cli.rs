@@ -13,6 +13,7 @@ use runtime::console;
 use runtime::process::run_as;
 use runtime::realtime::{reset_signals, tell_of_crashes};
 
+use flight::hover::Hover;
 use flight::stack::{StartError, check_memory};
 use flight::{guarded, nodes, recorder, scenario, strays};
 use folder::shipped::ShippedKind;
@@ -225,13 +226,14 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     scenarios::tell(ShippedKind::Scenario, scenario);
     let merged = scenario::load(Some(scenario), set)?;
     print(&settings::to_toml_that_follows(&merged));
-    print(&vehicle::describe_hover(&merged));
+    let hover = Hover::of(&merged);
+    print(&vehicle::describe_hover(&hover));
     if let Some(parts) = mission::describe(&merged) {
         eprint_line(parts.trim_end());
     }
     mission::warn(&merged);
     vehicle::warn_of_weights(&merged);
-    eprint_line(&format!("{}: fine", scenario.display()));
+    eprint_line(&format!("{}: {}", scenario.display(), vehicle::verdict(&hover)));
     Ok(exit::FLOWN)
 }
 

@@ -5,9 +5,18 @@ use runtime::console::eprint_line;
 use settings::{Scenario, weights_that_fit};
 
 /// Describes the hover and the control loops as comments of TOML.
-pub fn describe_hover(scenario: &Scenario) -> String {
-    let rows = Hover::of(scenario).rows();
-    rows.iter().fold("\n".into(), |text, (name, value)| text + &format!("# {name}: {value}\n"))
+pub fn describe_hover(hover: &Hover) -> String {
+    hover.rows().iter().fold("\n".into(), |text, (name, value)| text + &format!("# {name}: {value}\n"))
+}
+
+/// Says whether the settings of a valid scenario give stable loops about the hover.
+pub fn verdict(hover: &Hover) -> &'static str {
+    match &hover.loops {
+        Some(loops) if loops.attitude.is_none() || loops.position.is_none() => {
+            "valid, but its control loops are unstable about the hover"
+        }
+        _ => "fine",
+    }
 }
 
 /// Warns on stderr if `attitude.mpc.r` is that of another vehicle.

@@ -19,7 +19,7 @@ use toml::{Table, Value};
 use On::{Has, If, Is, IsNot};
 
 use crate::check::found::Found;
-use crate::table::control::{Constraints, IndiActuators, Law, StateConstraints};
+use crate::table::control::{IndiActuators, Law};
 use crate::table::mission::TrajectoryKind;
 use crate::table::program::ProgramKind;
 use crate::table::run::Scenario;
@@ -75,9 +75,14 @@ const SWITCHES: [Switch; 19] = [
         ),
     ),
     (
-        &["attitude.mpc.solver", "attitude.mpc.max_iterations", "attitude.mpc.time_limit_ms"],
+        &[
+            "attitude.mpc.solver",
+            "attitude.mpc.max_iterations",
+            "attitude.mpc.time_limit_ms",
+            "attitude.mpc.state_constraints",
+        ],
         "attitude.mpc.constraints",
-        If(has_constraints, "\"box\" or \"cone\""),
+        IsNot("none", "\"box\" or \"cone\""),
     ),
     (
         &["attitude.mpc.attitude_limit_deg", "attitude.mpc.rates_limit_dps"],
@@ -146,12 +151,6 @@ fn has_lead(scenario: &Scenario) -> bool {
 /// Returns whether attitude-mpc is a program, which may use any setting.
 fn has_own_controller(scenario: &Scenario) -> bool {
     scenario.node.attitude_mpc.kind() != ProgramKind::Own
-}
-
-/// Returns whether the actuators or the predicted states are constrained, so that a problem is solved.
-fn has_constraints(scenario: &Scenario) -> bool {
-    let mpc = &scenario.attitude.mpc;
-    mpc.constraints != Constraints::None || mpc.state_constraints == StateConstraints::Soft
 }
 
 impl On {

@@ -244,7 +244,7 @@ fn a_model_where_it_would_have_no_effect_is_refused() {
         "attitude.law=lqr",
         "attitude.law=geometric",
         "attitude.law=indi",
-        "attitude.mpc.state_constraints=soft",
+        "attitude.mpc={constraints=\"cone\", state_constraints=\"soft\"}",
     ] {
         let refused = from_set(&[others, "attitude.mpc.model=scheduled"]).expect_err(others).to_string();
         assert!(refused.contains("`attitude.mpc.model`"), "{refused}");
@@ -252,7 +252,9 @@ fn a_model_where_it_would_have_no_effect_is_refused() {
     }
     from_set(&["attitude.mpc.model=scheduled"]).unwrap();
     let coupled = ["attitude.mpc.model=coupled", "attitude.disturbance_gain=0.1"];
-    for others in ["attitude.law=mpc", "attitude.law=lqr", "attitude.mpc.state_constraints=soft"] {
+    for others in
+        ["attitude.law=mpc", "attitude.law=lqr", "attitude.mpc={constraints=\"cone\", state_constraints=\"soft\"}"]
+    {
         from_set(&[&coupled[..], &[others]].concat()).unwrap();
     }
     from_set(&coupled[..1]).expect("there is an estimate by default");
@@ -269,6 +271,7 @@ fn a_setting_that_its_switch_leaves_unread_is_refused() {
         ("attitude={mpc.r_rate=[1, 1, 1, 1], law=\"lqr\"}", "`attitude.law` = \"mpc\" with it"),
         ("attitude={law=\"indi\", disturbance_gain=0.1}", "`attitude.law` = a law other than \"indi\" with it"),
         ("attitude.mpc.rates_limit_dps=[90, 90, 90]", "`attitude.mpc.state_constraints` = \"soft\" with it"),
+        ("attitude.mpc.state_constraints=\"soft\"", "`attitude.mpc.constraints` = \"box\" or \"cone\" with it"),
         ("plant.ground.friction=0.1", "`plant.ground.friction` has no effect here"),
         ("plant.turbulence.height_m=20", "`plant.turbulence.wind_at_6m_mps` = a wind above 0 with it"),
         ("plant.battery.sag=0.2", "`plant.battery.energy_wh` = an energy above 0 with it"),
