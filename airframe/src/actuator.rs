@@ -55,7 +55,7 @@ impl ActuatorLimits {
 pub struct ActuatorLaw {
     /// Amplitude limits, applied to the command.
     pub limits: ActuatorLimits,
-    /// Time constant of the rotors \[s\]; 0 is no lag, which [`advance`](Self::advance) accepts and `rate` does not.
+    /// Time constant of the rotors \[s\]; 0 means no lag. [`advance`](Self::advance) accepts 0, `rate` does not.
     pub rotor_lag_s: f64,
     /// Time constant of the tilt servo \[s\]; 0 as for the rotors.
     pub servo_lag_s: f64,

@@ -14,8 +14,8 @@
 //! u and v, and phi and theta in (8), change slowly and are parameters: their terms are exact at the point and add
 //! nothing to `o`. Gravity and the products of rates are linearised.
 //!
-//! At speed w changes when the vehicle pitches, although its velocity over ground does not. `lean` has the coefficients
-//! of that change: `dw = -(v dphi - u cos phi dtheta)`. It is the integral of `q u - p v` in (11).
+//! At speed, `w` changes when the vehicle pitches, although its velocity over ground does not. `lean` has the
+//! coefficients of that change: `dw = -(v dphi - u cos phi dtheta)`. It is the integral of `q u - p v` in (11).
 
 use nalgebra::Vector4;
 

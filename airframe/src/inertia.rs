@@ -42,7 +42,7 @@ mod tests {
         assert!(is_possible(diagonal(0.0239, 0.01271, 0.01273)), "Table I");
         assert!(is_possible(diagonal(0.1, 0.2, 0.3)), "a plate");
         assert!(!is_possible(diagonal(0.06, 0.01, 0.01)) && !is_possible(diagonal(0.1, 0.3001, 0.2)));
-        // Each moment alone is possible; turned to its principal axes the tensor has 0.03, 0.01 and 0.015.
+        // Each moment alone is possible, but the principal moments of the tensor are 0.03, 0.01 and 0.015.
         assert!(!is_possible([[0.02, 0.01, 0.0], [0.01, 0.02, 0.0], [0.0, 0.0, 0.015]]));
         assert!(is_possible([[0.02, 0.004, 0.0], [0.004, 0.02, 0.0], [0.0, 0.0, 0.015]]));
         assert!(!is_possible(diagonal(1e-20, 1.0, 1.0)), "a rod turns about itself by nothing");

@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use crate::mixing::MixingMatrix;
 use crate::{Parameters, Trim};
 
-/// Most steps of Newton's method; the shipped vehicles need four.
+/// Largest number of steps of Newton's method; the shipped vehicles need four.
 const STEPS: usize = 30;
 /// Residual at which the method has converged, as a share of the weight.
 const TOLERANCE: f64 = 1e-14;

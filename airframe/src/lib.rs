@@ -12,9 +12,9 @@
 //! | [`level_flight`] | trimmed flight at speed | (9)-(11) |
 //! | [`at_speed`] | the linear model at any flight condition | (8), (11)-(14) |
 //! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
-//! | [`envelope`] | the conventional inputs that those limits allow | |
-//! | [`demand_set`] | that set as rows of an optimisation problem | |
-//! | [`projection`] | the nearest demand of that set to one outside | |
+//! | [`envelope`] | the conventional inputs that the limits of the actuators allow | |
+//! | [`demand_set`] | the envelope as rows of an optimisation problem | |
+//! | [`projection`] | the nearest demand inside the envelope | |
 //! | [`spin`] | steady spin on the rear rotors, without rotor 1 | |
 //! | [`riccati`] | discrete algebraic Riccati equation | |
 //!

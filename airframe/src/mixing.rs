@@ -31,7 +31,7 @@ pub struct MixingMatrix {
 }
 
 impl MixingMatrix {
-    /// Builds the map for `vehicle`; `tilt_reaction` adds the moment of that name, for a plant that has it.
+    /// Builds the map for `vehicle`; `tilt_reaction` adds the pitching moment of the tilt reaction.
     ///
     /// # Panics
     /// If the parameters make the map singular (a zero arm or constant); scenario validation rejects such parameters.

@@ -4,11 +4,11 @@
 //! minimise (v - u)' W (v - u)   over the demands v of the set;   u is the demand, clipped to its attainable range
 //! ```
 //!
-//! The demand is clipped before distances are measured: a climb of 400 N is then no farther away than the 30 N that the
-//! rotors have, and does not outweigh the moments that keep the vehicle upright. The weights decide which axis is given
-//! up first. Weights far apart give the priority of small multirotors, roll and pitch before thrust before yaw (PX4's
-//! sequential desaturation; Faessler, Falanga and Scaramuzza, *IEEE Robotics and Automation Letters* 2 (2017)).
-//! docs/mpc.md compares weights.
+//! The demand is clipped before distances are measured. A demanded climb of 400 N is then as far away as the 30 N that
+//! the rotors have, and does not outweigh the moments that keep the vehicle upright. The weights decide which axis is
+//! given up first. Weights that differ by orders of magnitude give the priority that is usual for small multirotors,
+//! roll and pitch before thrust before yaw (PX4's sequential desaturation; Faessler, Falanga and Scaramuzza, *IEEE
+//! Robotics and Automation Letters* 2 (2017)). docs/mpc.md compares weights.
 //!
 //! The mixer projects demands of a controller that is late, foreign or plans without limits; the controller projects if
 //! its solver fails. The paper has no such step, and profile `paper` flies without it.
@@ -21,9 +21,9 @@ use crate::demand_set::{DemandSet, Slack};
 use qp::{ActiveSet, Termination};
 
 /// Default cost of a deviation of (col, lon, lat, ped), per N^2 and (N m)^2: a newton metre of pitch or roll costs as
-/// much as 32 N of thrust, one of yaw as much as 10 N.
+/// much as 32 N of thrust, a newton metre of yaw as much as 10 N.
 pub const WEIGHTS: [f64; 4] = [0.1, 100.0, 100.0, 10.0];
-/// Most iterations of the solver; 300 000 random demands took 14 at most.
+/// Largest number of iterations of the solver; 300 000 random demands took 14 at most.
 const MAX_ITERATIONS: u32 = 100;
 /// Distance to the border, in shares of `Omega1max^2`, below which a demand is not inside: rounding could clip it.
 const ROUNDING: f64 = 1e-12;

@@ -14,7 +14,7 @@
 
 use nalgebra::DMatrix;
 
-/// Most passes of the doubling: 2^60 samples.
+/// Largest number of passes of the doubling; they cover 2^60 samples.
 const PASSES: usize = 60;
 /// Relative change of `H` at which the doubling has converged.
 const TOLERANCE: f64 = 1e-15;

@@ -1,9 +1,9 @@
-//! Steady spin on the two rear rotors, the hover that is left without rotor 1.
+//! Steady spin on the two rear rotors: the hover that remains possible without rotor 1.
 //!
-//! Two rotors cannot lift the vehicle without a moment. A vehicle that turns at the rate `w` about the vertical, whose
-//! direction down is `n` in the body frame, needs one: the moment that keeps a tilted body turning. Mueller and
-//! D'Andrea (*Stability and control of a quadrocopter despite the complete loss of one, two, or three propellers*, ICRA
-//! 2014) call such a flight relaxed hover:
+//! Two rotors cannot lift the vehicle without a moment. A tilted vehicle that turns at the rate `w` about the vertical
+//! needs such a moment to keep turning; `n` is the direction down in the body frame. Mueller and D'Andrea (*Stability
+//! and control of a quadrocopter despite the complete loss of one, two, or three propellers*, ICRA 2014) call such a
+//! flight relaxed hover:
 //!
 //! ```text
 //! M = w^2 n x J n,      F . n = -m g
@@ -15,7 +15,8 @@
 //! n_x (1 - n_x^2) = -l2 m g / (w^2 (Ixx - Izz)),      T = m g / n_z
 //! ```
 //!
-//! The left side is at most `2 / sqrt(27)`, at 35 degrees of tilt: the slowest spin. Faster ones are more upright.
+//! The left side is at most `2 / sqrt(27)`, at 35 degrees of tilt: the slowest spin. In a faster spin the vehicle is
+//! more upright.
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 

@@ -7,9 +7,9 @@
 //!
 //! `S / Ts` converts the velocity error of one sample to the force or moment that causes it, so `K` is the share of the
 //! error that each sample adds to the estimate. It is the gain of a Kalman filter of a disturbance that walks at
-//! random: at first little is known of `d`, and `K` falls from [`FIRST_GAIN`] to `L`, `attitude.disturbance_gain`, at
-//! which it stays. So a wrong mass is found in tenths of a second, and afterwards the estimate is too slow to cost
-//! delay margin (docs/mpc.md). Because `d` is in the prediction and cancelled in the inputs' target
+//! random: at first little is known of `d`, and `K` falls from [`FIRST_GAIN`] to `L`, `attitude.disturbance_gain`, and
+//! stays there. So a wrong mass is found in tenths of a second, and afterwards the estimate is too slow to cost delay
+//! margin (docs/mpc.md). Because `d` is in the prediction and cancelled in the inputs' target
 //! ([`condensed`](crate::law::mpc::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings,
 //! *Disturbance models for offset-free model-predictive control*, AICHE Journal 49 (2003).
 
@@ -41,7 +41,7 @@ impl DisturbanceLaw {
         (last > 0.0).then(|| Self { scale: vehicle.inertia() / sample_s, last, walk })
     }
 
-    /// Estimate after `d`, when the state `x` was measured and `predicted` was expected, by the `gain`, which falls.
+    /// Returns the estimate that follows `d` if `x` was measured where `predicted` was expected, and lowers the `gain`.
     pub fn update(&self, d: &Vector4<f64>, gain: &mut f64, x: &DVector<f64>, predicted: &DVector<f64>) -> Vector4<f64> {
         let miss = Vector4::from(DRIVEN.map(|i| x[i] - predicted[i]));
         let share = gain.max(self.last);

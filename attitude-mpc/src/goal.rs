@@ -33,9 +33,9 @@ pub struct Goal {
     pub attitude_rad: [f64; 3],
     /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
-    /// Time from one element of `preview` to the next, and to the first \[ns\]; 0 = no preview.
+    /// Time from one element of `preview` to the next, and from the reference to the first \[ns\]; 0 = no preview.
     pub preview_step_ns: u64,
-    /// Changes of `w_mps` and `attitude_rad` at these times after `tick`.
+    /// Changes of `w_mps` and `attitude_rad` at the times that `preview_step_ns` gives.
     pub preview: [Ahead; PREVIEW],
 }
 
@@ -55,7 +55,7 @@ impl Goal {
         self.age_ns(tick, sample_ns) < FOLLOWED_NS
     }
 
-    /// Time from its sample to `tick`; without a sample the longest \[ns\].
+    /// Time from the sample of the reference to `tick` \[ns\]; `u64::MAX` without a reference.
     fn age_ns(&self, tick: u64, sample_ns: u64) -> u64 {
         self.tick.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(sample_ns))
     }

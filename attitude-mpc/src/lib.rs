@@ -8,8 +8,9 @@
 //! | [`goal`] | the goal, also without references | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
-//! The controller makes of a sample and a reference the problem of a law: the goal by its age, the estimate of the
-//! disturbance, and the state at which the demand acts. What the law decides becomes the demand and the memory.
+//! From a sample and a reference the controller makes the problem of a law: the goal by the age of the reference, the
+//! estimate of the disturbance, and the state at which the demand acts. What the law decides becomes the demand and the
+//! memory.
 //!
 //! Without a fresh state nothing is decided: the last demand is repeated, with the status `Stale`. The fallback for
 //! that case is in the mixer, nearer to the actuators.
@@ -166,7 +167,7 @@ impl AttitudeMpc {
         next.actuation = self.actuate(&command, samples, &switch);
         self.model.observe(&state.measured, &next.actuation, &mut self.work.x);
         self.law.observe(&state.measured);
-        // A vehicle that stands on the ground follows nothing: estimate and integrals would adapt to that.
+        // A vehicle that stands on the ground follows no demand, and estimate and integrals would adapt to that.
         if self.idle_speed.is_some_and(|idle| command.rotor_speed.iter().all(|speed| *speed <= idle)) {
             next.forget();
         } else if self.law.has_own_estimate() {

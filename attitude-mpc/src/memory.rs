@@ -1,4 +1,5 @@
-//! State of the controller from tick to tick. All its other fields are fixed at construction or buffers.
+//! State of the controller from tick to tick. All other fields of the controller are fixed at construction, or are
+//! buffers.
 
 use airframe::linear::LAGGED;
 use bytemuck::{Pod, Zeroable};
@@ -12,8 +13,8 @@ use crate::goal::Goal;
 
 /// Number of states of the largest model, which has the actuator lag.
 pub const MAX_STATES: usize = LAGGED;
-/// Most discs in a warm start, and a quarter of most constraints: those of a plan of 20 moves. A solver that holds more
-/// starts its next solve without any, as its successor does.
+/// Largest number of discs in a warm start, and a quarter of the largest number of constraints: those of a plan of 20
+/// moves. A solver that holds more starts its next solve without any, as its successor does.
 pub const MAX_DISCS: usize = 20;
 
 /// Memory of the controller without its solver.
@@ -52,7 +53,7 @@ pub struct FilterStage {
     pub tick: OptionalTick,
     /// Vertical speed of that sample, down positive \[m/s\].
     pub sink_mps: f64,
-    /// Effect of its actuators: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
+    /// Effect of the actuators at that sample: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
     pub produced: Vector4<f64>,
     /// Output of the first low-pass on col, lon, lat, ped \[N, N m, N m, N m\].
     pub first: Vector4<f64>,
@@ -64,8 +65,8 @@ pub struct FilterStage {
 pub struct WarmStart {
     /// Number of constraints.
     pub count: u64,
-    /// Their indices among all constraints, the linear rows and then the discs, in the order in which they joined the
-    /// working set; four to a word.
+    /// Indices of the constraints among all, the linear rows and then the discs, in the order in which they joined the
+    /// working set; four indices to a word.
     pub places: [[u16; 4]; MAX_DISCS],
     /// Cosine and sine of the angle at which a disc is touched, for the discs in the order of `places`.
     pub towards: [[f64; 2]; MAX_DISCS],
@@ -77,7 +78,7 @@ pub struct WarmStart {
 pub struct Whole {
     /// Memory of the controller.
     pub memory: AttitudeMemory,
-    /// Memory of its solver.
+    /// Memory of the solver.
     pub warm_start: WarmStart,
 }
 

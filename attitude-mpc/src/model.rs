@@ -37,7 +37,7 @@ pub struct PredictionModel {
     pub e: DMatrix<f64>,
     /// Hover at which the model is linearised.
     pub trim: Trim,
-    /// Continuous-time `A`, `B` and `E`, with zeros in place of lag states that it has not.
+    /// Continuous-time `A`, `B` and `E`, with zeros in place of lag states that the model does not have.
     continuous: (SMatrix<f64, LAGGED, LAGGED>, [SMatrix<f64, LAGGED, INPUTS>; 2]),
     /// Map from actuator positions to conventional inputs.
     pub mixing: MixingMatrix,

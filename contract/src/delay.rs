@@ -16,8 +16,8 @@
 //! The motion is predicted to the end of this course, when the output of sample `k` acts. The modelled actuators follow
 //! each command from its effect on, also between two samples.
 //!
-//! A process without a memory takes the command in force for all of its earlier outputs, and the first age it sees for
-//! the delay. A mixer or a plant that begins anew only changes the command in force.
+//! A process without a memory assumes that all of its earlier outputs were those of the command in force, and that the
+//! delay is the first age that it sees. A mixer or a plant that begins anew only changes the command in force.
 
 use crate::actuation::Actuation;
 use bytemuck::{Pod, Zeroable};
@@ -90,9 +90,9 @@ impl Delay {
         Self { command, ..Self::zeroed() }
     }
 
-    /// Makes room for the output for the sample of `state`, `samples` after the newest one used: the outputs between
-    /// were those of before. Without a newest one the outputs of before are taken for `in_force`, that of the
-    /// command in force. Returns when in the last period that command took effect.
+    /// Makes room for the output for the sample of `state`, which is `samples` after the newest one used. The samples
+    /// between get the newest output so far. If `samples` is `None`, all earlier outputs become `in_force`, the output
+    /// of the command in force. Returns when that command took effect in the last period.
     pub fn observe(&mut self, state: &State, in_force: DelayedOutput, samples: Option<u64>, sample_ns: u64) -> Switch {
         let command = Actuation::from(state.command_in_force);
         if let Some(samples) = samples {
@@ -116,8 +116,8 @@ impl Delay {
         switch
     }
 
-    /// Output that the command in force at the sample `tick` answers, of those for the samples before; without one the
-    /// last of these.
+    /// Output for an earlier sample that the command in force at the sample `tick` answers; if it is unknown, the
+    /// newest output before `tick`.
     pub fn answered(&self, tick: u64) -> DelayedOutput {
         let age = self.answered.get().map_or(1, |answered| tick.saturating_sub(answered).clamp(1, MAX_DELAY as u64));
         self.outputs[age as usize]

@@ -2,7 +2,7 @@
 //!
 //! The plant applies it to the true motion, the mixer to the measured one before it disarms. The limits on vertical
 //! speed and rates are those of PX4's land detector (`LNDMC_Z_VEL_MAX` 0.25 m/s, `LNDMC_ROT_MAX` 20 deg/s), the first
-//! taken for the speed in any direction. The limit on tilt excludes hover trim, which leans 11 degrees.
+//! here applied to the speed in any direction. The limit on tilt excludes hover trim, which leans 11 degrees.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -79,7 +79,7 @@ impl Curve {
         times.into_iter().map(|t_s| t_s * self.stretch).collect()
     }
 
-    /// Reference at `t_s`; before the beginning and after the end it rests there.
+    /// Reference at `t_s`; before the beginning and after the end it is at rest at that point.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let k = self.stretch;
         let t_s = t_s / k;

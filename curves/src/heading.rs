@@ -2,13 +2,14 @@
 //!
 //! | rule | wanted heading |
 //! |---|---|
-//! | steps | one value after the other, each from its time on; without any the one before |
-//! | waypoints | min-jerk from waypoint to waypoint, each the short way |
+//! | steps | one value after the other, each from its time on; without steps the heading of the part before |
+//! | waypoints | min-jerk from waypoint to waypoint, turning the short way |
 //! | track | the direction of the horizontal velocity, above [`SLOW_MPS`] |
 //! | centre | the direction to the centre of the figure |
 //!
-//! Below [`SLOW_MPS`] a direction means little, and at rest there is none. There the heading wanted along track is the
-//! next one that has a meaning, so that the vehicle turns before it leaves; after the last one it is kept.
+//! Below [`SLOW_MPS`] a direction means little, and at rest there is none. In both cases the heading wanted along track
+//! is that of the next direction above this speed, so that the vehicle turns before it leaves. After the last such
+//! direction the heading is kept.
 //!
 //! The heading turns towards the wanted one the short way, no faster than its limit. A step without a limit is a step:
 //! one of 90 degrees then turns the vehicle at 8.4 rad/s, where the paper's (51) allows 6.28. Towards a value that
@@ -76,8 +77,8 @@ impl Headings {
         Self { pieces: vec![start], rate_radps }
     }
 
-    /// Heading at `t_s`, in (-pi, pi] \[rad\]. Before the beginning it is that of there; after the end it turns to the
-    /// last wanted one and stays.
+    /// Heading at `t_s`, in (-pi, pi] \[rad\]. Before the beginning it is the first heading; after the end it turns to
+    /// the last wanted heading and stays.
     pub fn at(&self, t_s: f64) -> f64 {
         let Piece { from_s, heading } =
             self.pieces.iter().rev().find(|piece| piece.from_s <= t_s).unwrap_or(&self.pieces[0]);

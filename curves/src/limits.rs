@@ -21,7 +21,7 @@ use crate::curve::Leg;
 const BRACKET: f64 = 2.0;
 /// Steps of the bisection: the stretch is found to 1e-12 of it.
 const BISECTIONS: u32 = 40;
-/// Excess of a limit that counts as rounding.
+/// Excess over a limit that counts as rounding.
 const ROUNDING: f64 = 1e-9;
 /// Stretch beyond which no bracket is looked for.
 const MAX_STRETCH: f64 = 1e9;
@@ -35,7 +35,7 @@ pub struct VehicleLimits {
     pub drag_linear_1ps: f64,
     /// Quadratic drag per mass \[1/m\].
     pub drag_quadratic_1pm: f64,
-    /// Largest demands. The range of the thrust is around gravity, and the tilt is below a quarter turn.
+    /// Largest demands. The range of the thrust contains gravity, and the tilt is below a quarter turn.
     pub most: Demand,
 }
 

@@ -1,9 +1,9 @@
 //! Curve through all waypoints, at rest only at the first and the last. Of all such curves that pass each waypoint at
 //! its time, it has the smallest integral of squared snap (Mellinger and Kumar, ICRA 2011).
 //!
-//! Between neighbours the curve is of the seventh degree. Unknown are velocity, acceleration and jerk at each inner
-//! waypoint, as in the unconstrained form of Richter, Bry and Roy (ISRR 2013), which is better conditioned than one
-//! with coefficients. A leg of duration `h` costs
+//! Between neighbours the curve is of the seventh degree. The unknowns are velocity, acceleration and jerk at each
+//! inner waypoint, as in the unconstrained form of Richter, Bry and Roy (ISRR 2013), which is better conditioned than
+//! one with coefficients. A leg of duration `h` costs
 //!
 //! ```text
 //! J = h^-7 d' R d,   d = (p, h v, h2 a, h3 j) at its start, then at its end
@@ -88,7 +88,7 @@ fn units(h: f64) -> Vector3<f64> {
 struct Leg {
     /// Duration \[s\].
     h: f64,
-    /// Way from start to end \[m\].
+    /// Displacement from start to end \[m\].
     way: Vector3<f64>,
 }
 

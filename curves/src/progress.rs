@@ -34,11 +34,11 @@ pub fn min_jerk(t: f64, duration: f64) -> LegProgress {
     }
 }
 
-/// Laps from rest to rest that take their period on average.
+/// Laps from rest to rest, whose mean duration is the period.
 ///
 /// n laps take n T. The first half lap is the first half of a min-jerk lap of duration T1, and the last half lap its
-/// second half. Between them the rate is constant, at that of a min-jerk lap in its middle, 15/8 of its mean, where its
-/// angular acceleration is zero:
+/// second half. Between them the rate is constant: it is the rate in the middle of a min-jerk lap, where the angular
+/// acceleration is zero, 15/8 of the lap's mean rate:
 ///
 /// ```text
 /// n T = T1 + (n - 1) 8/15 T1,   T1 = 15 n T / (8 n + 7)

@@ -12,8 +12,8 @@ pub struct Setpoint {
 }
 
 impl Setpoint {
-    /// Reference at `t_s` on a way through `knots`, whose times and positions `place` tells: `between` two of them, and
-    /// at rest before the first and after the last.
+    /// Reference at `t_s` on a curve through `knots`. `place` returns the time and the position of a knot, and
+    /// `between` the reference between two knots. Before the first and after the last knot the reference is at rest.
     pub fn along<K>(
         knots: &[K],
         place: impl Fn(&K) -> (f64, [f64; 3]),

@@ -2,9 +2,9 @@
 //! its time, it has the smallest integral of squared jerk.
 //!
 //! Between neighbours the curve is a quintic, with continuous derivatives up to the fourth (Flash and Hogan, 1985, for
-//! one waypoint between the ends). Unknown are velocity `v` and acceleration `a` at each inner waypoint. `h` and `d`
-//! are the duration and the way of the leg before it, `k` and `e` those of the leg after it. Continuity of the fourth
-//! and of the third derivative is
+//! one waypoint between the ends). The unknowns are velocity `v` and acceleration `a` at each inner waypoint. `h` and
+//! `d` are the duration and the displacement of the leg before it, `k` and `e` those of the leg after it. Continuity of
+//! the fourth and of the third derivative is
 //!
 //! ```text
 //! 168/h3 v- + 24/h2 a- + 192 (1/h3 + 1/k3) v + 36 (1/k2 - 1/h2) a + 168/k3 v+ - 24/k2 a+ = 360 (d/h4 + e/k4)
@@ -57,7 +57,7 @@ fn between(from: &Knot, to: &Knot, t_s: f64) -> Setpoint {
 struct Leg {
     /// Duration and its powers up to the fourth \[s\].
     h: [f64; 4],
-    /// Way from start to end \[m\].
+    /// Displacement from start to end \[m\].
     way: Vector3<f64>,
 }
 

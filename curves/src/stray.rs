@@ -2,8 +2,8 @@
 //!
 //! Given times decide how far a smooth curve swings out: a vehicle that has little time for a short leg and much for
 //! the next passes the point between them fast, and takes most of the second leg to come back. The path depends on
-//! nothing but the ratios of the times. Those of the [fastest] curve are in proportion to the ways, so the same points
-//! with these ratios are the offer.
+//! nothing but the ratios of the times. The times of the [fastest] curve are in proportion to the lengths of the legs,
+//! so times in these ratios are offered for the same points.
 //!
 //! [fastest]: crate::fastest
 
@@ -65,7 +65,7 @@ fn beyond_m(curve: &Curve, points_m: &[[f64; 3]]) -> f64 {
     (low - lowest).max().max((highest - high).max()).max(0.0)
 }
 
-/// Gives the points the ratios of the fastest times.
+/// Finds times for the points in the ratios of the fastest times.
 fn offer(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &VehicleLimits) -> Option<Offer> {
     let (first, others) = points_m.split_first().filter(|(_, others)| others.len() <= fastest::MAX_POINTS)?;
     let timed = |times_s| through(*first, others.to_vec(), times_s, least, limits);

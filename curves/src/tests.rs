@@ -211,7 +211,7 @@ proptest! {
         };
         prop_assert_eq!(demand(1.0).excess(&limits), None);
         prop_assert!(demand(0.99).excess(&limits).is_some());
-        // At instants between the samples too, but for what the curve changes within a hundredth of a leg.
+        // The limits hold between the samples too, except for the change of the curve within a hundredth of a leg.
         let above = |what: f64, limit: f64| what > limit * 1.01;
         for t_s in at_instants(curve.duration_s(), 1777) {
             let here = curve.at(t_s);
@@ -277,7 +277,8 @@ fn a_fastest_climb_and_circle_touch_their_limits() {
     let [climb, circle] = [0, 1].map(|i| plan.parts()[i].demand(&limits));
     assert!((climb.vertical_mps / limits.most.vertical_mps - 1.0).abs() < 1e-9, "{climb:?}");
     assert!((circle.tilt_rad / limits.most.tilt_rad - 1.0).abs() < 1e-9, "{circle:?}");
-    // From rest to rest at the speed of a min-jerk climb, and at that of a circle with this tilt.
+    // The climb has the duration of a min-jerk climb with this largest speed, the circle about the speed of a circle
+    // with this tilt.
     assert!((plan.parts()[0].curve.duration_s() - 1.875 * 10.0 / 2.8).abs() < 1e-6);
     assert!(circle.speed_mps > 0.9 * (5.0 * 9.81 * limits.most.tilt_rad.tan()).sqrt(), "{circle:?}");
 }

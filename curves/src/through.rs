@@ -7,7 +7,7 @@ use crate::setpoint::Setpoint;
 /// Waypoint, with time and derivatives of the curve there. A curve of least jerk does not use its own jerk.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Knot {
-    /// Time at which it is passed \[s\].
+    /// Time at which the curve passes the waypoint \[s\].
     pub at_s: f64,
     /// Position \[m\].
     pub position: Vector3<f64>,
@@ -27,8 +27,9 @@ pub struct Through {
 }
 
 impl Through {
-    /// Makes the curve that is `between` two neighbours, each passed at its time \[s\] with the `derivatives` there,
-    /// from the velocity on. Those of the first and the last waypoint are zero, and not given.
+    /// Makes the curve that is `between` two neighbours. It passes each waypoint at its time \[s\] with the
+    /// `derivatives` there, from the velocity on. The derivatives at the first and the last waypoint are zero, and not
+    /// given.
     pub fn new(
         waypoints: &[(f64, Vector3<f64>)],
         derivatives: impl Iterator<Item = [Vector3<f64>; 3]>,

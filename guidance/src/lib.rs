@@ -16,9 +16,9 @@
 //!
 //! Departure: profile `robust` adds to the paper velocity feedback in place of the differenced error, errors in the
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
-//! off this is the paper's controller. In the heading frame the tilt is limited as a whole, and what the limits take
-//! off is fed back into the integrals; else each of the three is a loop of its own. Test `val_closed_loop_cases` flies
-//! both.
+//! off this is the paper's controller. In the heading frame the tilt is limited as a whole, and the part that the
+//! limits cut off is fed back into the integrals. Otherwise roll, pitch and climb are three loops of their own. Test
+//! `val_closed_loop_cases` flies both.
 //!
 //! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and
 //! the delay of the commands if attitude-mpc measures it (`attitude.delay_compensation`).
@@ -260,8 +260,8 @@ impl Guidance {
         }
     }
 
-    /// Aims by the feed-forward of `setpoint`, with the heading `heading_rad`, in whose direction the vehicle still
-    /// turns by `turn_rad`.
+    /// Aims by the feed-forward of `setpoint`, with the heading `heading_rad`, towards which the vehicle still turns by
+    /// `turn_rad`.
     fn aim(&self, correction: &Correction, setpoint: &Setpoint, [heading_rad, turn_rad]: [f64; 2]) -> Aim {
         let Correction { errors, disturbance_mps2, limits, .. } = *correction;
         let frame = HeadingFrame::new(correction.heading_rad.map_or(0.0, |psi| psi + turn_rad));
@@ -378,7 +378,8 @@ impl Guidance {
             return Vector2::zeros();
         }
         let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);
-        // Tilted farther than guidance asks for, the thrust does not carry the vehicle: its tilt explains nothing.
+        // While the vehicle is tilted farther than guidance asks for, its thrust does not carry it, and its tilt
+        // explains nothing.
         let is_upset = tilt.norm() > self.settings.angle_limit_deg.to_radians();
         let step = observer::ObserverStep {
             elapsed_s: if is_upset { 0.0 } else { lapse.elapsed_s },

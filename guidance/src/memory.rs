@@ -1,4 +1,4 @@
-//! State of the controller from tick to tick. All its other fields are fixed at construction.
+//! State of the controller from tick to tick. All other fields of the controller are fixed at construction.
 
 use bytemuck::{Pod, Zeroable};
 use contract::delay::CommandAge;

@@ -9,14 +9,14 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// Time that rotors at idle need to lift the vehicle \[s\]: by as much it leaves before the mission.
+/// Time that rotors at idle need to lift the vehicle \[s\]: the vehicle leaves this much earlier than the mission.
 pub const SPOOL_UP_S: f64 = 0.25;
 /// Sink that is asked for while the vehicle waits \[m/s\].
 const SINK_MPS: f64 = 0.5;
 /// Climb that is asked for until the feet are off \[m/s\]: enough for the mixer to leave idle at once.
 const LIFT_OFF_MPS: f64 = 0.5;
-/// Rise since the lift-off began at which the feet are off \[m\]: more than the feet yield, and than an estimate of the
-/// height is wrong by in that time.
+/// Rise since the lift-off began at which the feet are off \[m\]: more than the feet yield, and more than the error of
+/// an estimated height in that time.
 const OFF_M: f64 = 0.03;
 
 /// State of the take-off.

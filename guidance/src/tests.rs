@@ -136,7 +136,7 @@ fn the_observer_leans_against_a_push_and_settles_on_it() {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
     s.guidance.disturbance_observer_radps = 5.0;
     let mut guidance = Guidance::new(&s);
-    // Level, facing east, pushed north at 1 m/s2: to the left, against body y.
+    // The vehicle is level, faces east, and is pushed north at 1 m/s2: to its left, against body y.
     let mut last = Reference::default();
     for tick in 0..300 {
         let mut state = hovering(tick);

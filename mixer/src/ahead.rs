@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A command takes effect later than its sample ([`contract::delay`]). A spin turns by 13 degrees in 10 ms, so a
-//! descent that took the motion of now for that of then would fall.
+//! vehicle whose descent used the present motion in place of the later one would fall.
 
 use airframe::mixing::intermediate;
 use airframe::{MixingMatrix, Parameters};

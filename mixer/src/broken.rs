@@ -19,11 +19,11 @@
 //! recovers its attitude before its height.
 //!
 //! Here `n` is the direction down, leaned by the wanted braking of the horizontal velocity, at most 17 degrees: the
-//! mean thrust is along the axis of the spin. Without it the vehicle keeps the speed that it gained before it spun.
-//! The level spin below has little, and its own circling would be braked.
+//! mean thrust is along the axis of the spin. Without this lean the vehicle keeps the speed that it gained before it
+//! spun. A vehicle in the level spin below has little speed, and the lean would brake its circling.
 //!
-//! A vehicle whose rotors cannot turn it up to the spin in half a second, as the ten-inch one, tumbles to the ground
-//! before, so its thrust is cut.
+//! A vehicle whose rotors cannot bring it up to the spin in half a second, such as the ten-inch vehicle, would tumble
+//! to the ground before, so its thrust is cut.
 //!
 //! # Tilt servo
 //!
@@ -44,8 +44,9 @@
 //! lat = Ixx c (p* - p) + (w x J w)_x,       lon = Iyy c (q* - q) + (w x J w)_y
 //! ```
 //!
-//! The three rotors give lift, lon and lat exactly. Moments come first: lift is limited to the range that leaves them
-//! whole, and only moments that no lift leaves whole are scaled down, together and no more than needed.
+//! The three rotors give lift, lon and lat exactly. Moments come first: lift is limited to the range in which the
+//! moments are produced in full. Only moments that no lift allows in full are scaled down, together and no more than
+//! needed.
 
 use airframe::spin::{self, Spin};
 use airframe::{ActuatorLaw, ActuatorLimits, MixingMatrix, Parameters, Trim, riccati};
@@ -64,7 +65,7 @@ const MAX_SPIN_UP_S: f64 = 0.5;
 const SPIN_WEIGHTS: [f64; spin::STATES] = [5.0, 5.0, 0.2, 0.2, 0.2, 0.2, 1e-9, 1e-9];
 /// Weight of a rotor speed, times the square of its speed in the spin.
 const SPIN_INPUT_WEIGHT: f64 = 0.3;
-/// Largest error of the sink rate that the spin takes in \[m/s\].
+/// Bound to which the spin clips the error of the sink rate \[m/s\].
 const MAX_SINK_ERROR_MPS: f64 = 2.0;
 /// Gain of the braking of horizontal speed \[1/s\].
 const DRIFT_GAIN_RADPS: f64 = 1.5;
@@ -75,9 +76,9 @@ const MIN_LAG_S: f64 = 1e-3;
 
 /// Lean of each axis in a level spin, `a_0`: together 16 degrees, which the feet of a landing allow.
 const LEAN: f64 = 0.2;
-/// Rate from which on the vehicle leans by that, `r_0` \[rad/s\].
+/// Rate from which on each axis leans by `a_0`: `r_0` \[rad/s\].
 const LEAN_RADPS: f64 = 8.0;
-/// Rate at which each axis would lean by one, `r_1` \[rad/s\]: a spin above 16 rad/s leans more.
+/// Rate at which the lean of each axis would be 1, `r_1` \[rad/s\]: a spin above 16 rad/s leans more.
 const STEEP_RADPS: f64 = 80.0;
 /// Largest lean of each axis, `a_max`: together 30 degrees.
 const MAX_LEAN: f64 = 0.35;
@@ -107,7 +108,7 @@ struct OnRearRotors {
 }
 
 impl Broken {
-    /// Builds the laws for the vehicle of `scenario`, whose whole actuators obey `law`.
+    /// Builds the laws for the vehicle of `scenario`, whose actuators obey `law` while they work.
     pub fn new(scenario: &Scenario, mixing: MixingMatrix, law: &ActuatorLaw) -> Self {
         let vehicle = scenario.airframe;
         let trim = Trim::solve(&vehicle, scenario.mixer.tilt_reaction);
@@ -251,7 +252,7 @@ impl Remaining {
     }
 
     /// Rotor speeds for `lift_n`, `lon_nm` and `lat_nm`. If they are outside the set, lift is changed first, and the
-    /// moments are scaled down only if no lift leaves them whole.
+    /// moments are scaled down only if no lift allows them in full.
     pub fn allocate(&self, lift_n: f64, lon_nm: f64, lat_nm: f64) -> [f64; 3] {
         let moments = self.per_moment[0] * lon_nm + self.per_moment[1] * lat_nm;
         let moments = moments * self.share(&moments);
@@ -261,10 +262,10 @@ impl Remaining {
         (self.per_lift * lift_n + moments).map(|square| square.max(0.0).sqrt()).into()
     }
 
-    /// Largest share, 0 to 1, of the squares for `moments` that some lift leaves whole.
+    /// Largest share, 0 to 1, of the squares for `moments` that fits into the limits with some lift.
     ///
-    /// The lift that keeps rotor i above its lower limit must be no larger than the one that keeps rotor j below its
-    /// upper limit, for each pair.
+    /// For each pair of rotors i and j, the lift that keeps rotor i above its lower limit must be no larger than the
+    /// lift that keeps rotor j below its upper limit.
     fn share(&self, moments: &Vector3<f64>) -> f64 {
         let mut share = 1.0_f64;
         for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {

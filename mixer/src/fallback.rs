@@ -24,8 +24,8 @@
 //!
 //! Both poles of an axis are at `-a`. The loop crosses over at 2.06 a, where the law has a phase margin of 76 degrees.
 //! At a = 5 rad/s 30 ms of actuator lag and a period of 20 ms take 29 degrees of it; a demand every 20 ms from a state
-//! of 40 ms ago is still stable. `d` is the last disturbance estimate of the controller, of the air or a weak rotor,
-//! which is assumed to persist.
+//! of 40 ms ago is still stable. `d` is the controller's last estimate of the disturbance, by the air or by a weak
+//! rotor; the disturbance is assumed to persist.
 
 use airframe::Parameters;
 use contract::message::Kinematics;

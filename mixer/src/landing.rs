@@ -46,7 +46,7 @@ pub struct LandDetector {
     has_flown: u64,
     /// Time for which the vehicle has not sunk though it should \[ns\], at most [`CONTACT_NS`].
     held_up_ns: u64,
-    /// Down position at the beginning of that time \[m\].
+    /// Down position at the beginning of `held_up_ns` \[m\].
     from_down_m: f64,
     /// Time at rest during the contact.
     rest: Rest,

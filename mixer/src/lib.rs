@@ -7,8 +7,8 @@
 //! | [`landing`] | land detector | |
 //! | [`rotors`] | detection of a dead rotor and a stuck tilt servo | |
 //! | [`damage`] | the broken part | |
-//! | [`broken`] | descent without it | |
-//! | [`ahead`] | motion at which its command takes effect | |
+//! | [`broken`] | descent of a broken vehicle | |
+//! | [`ahead`] | motion of a broken vehicle when a new command takes effect | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
 //! With `mixer.projection` a demand that the actuators cannot produce is replaced by the nearest one that they can

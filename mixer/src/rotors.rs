@@ -33,9 +33,9 @@
 //! sin(mu - psi) = Izz (a_1 + e)_r / (R Omega1^2)
 //! ```
 //!
-//! The servo is declared stuck if that angle is 10 degrees or more from the one it should have, for 150 ms in a row,
-//! and the missing yawing moment is larger than the missing rolling moment. A dead rotor is declared before, and a rear
-//! one leaves more roll than yaw.
+//! The servo is declared stuck if that angle is 10 degrees or more from the angle that it should have, for 150 ms in a
+//! row, and the missing yawing moment is larger than the missing rolling moment. A dead rotor is declared earlier, and
+//! a dead rear rotor leaves more roll than yaw.
 
 use airframe::mixing::intermediate;
 use airframe::{ActuatorLaw, MixingMatrix};
@@ -57,7 +57,7 @@ const MIN_LIFT_MISSING: f64 = 0.5;
 const MIN_ALIGNMENT: f64 = 0.8;
 /// Smallest moment at which a rotor can be judged, as a share of its moment at hover.
 const MIN_MOMENT: f64 = 0.4;
-/// Smallest error of the tilt that counts \[rad\]: 10 degrees, twice that of a servo that is a little off.
+/// Smallest error of the tilt that counts \[rad\]: 10 degrees, twice the error of a servo that is slightly wrong.
 const MIN_TILT_ERROR_RAD: f64 = 0.175;
 /// Time for which the tilt must be wrong to be declared stuck \[s\]: longer than a dead rotor takes.
 const MIN_STUCK_S: f64 = 0.15;

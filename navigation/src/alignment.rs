@@ -8,10 +8,10 @@
 //! ```
 //!
 //! The rows of `R` are n, e and d: three vectors from two, Shuster and Oh, *Three-axis attitude determination from
-//! vector observations* (1981), section III. The error of the tilt is that of the accelerometer's bias, which standing
-//! still does not tell apart: the covariance has both, and that they go together. So does that of the heading with the
-//! vehicle's own field and the declination. The flight's frame begins where the vehicle stands: what the receiver and
-//! the barometer measure there is their own error. The rotation of the earth is left out.
+//! vector observations* (1981), section III. The error of the tilt comes from the accelerometer's bias. Standing still
+//! does not separate the two, so the covariance has both and their correlation. The same holds for the error of the
+//! heading, the vehicle's own field and the declination. The flight's frame begins where the vehicle stands: what the
+//! receiver and the barometer measure there is their own error. The rotation of the earth is left out.
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 

@@ -9,11 +9,11 @@
 //! ```
 //!
 //! A measurement is refused if its normalised innovation `y' / S y` is above the chi-square quantile of 0.999; the
-//! receiver's is gated level and along the vertical apart. A source of which nothing was accepted for `RESET_AFTER_S`
-//! disagrees for good, and the less trusted one is reset: if it disagrees alone, its own error (drift, bias, own
-//! field); if another one that tells of the same motion is refused too, the motion. A velocity that disagrees alone is
-//! refused as long as it does. The covariance of what is reset grows by the innovation, `H' y^2 H`, so that it takes
-//! the innovation up. Resets are counted.
+//! horizontal and the vertical part of a receiver's measurement are gated separately. A source of which nothing was
+//! accepted for `RESET_AFTER_S` disagrees for good, and the less trusted one is reset: if it disagrees alone, its own
+//! error (drift, bias, own field); if another source of the same motion is refused too, the motion. A velocity that
+//! disagrees alone is refused as long as it does. The covariance of what is reset grows by the innovation, `H' y^2 H`,
+//! so that the filter accepts the innovation. Resets are counted.
 
 use libm::hypot;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, Vector2, Vector3};
@@ -88,8 +88,8 @@ impl Filter {
         self.records.iter().any(|record| record.disputed_s() >= TOGETHER_S)
     }
 
-    /// Begins anew at the estimate of another filter, of an IMU with errors of its own like `constants`. Records are
-    /// kept.
+    /// Begins anew at the estimate of another filter. The IMU of this filter has errors of its own, as large as
+    /// `constants`. Records are kept.
     pub fn begin_at(&mut self, other: &Self, constants: &Constants) {
         let zero = Vector3::zeros();
         self.state = State { acceleration_bias_mps2: zero, rates_bias_radps: zero, ..other.state };
@@ -199,9 +199,10 @@ impl Filter {
     /// Measurement of the heading by a `field` without the vehicle's own, levelled by the estimated attitude. An error
     /// of the tilt turns the level field by its vertical part over its horizontal one.
     ///
-    /// The Jacobian is that of the field of the map and not of the one that was measured. The noise in that one goes
-    /// together with the innovation, which would tilt the estimate by degrees in minutes, always in the same direction,
-    /// and it changes from sample to sample, as if the vehicle's own field could be told from a wrong heading.
+    /// The Jacobian is that of the field of the map and not of the measured field. The noise in the measured field is
+    /// correlated with the innovation, which would tilt the estimate by degrees in minutes, always in the same
+    /// direction. That noise also changes from sample to sample, as if the vehicle's own field could be told from a
+    /// wrong heading.
     pub(crate) fn heading(&self, field: &Vector3<f64>) -> Option<Measured<1>> {
         let level = self.state.attitude * (field - self.state.hard_iron);
         let horizontal = hypot(level.x, level.y);
@@ -267,8 +268,8 @@ impl Filter {
         let mut gain = expected.solve(&seen).transpose();
         let (down, variance) = self.heading_error();
         if variance > UNKNOWN_RAD * UNKNOWN_RAD {
-            // Far from the truth a Jacobian would turn it anywhere. It stays, as an error that is considered, and what
-            // goes together with it too.
+            // Far from the truth a Jacobian could turn the heading anywhere. The heading stays, as an error that is
+            // considered but not estimated, and so do the errors that are correlated with it.
             let along = down.transpose() * gain.fixed_rows::<3>(ATTITUDE);
             let mut rows = gain.fixed_rows_mut::<3>(ATTITUDE);
             rows -= down * along;
@@ -304,7 +305,7 @@ impl Filter {
         (down, down.dot(&(self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE) * down)))
     }
 
-    /// Returns whether a `source` without an error of its own disagrees with fellows that have gone on to agree.
+    /// Returns whether a `source` without an error of its own disagrees with other sources that are still accepted.
     fn is_outvoted(&self, source: Source) -> bool {
         let agrees =
             |fellow: &Source| self.record(*fellow).accepted > 0.0 && self.record(*fellow).silent_s < TOGETHER_S;
@@ -331,7 +332,7 @@ impl Filter {
         let surprise = SMatrix::from_diagonal(&innovation.component_mul(innovation));
         self.covariance += rows.transpose() * surprise * rows;
         if matches!(source, Source::Velocity | Source::Flow) && !was_silent {
-            // A velocity goes wrong under the eyes of its sensor by gravity along a wrong attitude.
+            // While its sensor works, the velocity becomes wrong through gravity along a wrong attitude.
             let turned = innovation.norm() / (self.g_mps2 * RESET_AFTER_S);
             (ATTITUDE..ATTITUDE + 3).for_each(|i| self.covariance[(i, i)] += turned * turned);
         }

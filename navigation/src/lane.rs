@@ -7,9 +7,9 @@
 //! ```
 //!
 //! All lanes get the same measurements of the other sensors, so that only their IMUs make them differ. An IMU that
-//! gives nothing new, whether it is silent or stuck, is known by the age of its last news, before its lane errs. One
-//! that lies is known by what its lane does not expect. PX4's `EKF2Selector` does this with sums of test ratios.
-//! There a lane that has lost its way keeps it; here it begins anew from the lane that flies.
+//! gives nothing new, because it is silent or stuck, is detected by the age of its last new sample, before its lane has
+//! an error. An IMU that gives wrong numbers is detected by the innovations of its lane. PX4's `EKF2Selector` does this
+//! with sums of test ratios. There a lane that has diverged stays so; here it begins anew from the lane that flies.
 
 use nalgebra::Vector3;
 
@@ -23,9 +23,9 @@ const MAX_SPECIFIC_FORCE_MPS2: f64 = 157.0;
 /// Range of the gyros, 2000 deg/s \[rad/s\].
 const MAX_RATES_RADPS: f64 = 34.9;
 
-/// Age of its last news above which an IMU is ill \[s\]: an error of the attitude of a degree at 50 deg/s.
+/// Age of its last new sample above which an IMU is ill \[s\]: an error of the attitude of a degree at 50 deg/s.
 const STALE_S: f64 = 0.02;
-/// Time for which an IMU must give news until it is well again \[s\]: longer than the delay of every sensor.
+/// Time for which an IMU must give new samples until it is well again \[s\]: longer than the delay of every sensor.
 const WELL_AFTER_S: f64 = 1.0;
 /// Difference of two lanes' surprises that tells one from the other.
 const HYSTERESIS: f64 = 0.2;
@@ -57,8 +57,8 @@ impl ImuLane {
         Self { filter, last, stale_s: 0.0, well_s: WELL_AFTER_S, worse_s: 0.0 }
     }
 
-    /// Receives a sample of the IMU, and returns what is taken for it. What cannot be true, because it is no number or
-    /// beyond the range, is replaced by the last value.
+    /// Receives a sample of the IMU, and returns the sample to use: a value that cannot be true, because it is no
+    /// number or beyond the range, is replaced by the last one.
     pub fn receive(&mut self, measured: &Imu, period_s: f64) -> Imu {
         let (force, of_force) =
             in_range(&measured.specific_force_mps2, &self.last.specific_force_mps2, MAX_SPECIFIC_FORCE_MPS2);

@@ -19,10 +19,11 @@
 //!
 //! The filter lags by the delay of the latest sensor, as in PX4's ECL: at its horizon every measurement has arrived and
 //! is fused at the time at which it was made, in order, so that no delay needs a correction and the covariance is that
-//! of an undelayed filter. The estimate of now is the state at the horizon moved over the samples of the IMU since. A
-//! buffer of past states to return to would give the same estimates for more memory: a covariance for each sample.
+//! of an undelayed filter. The present estimate is the state at the horizon, moved over the samples of the IMU since
+//! then. A buffer of past states to return to would give the same estimates for more memory: a covariance for each
+//! sample.
 //!
-//! A measurement that equals the one before bit by bit is none: a sensor that is stuck is taken for a silent one.
+//! A measurement that equals the one before bit by bit is ignored, so a sensor that is stuck counts as silent.
 //!
 //! The estimate is finite whatever the sensors give: values of an IMU that are no numbers or beyond its range are
 //! replaced by the last ones, and other measurements that cannot be true are left out.
@@ -49,11 +50,11 @@ pub use noise::{Constants, ExpectedNoise, InitialErrors, Wander};
 pub use source::{Source, SourceRecord};
 pub use state::{Covariance, Imu, State};
 
-/// Most IMUs of a unit.
+/// Largest number of IMUs of a unit.
 pub const IMUS: usize = 2;
 
-/// Largest position, velocity and share of the field that are taken for measurements, far beyond every flight: a
-/// covariance that a reset makes as large still holds the smallest biases in its digits.
+/// Largest position, velocity and share of the field that are accepted as measurements, far beyond every flight. A
+/// covariance that a reset makes as large still resolves the smallest biases.
 const MAX_POSITION_M: f64 = 5000.0;
 const MAX_VELOCITY_MPS: f64 = 200.0;
 const MAX_FIELD: f64 = 10.0;
@@ -141,7 +142,7 @@ impl Navigation {
         self.flown
     }
 
-    /// Number of IMUs that can be trusted: they give news, and no source contradicts their filter.
+    /// Number of IMUs that can be trusted: they give new samples, and no source contradicts their filter.
     pub fn sound(&self) -> usize {
         self.lanes.iter().filter(|lane| !lane.is_ill() && !lane.filter.is_contradicted()).count()
     }
@@ -235,7 +236,7 @@ fn fuse(filter: &mut Filter, aiding: &Aiding) {
     }
 }
 
-/// Returns whether every number is one, and below `range`.
+/// Returns whether every value is a number, and below `range`.
 fn is_within<const N: usize>(values: &SVector<f64, N>, range: f64) -> bool {
     values.iter().all(|value| value.abs() < range)
 }

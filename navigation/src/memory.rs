@@ -5,7 +5,7 @@
 
 use bytemuck::Pod;
 
-/// Function that writes words of the memory to another place, or replaces them by those of there.
+/// Function that writes words of the memory to another place, or replaces them by the words from there.
 pub type Visit<'a> = &'a mut dyn FnMut(&mut [u64]);
 
 /// Passes a `value` that is made of whole words.

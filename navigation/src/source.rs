@@ -83,9 +83,9 @@ pub struct SourceRecord {
     pub resets: f64,
     /// Time since the last accepted measurement \[s\].
     pub silent_s: f64,
-    /// Measurements refused since then.
+    /// Measurements refused since the last accepted one.
     pub spell: f64,
-    /// Time from then to the first of these \[s\].
+    /// Time from the last accepted measurement to the first refused one after it \[s\].
     pub outage_s: f64,
     /// Normalised innovation squared of the last measurement.
     pub nis: f64,

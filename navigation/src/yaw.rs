@@ -1,14 +1,15 @@
-//! Check of the heading by the receiver's velocity: how far the changes of velocity that the IMU tells are turned from
-//! those that the receiver measures.
+//! Check of the heading by the receiver's velocity: the angle between the changes of velocity by the IMU and those that
+//! the receiver measures.
 //!
 //! ```text
 //! a = change of the level velocity between two fixes by the IMU, with the estimated attitude;  b = by the receiver
 //! angle = atan2(sum a x b, sum a . b),   deviation = s / sqrt(sum a^2),   s^2 = max(residual / (2 n - 1), 2 noise^2)
 //! ```
 //!
-//! This is the turn of least squares between two sets of vectors (Wahba's problem in the plane). It needs no start and
-//! holds for any angle, as the bank of filters of PX4's `EKFGSF_yaw` does, where the error of the filter's own heading
-//! must be small. It tells nothing of a vehicle that does not accelerate, and says so by its deviation.
+//! This is the turn of least squares between two sets of vectors (Wahba's problem in the plane). It needs no initial
+//! heading and holds for any angle, as the bank of filters of PX4's `EKFGSF_yaw` does; a heading that the filter itself
+//! corrects must have a small error. If the vehicle does not accelerate, the angle is unknown, which its deviation
+//! shows.
 
 use bytemuck::{Pod, Zeroable};
 use libm::{atan2, hypot};
@@ -16,7 +17,7 @@ use nalgebra::Vector2;
 
 /// Time after which changes of velocity are forgotten \[s\].
 const FORGET_S: f64 = 10.0;
-/// Largest deviation of an angle that is told \[rad\].
+/// Largest deviation of an angle that is returned \[rad\].
 const MAX_DEVIATION: f64 = 0.2;
 /// Least changes of velocity for an angle.
 const MIN_COUNT: f64 = 10.0;
@@ -69,7 +70,7 @@ impl YawCheck {
         (count >= MIN_COUNT && deviation < MAX_DEVIATION).then(|| (atan2(cross, dot), deviation))
     }
 
-    /// Forgets all changes, which an attitude told that is turned now.
+    /// Forgets all changes, because they were computed with the attitude before it was turned.
     pub fn forget(&mut self) {
         *self = Self { last_mps: self.last_mps, fixes: self.fixes, ..Self::default() };
     }

@@ -40,7 +40,7 @@ const MAX_TILT_DEG: f64 = 20.0;
 /// Stiffness \[N/m\] and damping \[N s/m\] of a foot of the vehicle of Table I, which yields 5 mm under its weight and
 /// comes to rest without a bounce.
 const FOOT: [f64; 2] = [700.0, 25.0];
-/// Mass of that vehicle \[kg\]. The feet of another are as much stiffer as it is heavier.
+/// Mass of that vehicle \[kg\]. The stiffness of the feet of another vehicle is in proportion to its mass.
 const FOOT_MASS_KG: f64 = 1.1;
 
 /// Ground plane, and the vehicle's points that can touch it.

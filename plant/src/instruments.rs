@@ -32,8 +32,9 @@ use crate::sensor::Sensor;
 /// variance to divide by.
 const MIN_DEVIATION: f64 = 1e-4;
 
-/// Airspeed, share of the thrust, and time over which the filter is told that they change: with them do the wind's
-/// pressure, and what an accelerometer that is not aligned measures of the thrust \[m/s, 1, s\].
+/// Changes that the filter is told to expect: of the airspeed \[m/s\], of the share of the thrust, and the time over
+/// which they happen \[s\]. The airspeed changes the wind's pressure, the thrust what a misaligned accelerometer
+/// measures.
 const AIRSPEED_MPS: f64 = 5.0;
 const THRUST_SHARE: f64 = 0.1;
 const LEG_S: f64 = 10.0;
@@ -63,7 +64,7 @@ pub struct Instruments {
     vibration: f64,
     /// Vibration at the speed of each rotor: amplitude at trim, body \[m/s2\], and phase \[rad\].
     lines: [(Vector3<f64>, f64); 3],
-    /// Mean rotor speed at trim; a unit of it is taken for rad/s.
+    /// Mean rotor speed at trim; one rotor speed unit counts as 1 rad/s.
     trim_speed: f64,
     /// Place of the antenna, body \[m\], and error of the receiver's clock \[s\].
     antenna_m: Vector3<f64>,
@@ -183,7 +184,7 @@ impl Instruments {
             barometer: {
                 let start = hypot(wind_m, barometer.rotor_pressure_m);
                 let walk = hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt());
-                // The time constant with which it stays as large as it is after a flight.
+                // The time constant with which the deviation stays as large as it is after a flight.
                 let last = hypot(start, barometer.bias_walk * FLIGHT_S.sqrt());
                 Wander {
                     start,

@@ -58,7 +58,7 @@ pub struct Landing {
     rest: Rest,
     /// `true` if the vehicle was at rest at the newest step, with or without thrust.
     is_still: bool,
-    /// Distance that the feet have slid in this landing, or since it ended well \[m\].
+    /// Distance that the feet have slid in this landing, or since the vehicle landed \[m\].
     slid_m: f64,
     idle_speed: f64,
 }

@@ -83,7 +83,7 @@ pub struct Plant<V: Vehicle + ?Sized = Tricopter> {
     /// Arrivals between the sample before and the present one, and their number.
     arrived: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
-    /// Takes the place of `sensors` where there is one.
+    /// Navigation unit, which takes the place of `sensors`; `None` without one.
     navigation: Option<NavigationUnit>,
     sensor_faults: SensorFaults,
     telemetry: Telemetry,

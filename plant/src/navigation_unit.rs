@@ -4,8 +4,8 @@
 //! motion -- every sample of the IMU --> Instruments (and their faults) -> Navigation -- every tick --> measured
 //! ```
 //!
-//! The sensors are here and not in `navigation`, because they are physics: only their measurements, and how large their
-//! errors are said to be, pass to the estimator. It starts near the true motion, with an error drawn from
+//! The sensors are here and not in `navigation`, because they are physics: only their measurements and the expected
+//! size of their errors pass to the estimator. The estimator starts near the true motion, with an error drawn from
 //! `plant.sensors.alignment`, as after an alignment on another vehicle: a flight begins in the air, where nothing tells
 //! the position before the first fix arrives. With `standing_s` it aligns itself by its own sensors, as on the ground.
 

@@ -23,7 +23,7 @@ use crate::vehicle::Vehicle;
 
 /// Plant with its ports.
 pub struct Sampler {
-    /// The plant, which gets commands and goes on from memories directly.
+    /// The plant; the owner of the ports passes commands and memories to it directly.
     pub plant: Plant<dyn Vehicle>,
     /// Input of the commands; silent in a replay, which has their instants.
     pub commands: Input<Actuators>,

@@ -55,8 +55,8 @@ impl Telemetry {
         sensed
     }
 
-    /// Writes or reads the past positions. Those of now are the vehicle's, so there is nothing to remember without an
-    /// age.
+    /// Writes or reads the past positions. The present ones are the vehicle's, so there is nothing to store if
+    /// measurements have no age.
     pub fn remember(&mut self, tape: &mut Tape, now: &Actuation) {
         let age = self.past.len() - 1;
         for actuators in self.past.iter_mut().take(age) {

@@ -23,7 +23,7 @@ const INDEPENDENT: f64 = 1e-11;
 const ROUNDING: f64 = 1e-20;
 /// Share of the linearly predicted ascent that a turn must reach.
 const ARMIJO: f64 = 0.1;
-/// Most times that a turn is shortened.
+/// Largest number of times that a turn is shortened.
 const HALVINGS: u32 = 40;
 /// Share of the sum of all `|l_i M_ij l_j|` by which rounding may lower the dual: a Cholesky factor and its solves are
 /// exact for a matrix whose entries differ by about 1e-16 times the number of members.
@@ -31,7 +31,7 @@ const DUAL_ROUNDING: f64 = 1e-13;
 
 /// Solver of one set-up.
 pub struct ActiveSet {
-    /// Most steps of a solve.
+    /// Largest number of steps of a solve.
     pub max_iterations: u32,
     basis: Basis,
     working_set: WorkingSet,

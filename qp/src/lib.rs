@@ -50,9 +50,9 @@
 //!
 //! 1. **Step** to the optimum of the working set, `(M + W^-1) dl = -(s + l/w)`. If a multiplier would become negative,
 //!    stop where it is zero and drop its constraint.
-//! 2. **Join**: if no constraint was dropped, add the one violated most in the norm of `H^-1`; of a disc the tangent
-//!    towards the present point. A constraint that depends on held ones replaces the first of these whose multiplier
-//!    becomes zero as its own grows; if none does, no point is feasible.
+//! 2. **Join**: if no constraint was dropped, add the one violated most in the norm of `H^-1`. A disc is represented by
+//!    its tangent towards the present point. A constraint that depends on held ones replaces the first of these whose
+//!    multiplier becomes zero as its own grows; if none does, no point is feasible.
 //! 3. **Turn**: a disc that is held and still violated is held at the wrong angle. Kelley would add a tangent and
 //!    converge slowly; here the angles of all held tangents become unknowns. Turning by `da` changes the gradient by
 //!    `l da (sin a g_a - cos a g_b)`; by the curvature of the disc this is a row with the softness `1/l`. One Newton
@@ -69,7 +69,7 @@
 //! - `Optimal` means that no constraint is violated by more than 5e-10, and that the cost is minimal to about 1e-6 of
 //!   the problem's size. The tests check random problems by a certificate and by Clarabel.
 //! - Every input has an answer: numbers that are not finite end the solve before it starts, and `x` is finite.
-//! - Not guaranteed is that the iteration limit is never reached. A million random problems took fewer than the 100
+//! - It is not guaranteed that the iteration limit is never reached. A million random problems took fewer than the 100
 //!   steps of the controller's limit (`cargo test --release -p qp million -- --ignored --nocapture`).
 //!
 //! | module | holds |

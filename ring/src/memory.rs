@@ -18,7 +18,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Creates it from the words of a snapshot.
+    /// Creates the memory from the words of a snapshot.
     pub fn new(tick: u64, topic: Topic, origin: Origin, words: &[u64]) -> Self {
         let length = words.iter().rposition(|word| *word != 0).map_or(0, |last| last + 1);
         Self { tick, topic, origin, words: words[..length].to_vec() }
@@ -38,7 +38,7 @@ impl Memory {
         Some(Self::new(tick, topic, origin, &words))
     }
 
-    /// Returns its words with the zeros at the end; `None` if there are more than `WORDS`.
+    /// Returns the words of the snapshot with the zeros at the end; `None` if there are more than `WORDS`.
     pub fn padded<const WORDS: usize>(&self) -> Option<[u64; WORDS]> {
         let mut words = [0; WORDS];
         words.get_mut(..self.words.len())?.copy_from_slice(&self.words);

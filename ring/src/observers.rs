@@ -28,7 +28,7 @@ pub struct Observers {
 }
 
 impl Observers {
-    /// Opens all of them, with queues deep enough to receive every message.
+    /// Opens the ports of an observer, with queues deep enough to receive every message.
     pub fn open(ports: &mut Ports, scenario: &Scenario) -> Result<Self, SessionError> {
         let depth = observer_depth(scenario.run.rate_hz);
         Ok(Self {

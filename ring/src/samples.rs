@@ -7,7 +7,7 @@ use runtime::limits::{HELD_MESSAGES, MAX_OBSERVER_DEPTH};
 
 use crate::record::Record;
 
-/// Most messages that wait for the other one of their tick: more than the queues of an observer hold.
+/// Largest number of messages that wait for the other message of their tick: more than the queues of an observer hold.
 const MOST_WAITING: usize = 2 * MAX_OBSERVER_DEPTH;
 /// Ticks after which a TRUTH is dropped: more than a fault can hold a STATE back.
 const KEPT_TICKS: u64 = 2 * HELD_MESSAGES as u64;

@@ -170,8 +170,8 @@ impl Stepped {
         Some((self.workers(topic).asked()?, sample))
     }
 
-    /// Returns the memories of all nodes after the sample; none if it is not one to remember, or if the vehicle has no
-    /// memory to continue from.
+    /// Returns the memories of all nodes after the sample; none if memories are not stored after this sample, or if the
+    /// vehicle has no memory to continue from.
     pub fn memories(&mut self) -> Vec<Memory> {
         let tick = self.sample.1.tick;
         if !self.scenario.is_remembered(tick) {

@@ -64,7 +64,7 @@ struct Worker {
 
 impl Worker {
     /// Returns the memory that another process begins with; its origin is the default if the core keeps none. A process
-    /// that has answered to nothing still has that of the process before it; `None` if it began without.
+    /// that has answered to nothing still has that of the process before it; `None` if it began without a memory.
     fn memory(&self) -> Option<(Origin, Snapshot)> {
         let memory = self.node.memory();
         let continues = self.member.continues.get();
@@ -109,7 +109,7 @@ impl Workers {
         }
     }
 
-    /// Returns a process that a fault of its own settings ends instead of its answer to `tick`, if any.
+    /// Returns the process, if any, that a fault of its own settings ends before it answers to `tick`.
     pub fn leaves(&self, tick: u64) -> Option<u32> {
         let leaves = |worker: &&Worker| worker.member.faults.leaves(tick, tick);
         self.all.iter().find(leaves).map(|worker| worker.member.epoch)

@@ -38,7 +38,8 @@ pub struct CycleLoop {
     assigned: bool,
     /// Sample to answer to next.
     next: u64,
-    /// `true` if it has answered to a sample since then; samples before its first answer are no slips.
+    /// `true` if this process has answered to a sample since it was assigned; samples before its first answer are no
+    /// slips.
     answered: bool,
 }
 

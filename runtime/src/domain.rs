@@ -13,7 +13,7 @@
 //!
 //! A run lives as long as its folder is locked. The kernel releases the lock when the launcher ends, for whatever
 //! reason, and the lock is seen from every PID namespace and without `/proc`. A killed launcher wipes nothing; the
-//! user's next one wipes every folder whose lock it gets.
+//! user's next launcher wipes every folder whose lock it gets.
 //!
 //! Every user can create any file in `/dev/shm`. So it is never listed, and one folder in it is used, opened without
 //! following links: it must be this user's, and no other user may enter it. If something else has its name, the next of

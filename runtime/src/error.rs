@@ -62,7 +62,7 @@ pub enum PortFailure {
     Send = 0,
     /// Queue that could not be read.
     Receive = 1,
-    /// Copy of the process that had its ports, and has ended.
+    /// Copy of the process (`fork`) that had the ports of the process, and has ended.
     Copy = 2,
 }
 

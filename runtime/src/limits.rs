@@ -28,8 +28,8 @@ pub const LOOK_AROUND_NS: u64 = 100_000_000;
 pub const WARM_UP_LEAD_NS: u64 = 250_000;
 /// Divisor of the period that gives the longest warm-up lead.
 pub const WARM_UP_PARTS: u64 = 4;
-/// Lockstep: ticks by which the plant may be ahead of launcher and recorder, which must receive every message. A
-/// quarter of a queue, because a fault may send every message twice.
+/// Lockstep: ticks by which the plant may be ahead of launcher and recorder, which must receive every message. The
+/// number is a quarter of a queue, because a fault may send every message twice.
 pub const LEAD_TICKS: u64 = MIN_OBSERVER_DEPTH as u64 / 4;
 /// Answers in a row that no receiver takes, because of their numbers, after which a process ends, and is replaced.
 pub const IMPLAUSIBLE_ANSWERS: u32 = 50;

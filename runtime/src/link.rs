@@ -3,7 +3,7 @@
 //! The link stands before the sending port, so that every subscriber gets the same messages, the recorder included. A
 //! message that is lost or changed is sent too, marked, so that an observer sees both the original and the result. Time
 //! is counted in whole ticks, and every draw is a function of seed, fault and tick alone. So a flight repeats, also
-//! across a restart of the publisher; only messages that the link held back are lost with it.
+//! across a restart of the publisher. Only messages that the link held back are lost with the publisher.
 //!
 //! ```text
 //! message with checksum -> drop? burst? rate? -> garbage, wrong, stale (with a new checksum)

@@ -122,7 +122,7 @@ pub trait Asked: Node {
 /// Newest answers of a node that no receiver takes, because their numbers are not finite or out of range.
 ///
 /// Such numbers may be in the memory too, as in the warm start of a solver, and would stay there for ever. So the next
-/// process does not begin with that memory, and comes when there is no end to them.
+/// process does not begin with that memory, and is started when too many such answers follow each other.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Implausible {
     in_a_row: u32,
@@ -132,13 +132,13 @@ impl Implausible {
     /// Counts the `answer` to sample `tick`.
     ///
     /// # Errors
-    /// It is the last of too many in a row: the process shall end.
+    /// The answer is the last of too many in a row: the process shall end.
     pub fn count<M: Message>(&mut self, tick: u64, answer: &M) -> Result<(), SessionError> {
         self.in_a_row = if answer.plausible() { 0 } else { self.in_a_row + 1 };
         if self.in_a_row < IMPLAUSIBLE_ANSWERS { Ok(()) } else { Err(SessionError::Implausible { tick }) }
     }
 
-    /// Returns the memory for the next process: `memory`, or none if the newest answer is one of these.
+    /// Returns the memory for the next process: `memory`, or none if the newest answer is implausible.
     pub fn without(self, memory: Snapshot) -> Snapshot {
         if self.in_a_row == 0 { memory } else { NO_MEMORY }
     }

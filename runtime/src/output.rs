@@ -103,7 +103,8 @@ impl TruthOutput {
         Ok(Self { port, member: member.clone() })
     }
 
-    /// Sends the `truth` of a sample after its STATE, so that no node waits for it; `states` has sent that.
+    /// Sends the `truth` of a sample after its STATE, so that no node waits for it; `states` is the output that sent
+    /// that STATE.
     pub fn send(&self, truth: Truth, states: &Output<State>) {
         let Member { page, with_checksums, .. } = &self.member;
         let truth = Truth { sequence: states.sequence, ..truth };

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | `shared_memory`, `storage` | ports between processes, by iceoryx2 |
-//! | `descriptors` | its descriptors, checked before it uses their numbers |
+//! | `descriptors` | descriptors of iceoryx2, checked before it uses their numbers |
 //! | [`crate::queue`] | ports of one thread |
 //!
 //! The rest of the crate uses ports through [`SendPort`] and [`ReceivePort`].

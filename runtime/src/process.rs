@@ -1,4 +1,4 @@
-//! A node as a program: a controller of a user's is three lines around [`main`]. The launcher runs its own nodes by
+//! A node as a program: a user's controller is three lines around [`main`]. The launcher runs its own nodes by
 //! [`run_as`], as `trefoil node NAME`.
 
 use std::path::Path;

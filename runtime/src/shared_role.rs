@@ -17,9 +17,9 @@
 //! assignment itself, while the plant waits for it. Active, standby and pending epoch share one word, so that
 //! simultaneous changes by launcher and plant take effect one after the other.
 //!
-//! The counts of a process stand in the slot of its epoch. There are as many slots as epochs can work or be about to.
-//! [`SharedRole::offer`] reuses a slot that no such epoch has. A process whose slot was reused is no longer part of the
-//! run, and counts in a spare slot that is never read.
+//! The counts of a process stand in the slot of its epoch. There is a slot for every epoch that can work, or be about
+//! to work, at the same time. [`SharedRole::offer`] reuses a slot that no such epoch has. A process whose slot was
+//! reused is no longer part of the run, and counts in a spare slot that is never read.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 

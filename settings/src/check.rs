@@ -80,7 +80,7 @@ fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     counts.iter().all(|(_, count, most)| count <= most)
 }
 
-/// Steepest magnetic field that tells the heading of a vehicle that stands \[deg\].
+/// Largest inclination of the magnetic field at which it tells the heading of a vehicle that stands \[deg\].
 const MAX_INCLINATION_DEG: f64 = 80.0;
 
 fn check_vehicle(scenario: &Scenario, found: &mut Found) {

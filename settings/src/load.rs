@@ -146,8 +146,8 @@ fn resolve(sources: &[SettingsText]) -> Result<Scenario, ScenarioError> {
     if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
 }
 
-/// Ratio of two weights of an input that makes the bandwidth of its channel differ by nearly 2: it goes with the fourth
-/// root.
+/// Ratio of two weights of an input that makes the bandwidth of its channel differ by nearly 2: the bandwidth goes with
+/// the fourth root of the weights.
 const OTHER_VEHICLE: f64 = 10.0;
 
 /// Reason why settings can always be written.

@@ -163,11 +163,12 @@ pub struct Moved {
     pub title: String,
     /// New name, if there is one.
     pub name: Option<String>,
-    /// The row.
+    /// Replacement in the table.
     pub now: Replacement,
 }
 
-/// Finds what takes the place of `name`; `None` if it is no old name. Of a key the longest row counts.
+/// Finds what takes the place of `name`; `None` if it is no old name. If several rows match a key, the longest old name
+/// counts.
 pub fn find(kind: NameKind, name: &str) -> Option<Moved> {
     let rest =
         |old: &str| name.strip_prefix(old).filter(|rest| rest.is_empty() || kind == Key && rest.starts_with('.'));

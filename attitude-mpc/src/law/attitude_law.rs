@@ -7,9 +7,9 @@
 //! plan       the demand
 //! ```
 //!
-//! All that a law remembers from tick to tick is in [`AttitudeMemory`], which has one layout for all of them: so a
-//! process with another law continues the flight. A law writes to the memory of the tick, which the controller keeps if
-//! the demand is sent.
+//! All that a law remembers from tick to tick is in [`AttitudeMemory`], which has one layout for all laws, so that a
+//! process with another law can continue the flight. A law writes to the memory of the tick, which the controller keeps
+//! if the demand is sent.
 
 use airframe::linear::STATES;
 use contract::actuation::Actuation;

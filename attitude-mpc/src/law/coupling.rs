@@ -5,8 +5,8 @@
 //! w' = q u - p v + g cos phi cos theta + F_z / m                                      (11)
 //! ```
 //!
-//! At speed w changes when the vehicle pitches or rolls, by `q u - p v`, without any force. An estimate that predicts w
-//! by the hover model takes this change for a force. Here the term is added to the one-sample prediction behind the
+//! At speed, `w` changes by `q u - p v` when the vehicle pitches or rolls, without any force. An estimate that predicts
+//! w by the hover model takes this change for a force. Here the term is added to the one-sample prediction behind the
 //! estimate, as the force `m (q u - p v)` on col at the measured state.
 //!
 //! The plan does not contain the term: guidance makes the reference of w at the measured attitude, so the reference

@@ -6,10 +6,10 @@
 //! F_z   = (m (a - g) - F_y sin phi cos theta) / (cos phi cos theta)      a = kp e_v + ki integral(e_v), down
 //! ```
 //!
-//! `[attitude.geometric]` has the gains; they mean what those of the law [`pid`](super::pid) do, and its anti-windup is
-//! used. The errors are those of [`level`](super::level). A feedback of this kind on SO(3) with an integral is in
-//! Goodarzi, Lee and Leok, *Geometric nonlinear PID control of a quadrotor UAV on SE(3)*, ECC 2013. Tests
-//! `the_geometric_demand_gives_the_wanted_acceleration_in_the_plant` (tests/laws.rs),
+//! `[attitude.geometric]` has the gains, with the same meaning as in the law [`pid`](super::pid). The anti-windup is
+//! that of `pid` too. The errors are those of [`level`](super::level). A feedback of this kind on SO(3) with an
+//! integral is in Goodarzi, Lee and Leok, *Geometric nonlinear PID control of a quadrotor UAV on SE(3)*, ECC 2013.
+//! Tests `the_geometric_demand_gives_the_wanted_acceleration_in_the_plant` (tests/laws.rs),
 //! `a_heading_error_leaves_the_tilt_alone`.
 
 use airframe::Parameters;

@@ -6,19 +6,20 @@
 //! u  = H(u_a) + J (nu - H(dw/dt))                 u_a: inputs that the actuators produce
 //! ```
 //!
-//! `H` is one low-pass: two first-order ones in series with the bandwidth `attitude.indi.filter_radps`. Filtering the
-//! acceleration delays it, and the actuators must be delayed alike (Smeur, Chu and de Croon, *Adaptive incremental
+//! `H` is one low-pass, two first-order filters in series with the bandwidth `attitude.indi.filter_radps`. Filtering
+//! the acceleration delays it, and the actuators must be delayed alike (Smeur, Chu and de Croon, *Adaptive incremental
 //! nonlinear dynamic inversion for attitude control of micro air vehicles*, Journal of Guidance, Control, and Dynamics
-//! 39(3), 2016). `H` is linear, so the law filters the difference once, and the two cannot get out of step:
+//! 39(3), 2016). `H` is linear, so the law filters the difference once, and both always have the same delay:
 //!
 //! ```text
 //! u = J nu - d        d = H(J dw/dt - u_a)
 //! ```
 //!
 //! `dw/dt` is the difference of two samples of the gyro, which is the mean over the sample between them; `u_a` is the
-//! mean of what the actuators produce at its ends. `d` is published as the disturbance. It contains the gyroscopic
-//! moment and every error of the model. The climb is a loop of the same kind, by the acceleration of the vertical
-//! speed. The actuators' positions enter by the exact map of [`airframe::mixing`], not by its derivative.
+//! mean of what the actuators produce at the beginning and at the end of that sample. `d` is published as the
+//! disturbance. It contains the gyroscopic moment and every error of the model. The climb is a loop of the same kind,
+//! by the acceleration of the vertical speed. The actuators' positions enter by the exact map of [`airframe::mixing`],
+//! not by its derivative.
 //!
 //! With `attitude.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure
 //! from it: with "modelled", the default, the controller simulates them under the command in force, with the lag

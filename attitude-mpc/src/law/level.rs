@@ -16,11 +16,12 @@
 //! Technology 28, 2020.) The tilt error does not depend on the heading error, `e` is the angle for small errors, and it
 //! grows up to 2 for half a turn. An inverted vehicle (n = 0) tilts about `(x, y)` and does not turn.
 //!
-//! The vertical acceleration, down positive, is `g + (F_y sin phi cos theta + F_z cos phi cos theta) / m`. The law
-//! wants an acceleration of the world and not of w, because guidance makes the reference of w from a vertical speed at
-//! the measured attitude: the terms that turning axes add to w are in the reference too. The side force `F_y` is that
-//! of the demand itself, by the mixing matrix. Beyond 60 degrees of tilt the inverse `1 / c` of the share `c` of col
-//! that is vertical becomes `4 c`, which is small sideways and turns its sign with the vehicle.
+//! The vertical acceleration, down positive, is `g + (F_y sin phi cos theta + F_z cos phi cos theta) / m`. The law asks
+//! for an acceleration in the world frame and not for one of w, because guidance makes the reference of w from a
+//! vertical speed at the measured attitude: the terms that turning axes add to w are in the reference too. The side
+//! force `F_y` is that of the demand itself, by the mixing matrix. Beyond 60 degrees of tilt the inverse `1 / c` of the
+//! share `c` of col that is vertical becomes `4 c`, which is small for a vehicle on its side, and negative for an
+//! inverted one.
 
 use airframe::{MixingMatrix, Parameters, Trim};
 use contract::actuation::Actuation;
@@ -72,8 +73,8 @@ impl RigidBody {
         [self.down(x)[1] * (r[0] - x[0]), ex, ey, ez, ep, eq, er]
     }
 
-    /// Demand col, lon, lat, ped \[N, N m, N m, N m\] at `x` for accelerations of the world down \[m/s2\] and about y,
-    /// x, z of the level frame \[rad/s2\], by `J alpha`, with the inputs `beside` these.
+    /// Demand col, lon, lat, ped \[N, N m, N m, N m\] at `x` for an acceleration down in the world frame \[m/s2\] and
+    /// angular accelerations about y, x, z of the level frame \[rad/s2\], by `J alpha`. The inputs `beside` are added.
     pub fn demand(&self, x: &DVectorView<f64>, accelerations: &Vector4<f64>, beside: &Vector4<f64>) -> Vector4<f64> {
         let [down, ay, ax, az] = (*accelerations).into();
         let moment = self.inertia_kgm2.component_mul(&self.body(Vector3::new(ax, ay, az)));
@@ -83,7 +84,7 @@ impl RigidBody {
         moments + Vector4::new(col, 0.0, 0.0, 0.0)
     }
 
-    /// Accelerations as in [`demand`](Self::demand) that `inputs` give beside others, to first order.
+    /// Accelerations, as in [`demand`](Self::demand), that `inputs` add to those of other inputs, to first order.
     pub fn accelerations(&self, x: &DVectorView<f64>, inputs: &Vector4<f64>) -> Vector4<f64> {
         let moment = Vector3::new(inputs[2], inputs[1], inputs[3]);
         let turning = self.level(moment.component_div(&self.inertia_kgm2));

@@ -1,8 +1,8 @@
-//! Laws: from the goal and the state at which the demand acts to the demand.
+//! Laws: each computes the demand from the goal and from the state at which the demand acts.
 //!
 //! A law is a file here with an implementation of [`AttitudeLaw`](attitude_law::AttitudeLaw), and a row in [`table`].
-//! The controller does for all laws alike what is not a law's own: the age of a goal, the delay, the disturbance by the
-//! linear model, old messages. Test `every_law_takes_over_from_every_other_in_flight`.
+//! The controller does what is common to all laws: the age of a goal, the delay, the disturbance by the linear model,
+//! old messages. Test `every_law_takes_over_from_every_other_in_flight`.
 //!
 //! | module | holds |
 //! |---|---|

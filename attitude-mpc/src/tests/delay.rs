@@ -8,7 +8,7 @@ use super::*;
 
 const SAMPLE_NS: u64 = 10_000_000;
 
-/// Controller of a vehicle without lag, so that the linear model has no state that a command reaches otherwise, and
+/// Controller of a vehicle without lag, so that a command reaches no state of the linear model through a lag, and
 /// without an estimate, which expects a command to act from a sample on.
 fn controller() -> AttitudeMpc {
     let mut scenario = fixture::without_estimate();

@@ -43,7 +43,7 @@ fn a_lead_is_the_feed_forward_of_a_later_time_at_the_place_of_now() {
     let turning = turning(CIRCLE);
     let mut straight = turning.clone();
     straight.mission.part.iter_mut().for_each(|part| part.heading_deg = None);
-    // The preview turns feed-forward with the heading that it expects; the lead is that of the measured one.
+    // The preview turns feed-forward with the heading that it expects; the lead turns it with the measured heading.
     for (now, skipped) in [(straight, 0), (turning, 2)] {
         let mut led = now.clone();
         led.guidance.lead_s = 0.01 * STEP_TICKS as f64;

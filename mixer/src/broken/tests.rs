@@ -49,8 +49,8 @@ proptest! {
         let found = Remaining::new(&mixing, &limits, tilt_rad).unwrap().allocate(lift_n, lon, lat);
         prop_assert!(is_inside(&limits, &found));
         let got = given(&mixing, found, tilt_rad).fixed_rows::<2>(1).into_owned();
-        // A lift of a grid with which the actuators give a share of the moments, by the allocation of four inputs with
-        // the yawing moment that turns rotor 1 to the angle of the servo.
+        // Searches a grid for a lift with which the actuators give a share of the moments. The four inputs are
+        // allocated with the yawing moment that turns rotor 1 to the angle of the servo.
         let (sin, cos) = tilt_rad.sin_cos();
         let reaches = |share: f64| (0..=3000).any(|step| {
             let inputs = |ped: f64| {

@@ -135,7 +135,7 @@ fn a_jump_of_the_rates_is_no_dead_rotor() {
     let (rotors, trim, hover) = hovering();
     for jump in [1.0, -1.0] {
         let mut evidence = rotors.unknown(&trim);
-        // The effect of rotor 1 in 30 ms, at once: a sensor that failed and recovered.
+        // The motion jumps by the effect of rotor 1 in 30 ms, as with a sensor that failed and recovered.
         let mut there = hover;
         let change = rotors.expected(&trim).column(0) * (0.03 * jump);
         there.velocity_mps[2] = change[0];

@@ -61,7 +61,7 @@ fn val_errors_are_as_large_as_the_covariance_says() {
     for seed in 0..seeds {
         let (truth, state, covariance) = stand(seed);
         let error: StateError = state.error_to(&truth);
-        // Position and drift, height and bias go together by the fixes, so the whole error is weighed at once.
+        // The fixes correlate position with drift and height with bias, so the whole error is weighed at once.
         nees += error.dot(&covariance.cholesky().expect("positive").solve(&error)) / seeds as f64;
     }
     check_mean("NEES", nees, ERRORS as f64, seeds as f64);

@@ -81,7 +81,7 @@ pub struct Past {
 impl Past {
     /// Builds a memory of `ticks`.
     pub fn new(ticks: u64) -> Self {
-        // Room for one per tick, the present one, and the one that it displaces.
+        // Room for one reading per tick, the present one, and the one that it displaces.
         Self { ticks, readings: VecDeque::with_capacity(ticks as usize + 2) }
     }
 

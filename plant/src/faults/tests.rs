@@ -120,7 +120,7 @@ fn a_fault_given_or_ended_while_flying_is_the_same_as_one_of_the_scenario() {
         };
         assert_eq!(of(fly_told(&scenario(&[], 7), given)), of(fly(&scenario(&[fault], 7))), "{fault:?}");
         let (shorter, ended) = (of(fly(&scenario(&[cut], 7))), of(fly_told(&scenario(&[], 7), ended)));
-        // The shape of a gust depends on its duration, so a gust that is cut off is that of a longer one.
+        // The shape of a gust depends on its duration, so a gust that is cut off has the shape of a longer one.
         assert_eq!(shorter == ended, fault.kind != FaultKind::Gust, "{fault:?}");
     }
 }

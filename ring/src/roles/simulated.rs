@@ -1,4 +1,4 @@
-//! Driver of the roles without a clock: what a clock would show comes after delays.
+//! Driver of the roles without a clock: the delays that a clock would show are simulated.
 //!
 //! ```text
 //! a process ends    seen `DETECT_NS` later         a process is started    ready `supervision.start_ms` later
@@ -135,7 +135,7 @@ impl Simulated {
         }
     }
 
-    /// Shows the role of a stopped process that the process has answered to no sample since.
+    /// Tells the role of a stopped process that the process has answered to no sample since it stopped.
     fn notice_stopped(&mut self, topic: Topic, now: Now) {
         let Some((epoch, first)) = self.stopped[topic as usize] else { return };
         if self.nodes[topic as usize].role.active() != Some(epoch) || now.tick <= first {

@@ -40,7 +40,7 @@ pub struct Trial {
     answers: VecDeque<Answer>,
     /// Ticks that the plant has sampled, and that are not judged yet.
     sampled: VecDeque<u64>,
-    /// Most answers, and most sampled ticks, that are kept.
+    /// Largest number of answers, and of sampled ticks, that are kept.
     room: usize,
     /// First tick that is not judged yet.
     next: u64,

@@ -1,7 +1,7 @@
 //! Descriptors by whose number iceoryx2 changes the mode of its files when a node is dropped.
 //!
 //! A library in this process may have put another file over such a number (`dup2`). iceoryx2 would then change the mode
-//! of that file: of `/dev/null`, it would change it for the whole machine.
+//! of that file. If the file is `/dev/null`, the change affects the whole machine.
 
 use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
@@ -14,14 +14,15 @@ const ALL: &str = "/proc/self/fd";
 
 /// Descriptors of one attachment to a run, each with the file that it was opened for.
 ///
-/// Everything that can drop the attachment holds it, as its first field. So the last owner checks before iceoryx2 does.
+/// Everything that can drop the attachment holds the descriptors, as its first field. So the last owner checks them
+/// before iceoryx2 uses them.
 pub struct Descriptors(Vec<(PathBuf, Identity)>);
 
 /// Device and inode of a file.
 type Identity = (u64, u64);
 
 impl Descriptors {
-    /// Finds those whose files stand below `folder` and have `id` in their names.
+    /// Finds the descriptors whose files stand below `folder` and have `id` in their names.
     pub fn of(folder: &Path, id: &str) -> Self {
         let is_own = |descriptor: &PathBuf| {
             let file = fs::read_link(descriptor).unwrap_or_default();
@@ -32,7 +33,8 @@ impl Descriptors {
         Self(own.filter_map(|descriptor| Some((descriptor.clone(), identity(&descriptor)?))).collect())
     }
 
-    /// Returns one that has another file now, or cannot be looked at; `None` if each has its own, or was closed.
+    /// Returns a descriptor that has another file now or cannot be looked at; `None` if each has its own file or was
+    /// closed.
     fn replaced(&self) -> Option<&Path> {
         let can_look = Path::new(ALL).exists();
         let is_replaced =

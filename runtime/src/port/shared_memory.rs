@@ -52,8 +52,8 @@ impl Bus {
 
     /// Removes the ports of dead processes from the services of `domain`. May take tens of milliseconds.
     pub fn remove_dead_ports(domain: &Domain) -> Result<(), PortError> {
-        // One at a time: looking for the dead opens the files of all nodes for a moment, and another thread that
-        // attaches meanwhile would take these descriptors for its own (`Descriptors::of`).
+        // Only one thread at a time: looking for the dead opens the files of all nodes for a moment, and another thread
+        // that attaches meanwhile would take these descriptors for its own (`Descriptors::of`).
         static ONE: Mutex<()> = Mutex::new(());
         let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         // What cannot be removed now is wiped at the end of the run.

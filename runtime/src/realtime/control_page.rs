@@ -29,7 +29,7 @@ pub struct Page {
     pub recorded: Doorbell,
     /// Lockstep: ticks up to which the plant has asked the launcher for the assignment of the roles.
     pub asked: Doorbell,
-    /// Lockstep: ticks up to which the launcher has decided it.
+    /// Lockstep: ticks up to which the launcher has decided the assignment.
     pub decided: Doorbell,
     /// Lockstep: first tick for which the plant must ask.
     pub next_decision: Word,

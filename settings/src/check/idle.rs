@@ -142,7 +142,7 @@ const SWITCHES: [Switch; 19] = [
     (&["plant.noise.attitude_deg"], "plant.sensors.filter", IsNot("ekf", "\"none\"")),
 ];
 
-/// Returns whether a feed-forward or a heading that turns is there to lead.
+/// Returns whether there is a feed-forward or a heading that turns, to which a lead applies.
 fn has_lead(scenario: &Scenario) -> bool {
     let turns = scenario.mission.trajectory == TrajectoryKind::Parts;
     scenario.guidance.acceleration_feedforward || scenario.guidance.velocity_feedforward || turns

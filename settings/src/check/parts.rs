@@ -52,7 +52,7 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
 struct Place(usize);
 
 impl Place {
-    /// Adds a violation of the part unless the rule `holds`. `key` is the most likely culprit in the part.
+    /// Adds a violation of the part unless the rule `holds`. `key` is the key of the part that is most likely wrong.
     fn require(&self, found: &mut Found, holds: bool, key: &str, what: &str, allowed: &str) {
         let part = format!("mission.part.{}", self.0);
         let key = format!("{part}.{key}");
@@ -352,7 +352,7 @@ fn check_space(part: &MissionPart, planned: &Planned, place: &Place, found: &mut
 }
 
 /// Describes how far the curve of part `i` goes below the ground; `None` if it does not, or if it lands: as a landing,
-/// or as the last part, which may exceed.
+/// or as the last part, if that part may exceed the limits.
 fn below_ground(scenario: &Scenario, i: usize, planned: &Planned) -> Option<String> {
     let (ground, parts) = (&scenario.plant.ground, &scenario.mission.part);
     let lands = parts[i].kind == PartKind::Landing || parts[i].may_exceed() && i + 1 == parts.len();

@@ -40,8 +40,8 @@ const POSITION_M: AllowedRange = (Included(-SPACE_M), Included(SPACE_M));
 const CPU: AllowedRange = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key, in which `*` is any name; arrays are checked element by element, tables
-/// key by key. Check, schema and reference pages have their ranges from here; those of a fault depend on its kind, and
-/// are with it.
+/// key by key. Check, schema and reference pages have their ranges from here; the ranges of a fault depend on its kind,
+/// and are in the check of faults.
 const RANGES: &[(&str, AllowedRange)] = &[
     ("mission.heading_deg", ANY),
     ("initial", ANY),

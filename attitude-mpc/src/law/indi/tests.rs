@@ -11,8 +11,8 @@ fn parts() -> (Parameters, Trim, MixingMatrix) {
     (vehicle, Trim::solve(&vehicle, false), MixingMatrix::new(&vehicle, false))
 }
 
-/// Filtered disturbance and, beside it, the filtered acceleration less the actuators without a filter, at each sample
-/// of a vehicle on which only the actuators act: they swing at 3 Hz, `scale` times as strong as the model knows.
+/// Returns, at each sample, the filtered disturbance, and the filtered acceleration minus the unfiltered actuators.
+/// Only the actuators act on the vehicle: they swing at 3 Hz, `scale` times as strong as in the model.
 fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
     let (vehicle, trim, mixing) = parts();
     let gains = IndiGains::default();

@@ -4,10 +4,11 @@
 //! mean the same under each model. The part of the equations of motion that is not linear in them, the offset `o`, is a
 //! known disturbance on the inputs.
 //!
-//! Departure: the cost weighs the error of the climb, not that of w. At speed u a pitch of dtheta changes w by u dtheta
-//! without any climb. Guidance computes the reference of w at the present attitude; held while the vehicle pitches, it
-//! would stand for another climb. `T` maps w to w at the reference attitude (`lean` of the model): Q becomes `T' Q T`,
-//! and the reference of w is mapped likewise. Test `a_change_of_pitch_at_constant_climb_costs_no_climb`.
+//! Departure: the cost weighs the error of the climb, not that of w. At the speed u, a pitch of dtheta changes w by u
+//! dtheta without any climb. Guidance computes the reference of w at the present attitude. If this reference were held
+//! while the vehicle pitches, it would stand for another climb. `T` maps w to w at the reference attitude (`lean` of
+//! the model): Q becomes `T' Q T`, and the reference of w is mapped likewise. Test
+//! `a_change_of_pitch_at_constant_climb_costs_no_climb`.
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::{AtSpeed, FlightPoint, Trim};

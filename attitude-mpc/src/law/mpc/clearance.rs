@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, Vector4};
 
 use crate::law::mpc::condensed::{GIVEN, Gain};
 
-/// Share of the way from hover to a limit up to which a move is clear of it: far from what counts as touched.
+/// Share of the way from hover to a limit; a move below it is clear of the limit, and far from touching it.
 const CLEAR: f64 = 0.99;
 
 /// Weights `w` of the bound.
@@ -41,7 +41,7 @@ impl Clearance {
     }
 
     /// Returns whether no move of the plan for `given` = (x; r; d; v) and the `changes` of r reaches a limit; `false`
-    /// if the bound does not say.
+    /// also if the bound cannot tell.
     pub fn is_clear(&self, given: &DVector<f64>, changes: &DVector<f64>) -> bool {
         let n = given.len() - GIVEN;
         let errors: [f64; STATES] = std::array::from_fn(|state| given[state] - given[n + state]);
@@ -53,7 +53,8 @@ impl Clearance {
     }
 }
 
-/// Sum of the sizes of `numbers`, each times its weight. Four partial sums do not wait for each other.
+/// Sum of the sizes of `numbers`, each times its weight. The sum has four independent parts, so that none waits for
+/// another.
 fn weighted(numbers: &[f64], weights: &[f64]) -> f64 {
     let ((numbers, last), (weights, of_last)) = (numbers.as_chunks::<4>(), weights.as_chunks::<4>());
     let mut sums = [0.0; 4];
@@ -84,7 +85,7 @@ fn weights(gain: &DMatrix<f64>, moves: &DemandSet) -> DVector<f64> {
     DVector::from_iterator(gain.ncols(), (0..gain.ncols()).map(of_column))
 }
 
-/// Share `way` of the `room` that hover has; nothing is clear if hover has none.
+/// Ratio of a `way` to the `room` that a limit leaves at hover; infinite without room, so that nothing is clear.
 fn of_room(way: f64, room: f64) -> f64 {
     if room > 0.0 { way / room } else { f64::INFINITY }
 }

@@ -71,15 +71,15 @@ pub struct Gain {
 }
 
 impl Gain {
-    /// Writes the first moves for the given numbers and the changes of the reference to `plan`, all that it has room
-    /// for.
+    /// Writes the first moves for the given numbers and the changes of the reference to `plan`, as many as `plan` has
+    /// room for.
     pub fn write_plan(&self, given: &DVector<f64>, changes: &DVector<f64>, mut plan: DVectorViewMut<f64>) {
         plan.fill(0.0);
         self.add_plan(1.0, given, changes, plan);
     }
 
-    /// Adds `share` of the first moves for the given numbers and the changes of the reference to `plan`: as many as it
-    /// has room for.
+    /// Adds `share` of the first moves for the given numbers and the changes of the reference to `plan`, as many as
+    /// `plan` has room for.
     pub fn add_plan(&self, share: f64, given: &DVector<f64>, changes: &DVector<f64>, mut plan: DVectorViewMut<f64>) {
         for row in (0..plan.nrows()).step_by(INPUTS) {
             let mut u: Vector4<f64> = plan.fixed_rows::<INPUTS>(row).into_owned();

@@ -67,7 +67,7 @@ impl Constrained {
     }
 
     /// Returns whether the unconstrained plan of the hover model for `given` = (x; r; d; v) and the `changes` of r is
-    /// the one to follow at `tick`, with no limit near it; `false` if only the whole plan can say.
+    /// the one to follow at `tick`, with no limit near it; `false` if only the whole plan can show it.
     pub fn is_clear(&self, given: &DVector<f64>, changes: &DVector<f64>, tick: u64) -> bool {
         self.set.states.is_none() && self.faults.on(tick).next().is_none() && self.clearance.is_clear(given, changes)
     }

@@ -1,8 +1,8 @@
 //! The law: the unconstrained plan by the model of the tick, and the one inside the limits.
 //!
-//! The memory has no part of the model, so that a process with another one continues the flight. The demand then has
-//! no bump beyond the difference of the two gains: state, disturbance and last demand, from which both plan, are the
-//! same. Test `a_controller_of_another_model_continues_the_flight`.
+//! The memory has no part of the model, so that a process with another model can continue the flight. Both plan from
+//! the same state, disturbance and last demand, so only the difference of the two gains makes the demand jump. Test
+//! `a_controller_of_another_model_continues_the_flight`.
 
 use airframe::linear::INPUTS;
 use contract::message::{Kinematics, SolveStatus};
@@ -29,9 +29,9 @@ pub struct Mpc {
     changes: DVector<f64>,
     /// Unconstrained plan, 4Nu.
     unconstrained: DVector<f64>,
-    /// Number of its elements that are computed: all, or the first move.
+    /// Number of elements of `unconstrained` that are computed: all, or the first move.
     computed: usize,
-    /// Plan to follow, 4Nu; of it as much as of the unconstrained one.
+    /// Plan to follow, 4Nu; as many of its elements are computed as of `unconstrained`.
     followed: DVector<f64>,
 }
 

@@ -7,10 +7,10 @@
 //!      |-------------|-------------|-------------|-------------|      elements of the preview, straight lines between
 //! ```
 //!
-//! The moment of a reference is that at which the command which answers it acts, if the delay is measured, and else its
-//! sample. `x_k` follows the reference of its own moment, `r + dr_k`, also if the reference is an old one: a preview
-//! makes up for references that are late or lost. The rates follow the slope of the angles.
-//! After its last element the reference stays. Tests `the_gain_minimises_the_printed_cost`,
+//! If the delay is measured, the moment of a reference is the instant at which the command that answers it acts.
+//! Otherwise it is the sample of the reference. `x_k` follows the reference of its own moment, `r + dr_k`, also if the
+//! reference is an old one: a preview makes up for references that are late or lost. The rates follow the slope of the
+//! angles. After its last element the reference stays. Tests `the_gain_minimises_the_printed_cost`,
 //! `an_old_reference_with_a_preview_is_as_good_as_a_new_one`.
 
 use airframe::linear::STATES;

@@ -50,7 +50,8 @@ fn a_kill_takes_effect_on_its_tick_and_its_replacement_after_the_delays_of_the_s
     let kill = |for_s| Fault::new(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.1, for_s);
     for (for_s, tick) in [(None, 13), (Some(0.03), 16), (Some(0.3), 43)] {
         let mut roles = Simulated::new(&scenario(vec![kill(for_s)], vec![]));
-        // Seen 2 ms after the kill, or started when the fault is over; ready 25 ms later.
+        // The kill is seen after 2 ms. The next process is started then, or when the fault is over, and is ready 25 ms
+        // later.
         let started = if for_s == Some(0.3) {
             40
         } else if for_s.is_some() {

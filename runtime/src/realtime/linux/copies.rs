@@ -2,7 +2,7 @@
 //! on in our code, with our ports and pipes, as a second writer. A copy finds out that it is one, and ends.
 //!
 //! Each process keeps its number on a page that the kernel hands to a copy as zeros, whichever call has made the copy.
-//! So the question costs a load from memory and no system call.
+//! So the check costs a load from memory and no system call.
 
 use std::ptr::null_mut;
 use std::sync::OnceLock;
@@ -33,7 +33,7 @@ impl ThisProcess {
         let Some(word) = word() else { return Self(getpid().as_raw_nonzero().get() as u64) };
         match word.load(Ordering::Relaxed) {
             0 => {
-                // A copy goes on counting where its process was, so that no number of that is given again.
+                // A copy goes on counting where its process was, so that no number of the process is used again.
                 let own = NEXT.fetch_add(1, Ordering::Relaxed);
                 let set = word.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed);
                 Self(set.map_or_else(|other| other, |_| own)) // another thread may have been faster

@@ -23,7 +23,7 @@ const READ_WRITE: ProtFlags = ProtFlags::READ.union(ProtFlags::WRITE);
 /// The type is made of atomics only: every bit pattern is valid, and writes by another process are defined.
 pub unsafe trait Shared {}
 
-// SAFETY: it is made of atomics only.
+// SAFETY: the page is made of atomics only.
 unsafe impl Shared for Page {}
 
 /// Mapping of a `T`, unmapped when it is dropped.

@@ -96,7 +96,7 @@ fn the_gain_minimises_the_printed_cost() {
 
 #[test]
 fn val_first_move_gains() {
-    // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states, which ours has not.
+    // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states, and ours has none.
     for (scenario, k, kr) in [(Scenario::from(Profile::Paper), "K_B0", "Kr_B0"), (fixture::with_lag(), "K_B2", "Kr_B2")]
     {
         let (model, condensed) = condensed(&scenario);
