@@ -121,7 +121,7 @@ pub const HELP: &[Help] = &[
         examples: &["campaign shard mine.toml --index 0 --of 10"],
         exits: &[(exit::PROCESS_LOST, "the shard could not be written"), (exit::INTERRUPTED, "")],
     },
-    Help { command: "tune", examples: &["tune laws", "tune mine.toml --controller pid"], exits: &[(exit::INTERRUPTED, "")] },
+    Help { command: "tune", examples: &["tune protocol", "tune mine.toml --controller pid"], exits: &[(exit::INTERRUPTED, "")] },
     help("export", &["export runs/survey --to parquet", "export runs/survey --to csv --from 10s --for 2s", "export wind --to fmu --out wind.fmu"]),
     Help { command: "measure mpc", examples: &["measure mpc"], exits: MEASURES },
     Help { command: "measure faults", examples: &["measure faults"], exits: MEASURES },

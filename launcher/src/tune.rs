@@ -18,7 +18,7 @@ use crate::scenarios;
 #[derive(Args)]
 #[command(
     after_help = "Prints the tuned settings of each controller, to be put into the file. docs/campaigns.md has the form \
-of [tune], docs/mpc.md an example."
+of [tune], campaigns/protocol.toml an example."
 )]
 pub struct TuneArgs {
     /// Campaign file (TOML) with [tune], or the name of a shipped campaign
