@@ -39,14 +39,15 @@ static void destroy(void *node) {
 
 // Reads {"weights":[...]}: those of w, roll, pitch, yaw, p, q, r and of the commands. Returns whether all are there.
 static bool read_weights(const char *json, double weights[WEIGHTS]) {
-  const char *at = strchr(json, '[');
+  static const char KEY[] = "{\"weights\":[";
+  if (strncmp(json, KEY, strlen(KEY))) return false;
+  char *at = (char *)json + strlen(KEY);
   for (int i = 0; i < WEIGHTS; i++) {
-    char *end = NULL;
-    weights[i] = at ? strtod(at + 1, &end) : 0;
-    if (weights[i] <= 0 || *end != (i + 1 < WEIGHTS ? ',' : ']')) return false;
-    at = end;
+    if (i > 0 && *at++ != ',') return false;
+    weights[i] = strtod(at, &at);
+    if (!(weights[i] > 0)) return false;
   }
-  return true;
+  return !strcmp(at, "]}");
 }
 
 // Puts weights in place of those of generate.py.
