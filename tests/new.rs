@@ -23,10 +23,11 @@ fn made(dir: &Path, goals: &[&str], python: Option<&Path>) {
 }
 
 /// Writes the template of `lang` for `node`, builds and tests it, and flies it in every mode and in swaps. `settings`
-/// are those of the node in its scenario, which another `exec` does not have.
-fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) {
+/// are those of the node in its scenario, which another `exec` does not have. Returns its folder, `mine` in another.
+fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) -> Option<tempfile::TempDir> {
     if Command::new("make").arg("--version").output().is_err() {
-        return skip("make is not here");
+        skip("make is not here");
+        return None;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let dir = folder.path().join("mine");
@@ -42,6 +43,7 @@ fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) {
     assert_eq!(whole.code(), Some(0), "{}", whole.stderr);
     flies_in_every_mode(scenario, node, &library, settings);
     swapped_in_and_out(scenario, node, &library, settings, ["lockstep", "inprocess"]);
+    Some(folder)
 }
 
 #[test]
@@ -88,7 +90,20 @@ fn an_mpc_of_acados_is_written_and_flies() {
     }
     let packages = ["comma-deps-acados==0.2.2.post92", "casadi==3.8.2", "numpy"];
     let Some(python) = python_with(&packages) else { return };
-    flies("acados", "attitude-mpc", &[], Some(&python));
+    let Some(folder) = flies("acados", "attitude-mpc", &[], Some(&python)) else { return };
+    let scenario = folder.path().join("mine/scenario.toml");
+    let fly = |settings: &str| {
+        let settings = format!("node.attitude-mpc.settings={settings}");
+        fly(&[scenario.to_str().expect("plain names"), "--mode", "inprocess", "--set", &settings])
+    };
+    let of_generate = "{ weights=[1e2, 1e3, 1e3, 1e3, 1e1, 1e1, 1e1, 2e2, 2e2, 2e2, 1e2] }";
+    assert_eq!(fly(of_generate).state_hash(), fly("{}").state_hash());
+    assert_ne!(fly(&of_generate.replace("1e3", "5e2")).state_hash(), fly("{}").state_hash());
+    for wrong in ["{ weights=[1e2, 1e3] }", &of_generate.replace("weights", "w"), &of_generate.replace("2e2", "-2e2")] {
+        let refused = fly(wrong);
+        assert_eq!(refused.code(), Some(2), "{}", refused.stderr);
+        assert!(refused.stderr.contains("give settings.weights: 11 positive numbers"), "{}", refused.stderr);
+    }
 }
 
 #[test]
