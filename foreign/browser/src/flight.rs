@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn a_late_command_costs_accuracy_and_one_that_is_too_late_the_flight() {
         let [soon, late, too_late] =
-            [0, 60, 200].map(|ms| flown(&format!("run.duration_s=10.0\nrun.command_delay_ms={ms}")));
+            [0, 60, 400].map(|ms| flown(&format!("run.duration_s=10.0\nrun.command_delay_ms={ms}")));
         let error = |flight: &Value| flight["rms_position_error_m"].as_f64().expect("a number");
         assert!(error(&late) > error(&soon), "{} {}", error(&late), error(&soon));
         assert_eq!(too_late["whole"], json!(false), "{} {}", error(&soon), error(&late));
