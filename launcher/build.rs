@@ -1,4 +1,4 @@
-//! Asks git which commit this is, and of when.
+//! Asks git for the commit of the sources and its date.
 
 #![expect(clippy::disallowed_macros, reason = "it is how a build script speaks to cargo")]
 
@@ -26,12 +26,12 @@ const SOURCES: [&str; 18] = [
     "settings",
 ];
 
-/// Tells the commit, its date, and whether the sources differ from it; nothing where this is no checkout of the
-/// repository.
+/// Sets variables for the compiler: the commit, its date, and whether the sources differ from it; none if the sources
+/// are not a checkout of the repository.
 fn main() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository");
     let git = |arguments: &[&str]| {
-        // Without the lock: a refreshed index would have this run again.
+        // Without the lock: if git refreshed its index, this script would run again.
         let mut told = Command::new("git");
         let told = told.arg("--no-optional-locks").arg("-C").arg(top).args(arguments).env("TZ", "UTC").output().ok()?;
         told.status.success().then(|| String::from_utf8_lossy(&told.stdout).trim().to_owned())

@@ -1,4 +1,4 @@
-//! Accuracy of flights against what was asked for, where a wrong reference would show.
+//! Tracking accuracy of flights: a wrong reference would show here.
 
 use crate::harness::{fly, top};
 

@@ -1,4 +1,4 @@
-//! The rooms: the arrows between crates, the files inside them, and what each room may touch.
+//! Architecture: dependencies between crates and between their files, and what each crate may touch.
 
 mod sources;
 
@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::harness::top;
 use sources::{Crate, Source};
 
-/// The rooms from the ground up. A room depends only on rooms of the lines above its own.
+/// Crates, lowest layer first. A crate depends only on crates of the lines above its own.
 #[rustfmt::skip]
 const ORDER: [&[&str]; 21] = [
     &["qp"], &["contract"], &["airframe"], &["curves"], &["settings"], &["navigation"], &["runtime"], &NODES, &["ring"], &["foreign", "trefoil-fmu", "trefoil-browser"],
@@ -30,7 +30,7 @@ fn packages() -> Vec<Value> {
     metadata["packages"].as_array().expect("packages").clone()
 }
 
-/// Returns what each package links: its normal dependencies.
+/// Returns the normal dependencies of each package, which it links.
 fn links() -> BTreeMap<String, BTreeSet<String>> {
     let word = |value: &Value| value.as_str().expect("a name").to_owned();
     let normal = |package: &Value| {
@@ -137,7 +137,7 @@ fn no_files_or_folders_of_a_crate_use_each_other_in_a_circle() {
     assert!(circles.is_empty(), "arrows in circles: {circles:#?}");
 }
 
-/// Public types of which each platform has its own.
+/// Public types that each platform defines separately.
 const OF_THE_PLATFORM: [&str; 2] = ["ControlPage", "ThisProcess"];
 
 #[test]

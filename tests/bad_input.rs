@@ -86,7 +86,7 @@ fn check_refuses_what_fly_refuses() {
 
 #[test]
 fn an_output_folder_that_cannot_be_written() {
-    // A file in place of the folder: root could write into any folder of any mode.
+    // A file takes the place of the folder, since root may write into a folder of any mode.
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("occupied");
     std::fs::write(&file, "precious").expect("can be written");

@@ -1,4 +1,4 @@
-//! The book's page that flies the survey: its module flies the bits of docs/hashes.md, and the page shows them.
+//! The book's page that flies the survey: its module flies to the state hash of docs/hashes.md, and the page shows it.
 //!
 //! `.ci/book` builds the book and gives its folder in `BOOK`; without it these tests are skipped.
 
@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::harness::{skip, top};
 
-/// The folder of the book; says so if there is none.
+/// Returns the folder of the book; prints a note if there is none.
 fn book() -> Option<PathBuf> {
     let book = std::env::var_os("BOOK").map(PathBuf::from);
     if book.is_none() {
@@ -25,7 +25,7 @@ fn hash(scenario: &str) -> String {
     row.expect("the page has the scenario").trim_end_matches("` |").to_owned()
 }
 
-/// The JSON that a script of `tests/book` prints; says so where node is missing.
+/// Returns the JSON that a script of `tests/book` prints; prints a note if node is missing.
 fn node(script: &str, folder: &Path, arguments: &[&Path]) -> Option<Value> {
     let output =
         Command::new("node").arg(top().join("tests/book").join(script)).args(arguments).current_dir(folder).output();

@@ -1,4 +1,4 @@
-//! `trefoil campaign`: the same table whatever flies it, and nothing lost or counted twice whatever ends it.
+//! `trefoil campaign`: every way to fly it gives the same table; an interruption loses no flight and counts none twice.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -41,7 +41,7 @@ for_s = [0.1, 0.4]
 targets = ["controls", "attitude"]
 "#;
 
-/// A place for campaigns, with one in it.
+/// Temporary folder with a campaign file.
 pub struct Place {
     folder: tempfile::TempDir,
 }
@@ -174,7 +174,7 @@ fn shards_that_cannot_be_counted_are_named_and_nothing_is_lost() {
     assert!(!place.at("out").join("flights.parquet").exists(), "no table without all flights");
 
     let mut bad = good.clone();
-    // Of the hash of the columns: not every byte of the file is looked at.
+    // This byte belongs to the hash of the columns: some bytes of the file are not checked.
     let hash = good.windows(14).rposition(|word| word == b"columns_sha256").expect("its hash") + 20;
     bad[hash] ^= 1;
     for (bytes, why) in [
@@ -415,8 +415,8 @@ fn the_vehicle_lands_without_a_controller_and_falls_without_a_mixer_or_a_rotor()
     }
 }
 
-/// Commands that act as Slurm's, in a folder for PATH: `sbatch` runs the tasks of an array at once, but loses the first
-/// one that it ever has.
+/// Writes stand-ins for Slurm's commands into a folder for PATH: `sbatch` runs the tasks of an array at once, but loses
+/// the first task of all.
 fn fake_slurm(folder: &Path) {
     let sbatch = r#"#!/bin/bash
 script=$(cat)

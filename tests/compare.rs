@@ -10,7 +10,7 @@ fn compare(runs: &[&Path], more: &[&str]) -> Output {
     launcher().arg("compare").args(runs).args(more).output().expect("the launcher starts")
 }
 
-/// Lines that begin with these words.
+/// Returns the words that follow `begin` on the first line that starts with it.
 fn line<'a>(text: &'a str, begin: &str) -> Vec<&'a str> {
     let line = text.lines().find(|line| line.starts_with(begin));
     line.unwrap_or_else(|| panic!("no line '{begin}': {text}"))[begin.len()..].split_whitespace().collect()

@@ -1,4 +1,4 @@
-//! A flying stack asked, broken and mended from outside.
+//! Commands to a flying stack: status, faults and their end.
 
 use flight::control::{ControlRequest, ask};
 use runtime::domain::Domain;
@@ -15,7 +15,7 @@ pub fn status(namespace: &str) -> Value {
     stacks.as_array().into_iter().flatten().find(|stack| stack["namespace"] == namespace).cloned().unwrap_or_default()
 }
 
-/// Answer to a command: stdout when it is done, stderr when it is refused.
+/// Runs a command on a stack; returns stdout if it succeeds, stderr if it is refused.
 pub fn tell(namespace: &str, words: &[&str]) -> Result<String, String> {
     let output = launcher().args(words).args(["--namespace", namespace]).output().expect("the command runs");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
@@ -142,7 +142,7 @@ fn what_cannot_be_done_is_refused_with_the_reason() {
     let error = tell(&namespace(), &["inject", "wind", "step"]).expect_err("nobody flies");
     assert!(error.contains("no stack runs"), "{error}");
 
-    // What is wrong for every flight is refused before a flight is asked.
+    // Requests that are invalid for every flight are refused before any flight is contacted.
     for (words, expected) in [
         (&["inject", "rates", "wrong", "--value", "nan"][..], "`value` = NaN, which is out of range"),
         (&["inject", "wind", "step", "--vector", "1,inf,0"], "`vector` of -200 to 200"),

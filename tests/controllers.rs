@@ -354,7 +354,7 @@ fn a_library_without_a_memory_or_that_refuses_it_is_restarted_cold() {
     assert!(!said.contains("begun with what the nodes remembered"), "{said}");
 }
 
-/// Returns the words in run.json about copies of the attitude controller, and how many there were.
+/// Returns whether run.json reports copies of the attitude controller, and their number.
 fn copies(flown: &Outcome) -> (bool, u64) {
     let run = flown.run();
     let is_told = run["reservations"].to_string().contains("attitude-mpc was copied");

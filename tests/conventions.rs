@@ -9,7 +9,7 @@ fn run(command: &mut Command) -> Output {
     command.output().expect("the launcher runs")
 }
 
-/// Runs the launcher, which must succeed; what it prints.
+/// Runs the launcher, which must succeed; returns its output.
 fn printed(arguments: &[&str]) -> String {
     let output = run(launcher().args(arguments));
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -23,7 +23,7 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(inside).filter(|path| path.extension().is_some_and(|ending| ending == "toml")).collect()
 }
 
-/// Validates files by Python's `jsonschema`; a line for each error.
+/// Validates files by Python's `jsonschema`; returns one line for each error.
 fn errors(python: &Path, schema: &str, files: &[PathBuf]) -> String {
     let mut command = Command::new(python);
     command

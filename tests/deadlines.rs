@@ -1,10 +1,10 @@
-//! Policies of deadlines: what becomes of a message that cannot be on time, and what the kernel grants.
+//! Deadline policies: handling of late messages, and the scheduling that the kernel grants.
 
 use serde_json::Value;
 
 use crate::harness::{Flight, Outcome, namespace};
 
-/// A second of real time with settings. A process that a loaded machine holds up is late, and not replaced.
+/// Flies a second in real time. A process that a loaded machine delays is late, but not replaced.
 fn fly(settings: &[&str]) -> Outcome {
     let set = ["--mode", "realtime", "--no-log", "--set", "run.duration_s=1.0", "--set", PATIENT].into_iter();
     let arguments: Vec<_> = set.chain(settings.iter().flat_map(|setting| ["--set", setting])).collect();

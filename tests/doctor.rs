@@ -1,4 +1,4 @@
-//! `doctor` on this machine: it foretells what a flight gets, and the flight's first lines say the same.
+//! `doctor` on this machine: its findings agree with the first lines of a flight.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -8,11 +8,11 @@ use serde_json::Value;
 use crate::harness::{AS_NOBODY, NOBODY, has_root, launcher, namespace};
 use crate::surroundings::program;
 
-/// Start a command as root without a capability.
+/// Commands that start another command as root without one capability.
 const NO_NICE: &str = "setpriv --bounding-set=-sys_nice --inh-caps=-sys_nice";
 const NO_LOCK: &str = "setpriv --bounding-set=-ipc_lock --inh-caps=-ipc_lock";
 
-/// Runs `program` in the way that `wrap` has it, with 8 MiB of lockable memory and no priority by limits.
+/// Runs `program` under the command `wrap`, with 8 MiB of lockable memory and no priority by limits.
 fn wrapped(wrap: &str, program: &Path, words: &[&str]) -> Output {
     let mut command = Command::new("prlimit");
     command.args(["--memlock=8388608", "--rtprio=0"]).args(wrap.split(' ')).arg(program).args(words);

@@ -1,5 +1,5 @@
-//! Export for other tools: the FMU is valid, and flies a flight of the log again; other tools read what the log of a
-//! run has.
+//! Export for other tools: the FMU is valid and repeats the flight of a log; other tools read the same values as the
+//! log has.
 
 use std::path::Path;
 use std::process::Command;

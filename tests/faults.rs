@@ -14,7 +14,7 @@ fn faulty(target: &str, kind: &str, mode: &str) -> Outcome {
     fly(&[HOVER, "--mode", mode, "--no-log", "--set", "run.duration_s=3.0", "--set", &fault])
 }
 
-/// Flies it in both deterministic modes; the lockstep flight.
+/// Flies [`faulty`] in both deterministic modes, which must agree; returns the lockstep flight.
 fn check_same(target: &str, kind: &str) -> Outcome {
     let (inprocess, lockstep) = (faulty(target, kind, "inprocess"), faulty(target, kind, "lockstep"));
     assert_eq!(lockstep.code(), Some(0), "{target} {kind}: {}", lockstep.stderr);
@@ -94,8 +94,8 @@ fn lost_demands_are_noticed_and_got_over() {
     assert_eq!(fault, expected, "the first tick is flown with the demand before");
 }
 
-/// The first process of `node` ended as `first` says, and a later one became active. A loaded machine may
-/// hold up another process, of any node, for so long that it counts as hung and is replaced too.
+/// Checks that the first process of `node` ended with the event `first`, and that a later process became active. A
+/// loaded machine may delay another process, of any node, for so long that it counts as hung and is replaced too.
 fn check_replaced(events: &[(String, u64, String)], node: &str, first: &str) {
     let of_node: Vec<_> =
         events.iter().filter(|event| event.0 == node).map(|event| (event.1, event.2.as_str())).collect();

@@ -1,5 +1,5 @@
-//! Folders from elsewhere: no link in them is followed, nothing in them is waited for, no program that they name is
-//! run, and what is refused stays as it was.
+//! Untrusted folders: no link in them is followed, no FIFO blocks, no program that they name is run, and a refused
+//! folder is left unchanged.
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, chown, symlink};
@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use crate::harness::{NOBODY, copy_program, has_root, launcher, write_script};
 
-/// No command of these tests may last longer.
+/// Longest time that a command of these tests may take.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
 const CAMPAIGN: &str = "seeds = 6\n[settings]\nrun.duration_s = 0.2\nplant.noise.position_m = 0.002\n";
@@ -260,7 +260,7 @@ fn a_script_that_stands_in_the_folder_is_not_submitted() {
     let place = Place::flown();
     fs::remove_file(place.at("out/shards/00000.parquet")).expect("it is there");
     put_command(place.top.path(), "squeue", "#!/bin/sh\n");
-    // The text of the job comes by the pipe. What has the name of the script is replaced while it waits.
+    // The job script is piped to sbatch. The file with the name of the script is replaced meanwhile.
     let sbatch = "#!/bin/sh\necho 'touch \"$0.foreign\"' > \"$TOP/out/slurm/shard.sh\"\ncat > \"$TOP/job\"\n\
                   for word in \"$@\"; do case $word in *.sh) sh $word;; esac; done\nSLURM_ARRAY_TASK_ID=0 sh \"$TOP/job\" 2>/dev/null\n";
     put_command(place.top.path(), "sbatch", sbatch);

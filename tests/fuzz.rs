@@ -1,4 +1,4 @@
-//! Whatever stands in a scenario, a snapshot or the folder of a run: an error or a result, never a panic.
+//! Any scenario, snapshot or run folder gives an error or a result, never a panic.
 //!
 //! Few cases by default; `PROPTEST_CASES=100000 cargo test -p trefoil --test stack fuzz::` looks longer; in the dev
 //! profile, where overflow panics.
@@ -25,7 +25,7 @@ use settings::{Scenario, from_merged, load, to_toml};
 
 use crate::harness::top;
 
-/// Configuration with as many cases as the environment asks for, else so `few`.
+/// Configuration with `PROPTEST_CASES` cases if that is set, else with `few`.
 fn cases(few: u32) -> ProptestConfig {
     let default = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
     if std::env::var_os("PROPTEST_CASES").is_some() { default } else { ProptestConfig { cases: few, ..default } }
@@ -41,7 +41,7 @@ enum Edit {
     Insert(f64, &'static str),
 }
 
-/// Edits that change the meaning of a text by a little.
+/// Words to insert into a text, which change its meaning slightly.
 const WORDS: [&str; 24] = [
     "9",
     "-",
@@ -114,7 +114,7 @@ static SHIPPED: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     files.iter().map(|path| std::fs::read(path).expect("a readable scenario")).collect()
 });
 
-/// Loads a file with this content; what is accepted can be written, read and flown.
+/// Loads a file with this content; if it is accepted, it can be written, read and flown.
 fn check_scenario(content: &[u8], overrides: &[String]) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("scenario.toml");

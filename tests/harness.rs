@@ -11,7 +11,7 @@ use runtime::domain::Domain;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-/// No flight of the tests may last longer on the wall clock.
+/// Longest wall-clock time of a flight of the tests.
 const WATCHDOG: Duration = Duration::from_secs(120);
 
 /// Remains of a run of the launcher.
@@ -44,13 +44,13 @@ impl Outcome {
     }
 }
 
-/// Copies a program by a process of its own: what this process has open for writing, the child of another test may
-/// still have open, and a file that is open for writing cannot be run.
+/// Copies a program by a child process. A file that this process opens for writing may stay open in the child of
+/// another test, and a file that is open for writing cannot be run.
 pub fn copy_program(from: &Path, to: &Path) {
     assert!(Command::new("cp").args([from, to]).status().expect("cp runs").success(), "{}", to.display());
 }
 
-/// Writes a script by a process of its own, as [`copy_program`] copies.
+/// Writes a script by a child process, for the reason given at [`copy_program`].
 pub fn write_script(path: &Path, script: &str) {
     let mut shell = Command::new("sh");
     let mut shell =
@@ -59,12 +59,12 @@ pub fn write_script(path: &Path, script: &str) {
     assert!(shell.wait().expect("sh ends").success(), "{}", path.display());
 }
 
-/// The user `nobody`, and what starts a command as that user.
+/// The user `nobody`, and a command that starts another command as that user.
 pub const NOBODY: u32 = 65534;
 pub const AS_NOBODY: &str = "setpriv --reuid=65534 --regid=65534 --clear-groups";
 
-/// Says on the terminal that the present test, or the part of it that is named, is skipped.
-/// Written around the test runner, which keeps what passing tests print to itself.
+/// Prints on the terminal that the current test is skipped, and `why`. Writes to stderr directly, because the test
+/// runner hides the printed output of passing tests.
 pub fn skip(why: &str) {
     let thread = std::thread::current();
     // One write, so that no line of another test comes between: `.ci/run` counts these lines.
@@ -72,7 +72,7 @@ pub fn skip(why: &str) {
     let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
-/// Returns whether this is root, which alone can make other users, mounts and namespaces; says so if not.
+/// Returns whether this process is root, which other users, mounts and namespaces need; prints a note if not.
 pub fn has_root() -> bool {
     let is_root = rustix::process::geteuid().is_root();
     if !is_root {
@@ -81,8 +81,8 @@ pub fn has_root() -> bool {
     is_root
 }
 
-/// A Python with `packages` of the Python Package Index, made once for all tests and runs that want the same; says so
-/// where it cannot be had.
+/// Returns a Python with `packages` of the Python Package Index, installed once for all tests and runs that need the
+/// same packages; `None`, and a note, if that fails.
 pub fn python_with(packages: &[&str]) -> Option<PathBuf> {
     let name = packages.join("-").replace(|c: char| !c.is_ascii_alphanumeric(), "-");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python").join(name);
@@ -120,7 +120,7 @@ pub fn top() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository").to_owned()
 }
 
-/// `trefoil fly` with `arguments`, to its end.
+/// Runs `trefoil fly` with `arguments` to its end.
 pub fn fly(arguments: &[&str]) -> Outcome {
     Flight::start(&namespace(), arguments).finish()
 }
@@ -166,7 +166,7 @@ impl Flight {
     }
 }
 
-/// Interrupts a flight in real time; its run.json.
+/// Interrupts a flight in real time; returns its run.json.
 pub fn land(flight: Flight) -> Value {
     let _ = kill_process(Pid::from_child(&flight.child), Signal::INT); // it may have ended by itself
     let outcome = flight.finish();
@@ -197,8 +197,8 @@ pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
-/// Runs `command` without its output, which a process that it leaves would hold open; returns how it ended, no later
-/// than the watchdog.
+/// Runs `command` and returns its exit status; panics after [`WATCHDOG`]. Discards the output, since a process left
+/// behind would keep a pipe open.
 pub fn ended(command: &mut Command) -> ExitStatus {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the launcher starts");
     let deadline = Instant::now() + WATCHDOG;
@@ -214,7 +214,7 @@ pub fn ended(command: &mut Command) -> ExitStatus {
     }
 }
 
-/// Processes that were started with the variable `name`, and live.
+/// Returns the running processes that have the environment variable `name`.
 pub fn processes_with(name: &str) -> Vec<String> {
     let variable = format!("{name}=");
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten().map(|entry| entry.path());

@@ -1,4 +1,4 @@
-//! Hover, bandwidths and margins of a scenario: against flights, against each other, and where they are shown.
+//! Hover, bandwidths and margins of a scenario: checked against flights, each other and their output.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::harness::{fly, launcher, top};
 
 /// Duration of a flight beside the hover \[s\].
 const FLIGHT_S: f64 = 60.0;
-/// Step within which a margin is that of flights \[ms\].
+/// Largest difference between a computed margin and that of flights \[ms\].
 const GRID_MS: f64 = 10.0;
 /// Settings whose margins do not follow the default profile.
 const PID: [&str; 4] =

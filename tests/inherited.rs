@@ -1,4 +1,4 @@
-//! Inheritance of the launcher from its parent, and a program file that is replaced in flight.
+//! Signal settings and limits that the launcher inherits, and a program file that is replaced in flight.
 
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
@@ -9,7 +9,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::control::{status, tell};
 use crate::harness::{copy_program, launcher, namespace, shared_memory_of, skip, wait_until};
 
-/// `trefoil fly` into `out`, started by `wrapper`; nothing when that cannot be done here.
+/// `trefoil fly` into `out`, started by `wrapper`; `None` if `wrapper` cannot be run here.
 fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile::TempDir) -> Option<Command> {
     if !Command::new(wrapper[0]).args(&wrapper[1..]).arg("true").status().is_ok_and(|status| status.success()) {
         skip(&format!("{wrapper:?} cannot be run"));
@@ -22,8 +22,8 @@ fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile:
     Some(command)
 }
 
-/// A flight against the clock, started by `wrapper`, is sent `signal`; its exit code, 128 more than the signal that
-/// ended it. Nothing when that cannot be done here.
+/// Sends `signal` to a real-time flight started by `wrapper`; returns its exit code, 128 more than the signal if one
+/// ended it. `None` if `wrapper` cannot be run here.
 fn signalled(wrapper: &[&str], signal: Signal) -> Option<i32> {
     let (ns, out) = (namespace(), tempfile::tempdir().expect("a temporary folder"));
     let mut flight = fly_by(wrapper, &ns, &["--no-log", "--set", "run.duration_s=2.0"], &out)?.spawn().expect("starts");

@@ -1,4 +1,4 @@
-//! Processes that do not belong to a run do not get into it, and damage around a run is reported.
+//! Foreign processes cannot join a run, and damage to the files of a run is reported.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -260,7 +260,7 @@ fn a_disk_that_is_full_costs_the_log_and_nothing_else() {
     }
 }
 
-/// A page is made from what there is of the log.
+/// Checks that the log can be read and has more than 40 states.
 fn check_log_is_readable(out: &std::path::Path) {
     let log = flight::log::read(&out.join("flight.mcap")).expect("the good part can be read");
     assert!(log.states.len() > 40, "{} states", log.states.len());

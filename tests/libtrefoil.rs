@@ -1,5 +1,5 @@
 //! libtrefoil: a program in C with its own main flies as a node, and steps a flight, with the bits of the same law in a
-//! library. The Python package on it has tests of its own, which are run from here.
+//! library. The tests of the Python package that uses libtrefoil are run from here too.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

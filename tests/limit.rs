@@ -1,4 +1,4 @@
-//! `[limit]` of a campaign: a row is a search, the same whatever flies it, and its flights are those of the launcher.
+//! `[limit]` of a campaign: a row is a search, equal in every way to fly it, with the flights of `fly`.
 
 use std::fs;
 use std::path::Path;

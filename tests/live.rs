@@ -28,12 +28,12 @@ const TOKEN: &str = "0123456789abcdef";
 const BEARER: &str = "Authorization: Bearer 0123456789abcdef";
 const PAGE: &str = "/ws?token=0123456789abcdef";
 const FOXGLOVE: &str = "/foxglove?token=0123456789abcdef";
-/// Type of an order.
+/// Content type of an order.
 const JSON: &str = "Content-Type: application/json";
 
 type Socket = WebSocket<TcpStream>;
 
-/// A port that no process has opened.
+/// Returns a TCP port that no process has opened.
 fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a free port").port()
 }
@@ -58,7 +58,7 @@ impl Server {
         server
     }
 
-    /// Starts it at `host` with a token of its own; returns that too, as it is printed.
+    /// Starts the server at `host` without a given token; returns the token that it prints too.
     fn with_own_token(namespace: &str, host: &str, port: u16) -> (Self, String) {
         let mut command = launcher();
         command.args(["web", "--namespace", namespace, &format!("{host}:{port}")]).stderr(Stdio::piped());
@@ -398,13 +398,13 @@ fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_fli
         assert_eq!(told["namespace"], json!(ns));
         frame(browser, is("rows"));
     }
-    // One that reloads has the last minute again.
+    // A browser that reloads gets the last minute again.
     frame(&mut browsers.pop().expect("twenty"), is("rows")); // the second
     let mut again = open(port, PAGE, &[]).expect("it opens");
     let rows = frame(&mut again, is("rows"));
     assert!(rows["rows"].as_array().map(Vec::len) > Some(1), "the rows since the page joined");
     drop(server); // by SIGKILL, in the middle of it
-    // The place of the dead one is free, and the ring did not notice.
+    // The place of the killed server is free, and the ring was not disturbed.
     let server = Server::start(&ns, port);
     let mut socket = open(port, PAGE, &[]).expect("it opens");
     frame(&mut socket, is("rows"));
@@ -415,7 +415,7 @@ fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_fli
     assert!(run["exit_code"] == 130 && run["events"] == json!([]), "{}", run["events"]);
     drop((sleeping, unread, browsers));
 
-    // It stays, keeps the last picture for those who come, and shows the next flight.
+    // The server keeps the last state for new browsers, and shows the next flight.
     let mut late = open(port, PAGE, &[]).expect("it opens");
     assert_eq!(frame(&mut late, is("phase"))["phase"], "ended");
     let next = flying(&ns, &["--set", "run.duration_s=3600.0"]);
@@ -581,7 +581,7 @@ impl Replay {
         open(self.port, PAGE, &[]).expect("it opens")
     }
 
-    /// Ends it by Ctrl-C; returns its exit code and what it printed.
+    /// Interrupts the replay as by Ctrl-C; returns its exit code and what it printed.
     fn interrupt(mut self) -> (Option<i32>, String) {
         kill_process(Pid::from_child(&self.child), Signal::INT).expect("it runs");
         let mut told = String::new();
@@ -643,7 +643,7 @@ fn a_recorded_flight_plays_pauses_and_jumps_as_it_is_told() {
     assert!(node(&late, 3)["pid"].is_null() && node(&late, 3)["age_ms"].is_null(), "not in a log: {late}");
     let happened = frame(&mut socket, is("happened"));
     assert!(happened["absences"][0]["to_s"].as_f64() > Some(3.0), "{happened}");
-    // Backwards: what came later is unknown again.
+    // Seeking backwards removes the later rows.
     done(json!({ "command": "seek", "time_s": 3.0 }));
     let back = frame(&mut socket, |frame| frame["anew"] == true && newest_s(frame) == 3.0);
     assert_eq!(back["rows"].as_array().map(Vec::len), Some(61));
@@ -653,7 +653,7 @@ fn a_recorded_flight_plays_pauses_and_jumps_as_it_is_told() {
     assert!(
         happened["events"].as_array().is_some_and(|all| all.iter().all(|event| event["at_s"].as_f64() <= Some(3.0)))
     );
-    // One who comes sees the same.
+    // A second browser sees the same.
     let mut other = open(port, PAGE, &[]).expect("it opens");
     assert_eq!(newest_s(&frame(&mut other, is("rows"))), 3.0);
     let position = frame(&mut other, is("position"));

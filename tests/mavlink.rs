@@ -38,7 +38,7 @@ impl Station {
         format!("udpout:127.0.0.1:{}", self.port)
     }
 
-    /// Everything that came until the vehicle was disarmed.
+    /// Returns all messages received until the vehicle was disarmed.
     fn finish(mut self) -> Vec<Value> {
         let mut text = String::new();
         self.output.read_to_string(&mut text).expect("it prints");
@@ -120,7 +120,7 @@ fn check_attitudes(came: &[Value], states: &[State]) {
     }
 }
 
-/// Checks that the list is complete, and that a value that was set is the old one.
+/// Checks that the parameter list is complete, and that an attempt to set a parameter left its value.
 fn check_parameters(came: &[Value]) {
     let values = of(came, "PARAM_VALUE");
     let count = values[0]["param_count"].as_u64().expect("a count");
@@ -257,7 +257,7 @@ fn a_flood_of_requests_neither_holds_up_the_end_of_a_flight_nor_an_interrupt() {
     }
 }
 
-/// Sets what it holds when it is dropped.
+/// Sets its flag when it is dropped.
 struct Over<'a>(&'a AtomicBool);
 
 impl Drop for Over<'_> {

@@ -19,7 +19,7 @@ fn read(path: &Path) -> Value {
     serde_json::from_str(&text).expect("the file is JSON")
 }
 
-/// Checks that no target is missed but one on a time, which the machine decides, and that the exit code says so.
+/// Checks that only targets on times, which depend on the machine, are missed, and that the exit code agrees.
 fn check_verdict(targets: &[Value], output: &Output) {
     let missed: Vec<&str> = targets
         .iter()
@@ -53,7 +53,7 @@ fn every_target_has_a_verdict() {
         let target = targets.iter().find(|t| t["figure"].as_str().is_some_and(|f| f.starts_with(figure)));
         target.unwrap_or_else(|| panic!("no target '{figure}'"))["verdict"].as_str().expect("a verdict").to_owned()
     };
-    // What does not depend on the machine is kept.
+    // Targets that do not depend on the machine are met.
     for figure in ["clarabel, steps without an optimum", "active-set, steps without an optimum"] {
         assert_eq!(verdict(figure), "ok", "{figure}: {printed}");
     }
@@ -211,7 +211,7 @@ fn kills_are_survived_told_of_and_leave_nothing_behind() {
     let targets = printed["targets"].as_array().expect("targets");
     let short = targets.iter().any(|target| target["verdict"] == "short");
     assert_eq!(output.status.code(), Some(i32::from(short)), "the exit code is the verdict");
-    // How quick anything is and how far it flies may be the machine's doing; that nothing is left is not.
+    // Speed and distance may depend on the machine; on every machine nothing may be left.
     let left = targets.iter().find(|target| target["figure"].as_str().is_some_and(|figure| figure.starts_with("left")));
     assert_eq!(left.expect("a target")["verdict"], "ok", "{printed}");
     assert_eq!(in_memory(&namespace), Vec::<String>::new());

@@ -1,4 +1,4 @@
-//! Observers: guests that read a flying stack and are never in its way.
+//! Observers: processes that read a flying stack and never delay it.
 
 use flight::event::What;
 use flight::log::Record;

@@ -1,4 +1,4 @@
-//! Output of a flight: to stdout and stderr, whatever is there, and into a folder of its own.
+//! Output of a flight: to stdout and stderr of any kind, and into a folder of its own.
 
 use std::fs;
 use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Write, pipe};
@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::control::{flying, status};
 use crate::harness::{Flight, fly, launcher, namespace, skip, wait_until};
 
-/// A flight in lockstep that says something on stderr on its way: the program of its swap cannot be started.
+/// A flight in lockstep that prints to stderr in flight, because the program of its swap cannot be started.
 fn talking(folder: &Path) -> Command {
     let program = folder.join("program");
     fs::write(&program, "#!/nonexistent/interpreter\n").expect("written");
@@ -27,7 +27,7 @@ fn talking(folder: &Path) -> Command {
     command
 }
 
-/// A pipe into which nothing goes any more.
+/// Returns a pipe that is full.
 fn full_pipe() -> (PipeReader, PipeWriter) {
     let (reader, mut writer) = pipe().expect("a pipe");
     fcntl_setfl(&writer, OFlags::NONBLOCK).expect("set");

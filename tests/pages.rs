@@ -20,8 +20,8 @@ const SCRIPTS: [&str; 8] = [
     "campaign.mjs",
 ];
 
-/// Folder with the scripts of `tests/pages/` and their packages, installed once for all tests; says so where it cannot
-/// be had.
+/// Folder with the scripts of `tests/pages/` and their packages, installed once for all tests; `None`, and a
+/// note, if that fails.
 pub fn browser() -> Option<&'static Path> {
     static MADE: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     let made = MADE.get_or_init(install);
@@ -47,7 +47,7 @@ fn install() -> Result<PathBuf, String> {
     }
 }
 
-/// Looks at `pages`, files or addresses, and panics with what is wrong with them; skips where there is no browser.
+/// Checks `pages`, files or addresses, and panics with the faults found; skips without a browser.
 pub fn look_at(pages: &[&Path]) {
     let Some(scripts) = browser() else { return };
     let output = Command::new("node").arg(scripts.join("look.mjs")).args(pages).output().expect("node starts");
@@ -87,7 +87,7 @@ fn the_faults_that_are_looked_for_are_found() {
     }
 }
 
-/// Settings of a flight in which as much happens as a page must bear.
+/// Settings of a flight with as many events as a page must show.
 const BUSY: &str = r#"
 name = "busy"
 [run]

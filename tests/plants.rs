@@ -1,4 +1,4 @@
-//! Plants of users: a vehicle in C flies in every mode with the same bits, and what has no effect on it is refused.
+//! Plants of users: a vehicle in C flies in every mode with the same bits, and settings without effect are refused.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,6 +1,6 @@
 //! Real processes: flying in real time, stopping, dying, and leaving shared memory clean.
 //!
-//! Nothing here asserts how quick anything is.
+//! No test here asserts a duration.
 
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
@@ -9,12 +9,12 @@ use rustix::process::Pid;
 
 use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, skip, wait_until};
 
-/// Numbers of the processes whose command line names `namespace`.
+/// Returns the ids of the processes whose command line names `namespace`.
 pub fn processes_of(namespace: &str) -> Vec<i32> {
     processes().filter(|pid| runs(*pid, namespace)).collect()
 }
 
-/// Numbers of all processes.
+/// Returns the ids of all processes.
 fn processes() -> impl Iterator<Item = i32> {
     let all = std::fs::read_dir("/proc").expect("/proc can be listed");
     all.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok())
@@ -73,7 +73,7 @@ pub fn wait_until_it_flies(namespace: &str) {
 struct Frozen(std::path::PathBuf);
 
 impl Frozen {
-    /// With this process in it; `None` where there is no freezer that may be used.
+    /// Freezes process `pid`; `None` without a usable freezer.
     fn with(pid: i32, name: &str) -> Option<Self> {
         let frozen = Self(["/sys/fs/cgroup/freezer", name].iter().collect());
         std::fs::create_dir(&frozen.0).ok()?;
@@ -187,7 +187,7 @@ fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
         let run = outcome.run();
         for victim in ["guidance", "attitude-mpc", "mixer"] {
             let events = events(&run, victim);
-            // Not only that: a loaded machine may have held another one up for so long that it counted as hung.
+            // Other events may occur: on a loaded machine a delayed process may count as hung.
             assert!(events.contains(&seen.to_owned()), "{signal} {victim}: {events:?}");
             assert_eq!(events.last().map(String::as_str), Some("took-over"), "{signal} {victim}: {events:?}");
         }
@@ -253,7 +253,7 @@ fn after_killing_everything_or_the_launcher_alone_the_next_flight_starts_clean()
         kill("-KILL", &if alone { vec![launcher] } else { processes_of(&ns) });
         drop(flight);
         wait_until("every process is gone", || processes_of(&ns).is_empty());
-        // What they left is there no longer when another launcher, of a test beside this one, has started since.
+        // A launcher of another test may have removed the leftovers already.
         let outcome = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=0.5"]).finish();
         assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
         assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
@@ -315,7 +315,7 @@ fn a_namespace_holds_one_stack() {
     assert_eq!(second.code(), Some(2));
     assert!(second.stderr.contains("in use"), "{}", second.stderr);
     assert!(!second.out.exists(), "a refused flight leaves no folder");
-    // Nor has a process a place in it that its launcher did not start.
+    // A process that the launcher did not start cannot join either.
     let stray = launcher().args(["node", "mixer", "--namespace", &ns]).output().expect("the launcher starts");
     assert_eq!(stray.status.code(), Some(3));
     assert!(String::from_utf8_lossy(&stray.stderr).contains("did not start it"));

@@ -1,5 +1,5 @@
-//! The promise of exit code 0: the flight was seen whole, stayed inside its bounds, and what was done to it stands in
-//! run.json; whatever a process of the same user writes into the files that the run shares.
+//! The promise of exit code 0: the flight was seen whole, stayed inside its bounds, and run.json tells of every
+//! interference, even if another process of the same user writes into the shared files of the run.
 
 use std::fs::{self, OpenOptions};
 use std::os::unix::fs::FileExt;
@@ -15,10 +15,10 @@ use serde_json::Value;
 use crate::harness::{Flight, Outcome, fly, land, namespace, shared_memory_of, wait_until};
 use crate::processes::{kill, process_of, processes_named, start_flying};
 
-/// Flights into whose files something is written; `cargo test --test stack promise` takes as many.
+/// Number of flights whose files are written to.
 const FLIGHTS: u64 = 48;
 
-/// Every regular file below `folder`, and what the run has beside it.
+/// Lists every regular, non-empty file of the run in shared memory.
 fn files_of(ns: &str) -> Vec<PathBuf> {
     fn walk(path: &Path, found: &mut Vec<PathBuf>) {
         match fs::read_dir(path) {
@@ -41,7 +41,7 @@ fn plant_tick(ns: &str) -> u64 {
     page.map_or(0, |page| page.plant_tick())
 }
 
-/// The next of a row of random numbers: `SplitMix64`.
+/// Draws the next random number: `SplitMix64`.
 fn draw(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let z = (*state ^ (*state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -49,14 +49,14 @@ fn draw(state: &mut u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Writes something into a file of the run; what, and into which.
+/// Writes random words into a file of the run; returns a description.
 fn scribble(ns: &str, seed: u64) -> Option<String> {
     let mut random = seed;
     let files = files_of(ns);
     if files.is_empty() {
         return None;
     }
-    // The page with the control words is one file of many, and the most telling.
+    // Every second write hits the control page, which is one file of many.
     let page = files.iter().find(|path| path.file_name().is_some_and(|name| name == "page"));
     let path = if seed.is_multiple_of(2) { page? } else { files.get(draw(&mut random) as usize % files.len())? };
     let words = fs::metadata(path).ok()?.len() / 8;
@@ -73,7 +73,7 @@ fn scribble(ns: &str, seed: u64) -> Option<String> {
     Some(format!("{count} words of {}", path.display()))
 }
 
-/// Says what speaks against a flight's exit code, if anything does.
+/// Describes how a flight contradicts its exit code; `None` if it does not.
 fn broken_promise(outcome: &Outcome, duration_s: f64) -> Option<String> {
     match outcome.code() {
         Some(0) => {
@@ -200,7 +200,7 @@ fn a_plant_that_hangs_before_its_second_sample_is_noticed() {
     for mode in ["realtime", "lockstep"] {
         let ns = namespace();
         let flight = Flight::start(&ns, &["--mode", mode, "--set", "run.duration_s=2.0"]);
-        // It is stopped as soon as it is there: before its first sample, or after it.
+        // The plant is stopped as soon as it runs: before its first sample, or after it.
         wait_until("the plant is there", || !processes_named(&ns, "plant").is_empty());
         kill("-STOP", &processes_named(&ns, "plant"));
         let outcome = flight.finish();

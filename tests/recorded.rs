@@ -52,7 +52,7 @@ fn a_run_tells_when_where_and_by_what_it_was_made() {
     }
 }
 
-/// The launcher with so much address space \[kB\].
+/// Command of the launcher with this much address space \[kB\].
 pub fn confined(kilobytes: u32, arguments: &[&str]) -> Command {
     let launcher = launcher().get_program().to_owned();
     let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");

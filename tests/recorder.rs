@@ -1,4 +1,4 @@
-//! Recorders that die or stand still: the flight goes on, and of its log nothing is missing that was not said to be.
+//! Recorders that die or hang: the flight goes on, and every gap in its log is reported.
 
 use contract::message::Message;
 use contract::stamp::delivery;
@@ -15,7 +15,7 @@ fn log_of(outcome: &Outcome) -> Log {
     log
 }
 
-/// Epoch, event, and time of what happened to the recorder.
+/// Returns epoch, name and time of each event of the recorder.
 fn events(run: &Value) -> Vec<(u64, String, f64)> {
     let all = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == "recorder");
     let told = |event: &Value| {
@@ -25,7 +25,7 @@ fn events(run: &Value) -> Vec<(u64, String, f64)> {
     all.map(told).collect()
 }
 
-/// Every message of each epoch once, and none missing.
+/// Checks that the delivered messages of each epoch are numbered without gap or repetition.
 fn check_whole<M: Message>(messages: &[M]) {
     let stamps = messages.iter().map(Message::stamp).filter(|stamp| stamp.delivery == delivery::DELIVERED);
     let numbers: Vec<(u64, u64)> = stamps.map(|stamp| (stamp.epoch, stamp.sequence)).collect();
@@ -35,7 +35,7 @@ fn check_whole<M: Message>(messages: &[M]) {
     }
 }
 
-/// A TRUTH for every STATE.
+/// Checks that the log has a TRUTH for every STATE.
 fn check_truths(log: &log::Log) {
     let (states, truths) = (log.states.iter().map(|state| state.stamp.tick), log.truths.iter().map(|truth| truth.tick));
     assert!(states.eq(truths), "{} and {}", log.states.len(), log.truths.len());
@@ -46,7 +46,7 @@ fn a_dead_recorder_is_replaced_and_nothing_dies_with_it() {
     let ns = namespace();
     let flight = Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=120.0"]);
     wait_until_it_flies(&ns);
-    // While it hangs the plant waits for it, with all of its queue unread. That is in no event.
+    // The plant waits while the recorder hangs with its queue unread. No event tells of this.
     let recorder = process_of(&ns, "recorder");
     kill("-STOP", &[recorder]);
     std::thread::sleep(std::time::Duration::from_millis(200));
@@ -110,7 +110,7 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
     }
     assert!(second.exists(), "the parts stay as they are");
 
-    // What the killed launcher left in shared memory the next one wipes.
+    // The next launcher removes what the killed one left in shared memory.
     Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=0.5"]).finish();
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
 }
@@ -159,8 +159,7 @@ fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
     flight.finish();
 }
 
-/// At any moment of it, from the start of the recorder on. A loaded machine takes longer to start, and the flight is
-/// later.
+/// Kills the recorder at several moments from its start on. On a loaded machine the flight starts later.
 #[test]
 fn a_recorder_killed_in_a_short_flight_loses_nothing_once_the_flight_has_begun() {
     for after_ms in [0, 80, 160, 240, 320, 400, 480] {

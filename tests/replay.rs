@@ -1,4 +1,4 @@
-//! A flight that was recorded, flown again from its folder.
+//! Replay of a recorded flight from its folder.
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
@@ -21,7 +21,7 @@ pub fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
-/// The flight at `run` repeats with the same hash.
+/// Asserts that the flight at `run` repeats with the same hash.
 fn assert_repeats(run: &Path) {
     let output = of_run(&["replay"], run);
     let said = text(&output);
@@ -148,7 +148,7 @@ fn rewrite(path: &Path, kept: impl Fn(&Record) -> bool) {
     writer.finish().expect("written");
 }
 
-/// Noise, latency, jitter and losses, a link that delays while the memory is taken, deaths before and after.
+/// Flight with noise, latency, jitter, losses, a delaying link while the memory is taken, and kills before and after.
 const REMEMBERED: [&str; 6] = [
     "scenarios/typical-sensors.toml",
     "--set=fault=[{ at_s = 9.0, for_s = 2.0, target = \"controls\", kind = \"delay\", ms = 15.0 }, { at_s = 9.5, target = \
@@ -211,7 +211,7 @@ fn what_was_not_compared_is_not_the_same() {
     let path = outcome.out.join("flight.mcap");
     let whole = std::fs::read(&path).expect("a log");
     let run = std::fs::read(outcome.out.join("run.json")).expect("run.json");
-    // The last message of the mixer: no other shows that it is missing.
+    // The last message of the mixer is missing, which no other message shows.
     rewrite(&path, |record| !matches!(record, Record::Actuators(_)) || record.tick() < 200);
     check(&[], 1, "it has 1004 records, and run.json tells of 1005");
     rewrite(&path, |record| record.tick() < 150);
@@ -279,8 +279,8 @@ fn a_log_without_its_end_is_told_first_by_every_command() {
     assert!(page.contains("is not whole (") && page.contains("what was read ends at 1.19 s of 2.00 s"), "{page}");
 }
 
-/// A part of a flight has the costs that the whole has, down to the last bit where that does not depend on what was
-/// before.
+/// A stall costs the same in a part of a flight as in the whole; bit for bit if the cost does not depend on earlier
+/// ticks.
 #[test]
 fn the_cost_of_a_stall_in_a_part_of_a_flight_is_that_in_the_whole() {
     let stall = "--set=fault=[{ at_s = 11.0, for_s = 0.05, target = \"mixer\", kind = \"stop\" }]";
@@ -297,7 +297,7 @@ fn the_cost_of_a_stall_in_a_part_of_a_flight_is_that_in_the_whole() {
     assert!(whole["bursts"][0]["max_distance_m"].as_f64() > Some(0.0));
 }
 
-/// A mixer that takes longer than a period: its commands come, and each of them after the next sample.
+/// A mixer takes longer than a period: each of its commands arrives after the next sample.
 #[test]
 fn a_command_that_comes_after_the_period_disturbs_its_tick() {
     let slow = "--set=fault=[{ at_s = 1.0, for_s = 0.5, target = \"mixer\", kind = \"slow\", ms = 90.0 }]";

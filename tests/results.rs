@@ -17,7 +17,7 @@ use crate::harness::{launcher, top};
 const BEGIN: &str = "```console";
 const SLOW: &str = "```console slow";
 const END: &str = "```";
-/// Begins the name of the commit that flew a page.
+/// Words before the commit that flew a page.
 const COMMIT: &str = "Flown by commit ";
 
 /// Pages with their texts, in the order of their names.
@@ -100,7 +100,7 @@ fn with_commit(page: &str) -> String {
     format!("{before}{COMMIT}{}{rest}", commit.trim())
 }
 
-/// Flies the selected blocks of a page again; returns how it differs, or writes it anew.
+/// Flies the selected blocks of a page again; returns the difference, or rewrites the page.
 fn check((path, page): &(PathBuf, String)) -> Option<String> {
     let wanted = env::var("RESULTS").unwrap_or_default();
     let name = path.file_stem().and_then(|name| name.to_str()).expect("a plain name");

@@ -1,7 +1,7 @@
 //! Every shipped scenario flies the same bits on every processor: the state hashes of docs/hashes.md.
 //!
 //! `REWRITE=1 cargo test -p trefoil --test stack same_bits` writes that page anew. `LAUNCHER` in the environment is a
-//! command that is flown in place of the launcher just built: `.ci/processors` has those of other processors, emulated.
+//! command that flies in place of the launcher just built: `.ci/processors` sets it to emulators of other processors.
 
 use std::process::Command;
 
@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::harness::{launcher, skip, top};
 use crate::tidy::sources;
 
-/// A processor without fused multiply-add and wide vectors, to the C library at least.
+/// Variable that hides fused multiply-add and wide vectors from the C library.
 const OLDER: (&str, &str) = ("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX512F");
 
 const PAGE: &str = "docs/hashes.md";
@@ -57,7 +57,7 @@ fn row(mut launcher: Command, scenario: &str) -> String {
     format!("| `{scenario}` | `{hash}` |\n")
 }
 
-/// The page, as the flights of `launcher` give it; two are under way at a time.
+/// Makes the page from flights by `launcher`, two at a time.
 fn flown(launcher: impl Fn() -> Command + Sync) -> String {
     let scenarios = scenarios();
     let (launcher, half) = (&launcher, scenarios.len().div_ceil(2));
@@ -72,7 +72,7 @@ fn rewrites() -> bool {
     std::env::var_os("REWRITE").is_some()
 }
 
-/// Asserts that `flown` is the page as it is.
+/// Asserts that `flown` equals the page in the repository.
 fn check(flown: &str) {
     let page = std::fs::read_to_string(top().join(PAGE)).expect("docs/hashes.md is readable");
     let others: Vec<&str> = flown.lines().filter(|line| !page.lines().any(|row| row == *line)).collect();

@@ -1,6 +1,6 @@
-//! Shared memory that other users, other containers and small machines have a part in.
+//! Shared memory with other users, with containers, and on small machines.
 //!
-//! What other users do to `/dev/shm` is done to one that no other process sees: in a mount namespace of the test's own.
+//! The tests change a `/dev/shm` that no other process sees, in a mount namespace of their own.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -15,13 +15,13 @@ use crate::harness::{
 };
 use crate::processes::{kill, start_flying};
 
-/// A flight that no timing disturbs; `$OUT` is a folder that everybody may write to.
+/// A flight independent of timing; `$OUT` is a folder that every user may write to.
 const FLY: &str = "$LAUNCHER fly --namespace here --mode lockstep --no-log --set run.duration_s=0.5";
 
-/// Option of a flight that lasts until it is ended: two of them in the real-time class would leave nothing to others.
+/// Option of a flight without end: two of them in the real-time class would leave no CPU time to other processes.
 const LONG: &str = "--set realtime.policy=other";
 
-/// Returns whether namespaces can be made; says so if not.
+/// Returns whether namespaces cannot be made here; prints a note if so.
 fn cannot_separate(kind: &str) -> bool {
     if !has_root() {
         return true;
@@ -129,7 +129,7 @@ fn another_pid_namespace_neither_wipes_a_flight_nor_misses_it() {
     assert!(shared_memory_of(&ns).len() > 10, "it is all there");
     let seen = elsewhere(&["status"]);
     assert!(words(&seen).contains(&ns), "{}", words(&seen));
-    // Its process number there belongs to another process here.
+    // The process id of the launcher there belongs to another process here.
     let stopped = elsewhere(&["stop", "--namespace", &ns]);
     assert!(stopped.status.success(), "{}", words(&stopped));
     let outcome = flight.finish();

@@ -1,4 +1,4 @@
-//! The solver that fails: no gap, no NaN, the same flight in every mode, and an account of it in run.json.
+//! Failures of the solver: no gap, no NaN, the same flight in every mode, and a report in run.json.
 
 use contract::message::SolveStatus;
 use serde_json::json;
@@ -31,7 +31,7 @@ fn check_flies_on(kind: &str, solver: &str) {
     }
     let failed = |tick: &usize| log.controls[*tick].status >= SolveStatus::LimitReached as u64;
     let failures: Vec<usize> = (0..log.controls.len()).filter(failed).collect();
-    // A single iteration is now and then enough.
+    // A single iteration is sometimes enough.
     let expected: Vec<usize> = FAULTY.filter(|tick| kind != "iteration-cap" || failed(tick)).collect();
     assert!(!failures.is_empty() && failures == expected, "{kind}, {solver}: {failures:?}");
 

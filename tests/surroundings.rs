@@ -1,5 +1,5 @@
-//! The machine as it may be: in each of these surroundings the default flight stays inside its bounds, or is refused
-//! with the reason. `cargo test --test stack surroundings -- --nocapture` prints the table.
+//! Environments of a flight: in each one the default flight stays inside its bounds, or is refused with the
+//! reason. `cargo test --test stack surroundings -- --nocapture` prints the table.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -17,12 +17,12 @@ enum Must {
     Fly,
     /// Fly, and end with exit code 3 because its words cannot be printed.
     FlyUnprinted,
-    /// Not begin, with this word in what it says.
+    /// Not begin, with this text in the message.
     Say(&'static str),
 }
 use Must::{Fly, FlyUnprinted, Say};
 
-/// A shell that does something first and then becomes the flight.
+/// Returns a shell command whose `script` gets the flight as its arguments.
 fn sh(script: &'static str) -> Vec<&'static str> {
     vec!["sh", "-c", script, "sh"]
 }
@@ -31,7 +31,7 @@ fn as_user(limit: &'static str) -> Vec<&'static str> {
     ["prlimit", limit].into_iter().chain(AS_NOBODY.split(' ')).collect()
 }
 
-/// An ordinary user of whom no other flight is.
+/// Returns a command that limits the flight and runs it as an ordinary user without other processes.
 fn alone(limit: &'static str, user: &'static str) -> Vec<&'static str> {
     vec!["prlimit", limit, "setpriv", user, "--regid=65534", "--clear-groups"]
 }
@@ -87,7 +87,7 @@ fn fly(program: &Path, wrap: &[&str]) -> Came {
     let folder = tempfile::tempdir().expect("a temporary folder");
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).expect("it is ours");
     let out = folder.path().join("run");
-    // A mount that a flight makes for itself is its own.
+    // A flight that mounts a file system gets its own mount namespace.
     let mounts = wrap.iter().any(|word| word.contains("mount -t"));
     let mut words: Vec<&str> = if mounts { vec!["unshare", "--mount"] } else { vec![] };
     words.extend(wrap);
@@ -99,7 +99,7 @@ fn fly(program: &Path, wrap: &[&str]) -> Came {
     let mut command = Command::new(words[0]);
     command.args(&words[1..]).env("OUT", &out).stdin(Stdio::null()).current_dir(folder.path());
     let ended = command.output().expect("util-linux and coreutils are there");
-    // Behind a pipe the shell's own code hides that of the flight.
+    // In a pipeline the shell's exit code hides that of the flight.
     let piped = fs::read_to_string(format!("{out_text}.code")).ok().and_then(|code| code.trim().parse().ok());
     Came {
         code: piped.or(ended.status.code()),
@@ -108,7 +108,7 @@ fn fly(program: &Path, wrap: &[&str]) -> Came {
     }
 }
 
-/// Judges how it came: words for the table, or what speaks against it.
+/// Judges a flight: returns its text for the table, or the error.
 fn judge(must: Must, came: &Came) -> Result<String, String> {
     let flown = |code: i32| -> Result<String, String> {
         let run = came.run.as_ref().ok_or_else(|| format!("no run.json, exit {:?}: {}", came.code, came.said))?;
@@ -134,7 +134,7 @@ fn judge(must: Must, came: &Came) -> Result<String, String> {
     }
 }
 
-/// The launcher where every user can start it.
+/// Copies the launcher into `folder`, where every user can start it.
 pub fn program(folder: &Path) -> PathBuf {
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755)).expect("it is ours");
     let program = folder.join("trefoil");

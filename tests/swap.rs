@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use crate::harness::{Outcome, fly};
 
 const HOVER: &str = "scenarios/faults/hover-gusts.toml";
-/// Each node with the topic it speaks on.
+/// Each node with the topic of its output.
 const NODES: [(&str, &str); 3] = [("guidance", "reference"), ("attitude-mpc", "controls"), ("mixer", "actuators")];
 /// Time on standby, and watched, of the swaps in lockstep \[s\].
 const STANDBY_S: f64 = 0.2;
@@ -40,12 +40,12 @@ fn faulty(fault: &str, swaps: &[String], mode: &str) -> Outcome {
     fly(&[&[HOVER, "--mode", mode, "--no-log"], &settings[..]].concat())
 }
 
-/// Flies them by one thread and by processes, which must be the same flight; run.json.
+/// Flies swaps in process and in lockstep, which must be the same flight; returns run.json.
 fn check_same(swaps: &[String]) -> Value {
     check_same_faulty("", swaps)
 }
 
-/// Flies swaps and a fault by one thread and by processes, which must be the same flight; run.json.
+/// Flies swaps and a fault in process and in lockstep, which must be the same flight; returns run.json.
 fn check_same_faulty(fault: &str, swaps: &[String]) -> Value {
     let [inprocess, lockstep] = ["inprocess", "lockstep"].map(|mode| faulty(fault, swaps, mode));
     for outcome in [&inprocess, &lockstep] {
@@ -57,7 +57,7 @@ fn check_same_faulty(fault: &str, swaps: &[String]) -> Value {
     lockstep.run()
 }
 
-/// Tells what became of the candidates of `node`, one by one.
+/// Returns the outcome of each candidate of `node`, in order.
 pub fn endings(run: &Value, node: &str) -> Vec<String> {
     let of_node = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == node);
     let what = of_node.map(|event| event["what"].as_str().expect("a word").to_owned());
@@ -200,7 +200,7 @@ fn but(run: &Value) -> String {
     told.map(|told| told.as_str().expect("text").to_owned()).collect::<Vec<_>>().join("; ")
 }
 
-/// A scenario whose controller never flew, or flew for a while, is no success of that controller.
+/// A flight is no success of a candidate that never became active, or only for a while.
 #[test]
 fn a_swap_that_did_not_stay_is_told_and_spoils_the_exit_code_unless_it_may_fail() {
     let standby = |way| format!(", set=['{}']", wrong(way, 1.05, "attitude-mpc", "controls"));

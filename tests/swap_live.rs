@@ -1,5 +1,5 @@
-//! `trefoil swap` in real time: a good candidate is kept, a bad one rejected, the flight goes on, and what was done
-//! can be flown again.
+//! `trefoil swap` in real time: a good candidate is kept, a bad one rejected, the flight goes on, and can
+//! be repeated.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::harness::{Outcome, fly, launcher, namespace, shared_memory_of, wait_u
 use crate::swap::endings;
 
 const HOVER: &str = "scenarios/faults/hover-gusts.toml";
-/// On a busy machine everybody is late now and then.
+/// Tolerance of a swap: on a busy machine every node is sometimes late.
 const PATIENT: &str = "ticks=100";
 
 /// `trefoil swap` in a stack: its exit code, and what it said.
@@ -28,7 +28,7 @@ fn swap(namespace: &str, words: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(said).expect("text"))
 }
 
-/// A swap that ends with this exit code; what it said.
+/// Runs a swap that must end with this exit code; returns its output.
 fn swapped(namespace: &str, words: &[&str], code: i32) -> String {
     let (ended, said) = swap(namespace, words);
     assert_eq!(ended, Some(code), "{words:?}: {said}");
@@ -133,7 +133,7 @@ fn a_swap_is_seen_while_it_lasts_and_others_are_refused_meanwhile() {
     let waiting = ["swap", "guidance", "--standby", "3000s", "--bounds", "ticks=100000"];
     thread::scope(|scope| {
         let waiting = scope.spawn(|| tell(&ns, &waiting).expect_err("it does not come to an end"));
-        // Which epochs they have, a machine that held a node up for long enough to be replaced decides.
+        // The epochs vary, since a loaded machine may delay a node until it is replaced.
         let epochs = || ["epoch", "standby"].map(|who| status(&ns)["nodes"][1][who].as_u64());
         wait_until("two work for guidance", || epochs().iter().all(Option::is_some) || waiting.is_finished());
         let [epoch, standby] = epochs().map(|epoch| epoch.expect("both work").to_string());

@@ -73,12 +73,12 @@ fn cited_equation(line: &str) -> Option<String> {
     (is_code && number.bytes().all(|b| b.is_ascii_digit())).then(|| number.to_owned())
 }
 
-/// Words that a comment does not begin with: they say nothing of what they stand before.
+/// Words that no doc comment may begin with, because they name nothing.
 const OPENERS: [&str; 22] = [
     "It", "Its", "This", "They", "Those", "That", "Of", "What", "Whether", "How", "Where", "Who", "Whom", "When",
     "From", "So", "Has", "Does so", "One more", "As many", "As long", "The same",
 ];
-/// Words of an earlier vocabulary, and of riddles.
+/// Metaphors of an earlier vocabulary, and vague pronouns.
 const OLD_WORDS: [&str; 9] =
     ["nobody", "somebody", "whoever", "suffers", "mourn", "undertaker", "newcomer", "newcomers", "seizure"];
 
@@ -135,7 +135,7 @@ fn named_files(text: &str) -> Vec<String> {
     links.chain(paths).map(str::to_owned).collect()
 }
 
-/// Paths of the pages of the repository, a line each; `None`, which it says, where there is no repository.
+/// Returns the paths of the pages of the repository, one per line; `None`, and a note, without a repository.
 fn pages() -> Option<String> {
     let listed = std::process::Command::new("git").args(["ls-files", "*.md"]).current_dir(top()).output();
     let Some(listed) = listed.ok().filter(|output| output.status.success()) else {
@@ -336,7 +336,7 @@ fn the_checks_count_and_name_what_they_skip() {
     assert!(checks.contains("| tee -a \"$log\"") && checks.contains(".ci/skipped \"$log\""), "they are used");
 }
 
-/// Numbers of a text, as it writes them.
+/// Returns the numbers in a text, as written.
 fn numbers(text: &str) -> impl Iterator<Item = &str> {
     let all = text.split(|c: char| !c.is_ascii_digit() && c != '.').map(|number| number.trim_matches('.'));
     all.filter(|number| !number.is_empty())

@@ -1,4 +1,4 @@
-//! `export --to perfetto`: what it writes a viewer can read, of real flights and of damaged ones. No time is judged.
+//! `export --to perfetto`: a viewer can read the trace of real and of damaged flights. No duration is judged.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -37,7 +37,7 @@ fn events<'a>(trace: &'a Value, phase: &str) -> Vec<&'a Value> {
     events.iter().filter(|event| event["ph"] == phase).collect()
 }
 
-/// An instant or duration, from the viewer's microseconds \[ns\].
+/// Converts an instant or duration from the viewer's microseconds \[ns\].
 fn ns(us: &Value) -> i64 {
     (us.as_f64().expect("a number") * 1e3).round() as i64
 }
@@ -47,7 +47,7 @@ fn lane(event: &Value) -> u64 {
     event["pid"].as_u64().expect("a lane")
 }
 
-/// Checks what a viewer relies on.
+/// Checks the properties that a viewer relies on.
 fn check_trace(trace: &Value) {
     let names = events(trace, "M").into_iter().filter(|event| event["name"] == "process_name");
     let names: HashMap<u64, &str> = names.map(|e| (lane(e), e["args"]["name"].as_str().expect("a name"))).collect();
@@ -176,7 +176,7 @@ fn traced(log: &Log) -> Value {
     traced_with(log, &Happenings::default())
 }
 
-/// Trace of a flight in which this happened.
+/// Returns the trace of a flight with these happenings.
 fn traced_with(log: &Log, happened: &Happenings) -> Value {
     fn with_checksum<M: Message>(messages: &[M]) -> Vec<M> {
         messages.iter().map(|message| message.with_checksum()).collect()
@@ -272,7 +272,7 @@ fn holes_and_restarts_break_no_arrow() {
     log.actuators.remove(3);
     log.states.remove(7);
     log.states[3].applied_sequence = 3;
-    // The mixer was restarted: it counts from 1 again, and not all of its commands came through.
+    // The restarted mixer counts from 1 again, and some of its commands were lost.
     for actuators in &mut log.actuators[9..] {
         actuators.stamp.epoch = 2;
         actuators.stamp.sequence -= 10;

@@ -1,5 +1,5 @@
-//! The vehicle and its surroundings, flown: ground, turbulence, sensors, another airframe, one that is not as it is
-//! known.
+//! Flights with ground, turbulence, sensors, another airframe, and an airframe that differs from the controllers' model
+//! of it.
 
 use serde_json::Value;
 
@@ -232,7 +232,7 @@ fn fast_legs_fly_inside_their_bound_by_models_over_the_velocity_alone() {
 
 #[test]
 fn a_vehicle_may_pitch_through_the_vertical() {
-    // Wings level, pitching up from 80 degrees: at 90 Euler angles would end.
+    // Pitching up from 80 degrees: Euler angles are singular at 90.
     let outcome = flown("tumble", &["initial.attitude_deg=[11.1, 80, 0]", "initial.rates_radps=[0, 6, 0]"]);
     assert_eq!(outcome.run()["diverged"], false, "{}", outcome.run()["ended"]);
     assert!(outcome.metric("final_position_error_m") < 0.1, "and it comes back");

@@ -1,4 +1,4 @@
-//! Test of inertia tensors: whether a body can have them.
+//! Check that a body can have a given inertia tensor.
 
 /// Share of the trace below which a number cannot be told from zero because of rounding.
 const ROUNDING: f64 = 1e-12;

@@ -9,11 +9,11 @@
 //! | [`memory`] | state kept from tick to tick | |
 //!
 //! From a sample and a reference the controller makes the problem of a law: the goal by the age of the reference, the
-//! estimate of the disturbance, and the state at which the demand acts. What the law decides becomes the demand and the
-//! memory.
+//! estimate of the disturbance, and the state at which the demand acts. The decision of the law becomes the demand and
+//! updates the memory.
 //!
-//! Without a fresh state nothing is decided: the last demand is repeated, with the status `Stale`. The fallback for
-//! that case is in the mixer, nearer to the actuators.
+//! Without a fresh state the last demand is repeated, with the status `Stale`. The fallback for that case is in the
+//! mixer, nearer to the actuators.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -64,7 +64,7 @@ pub struct AttitudeMpc {
 struct Work {
     /// State of this sample.
     x: DVector<f64>,
-    /// State predicted for this sample; then room for another prediction.
+    /// State predicted for this sample; then a buffer for another prediction.
     predicted: DVector<f64>,
     /// State predicted for the moment at which the demand acts.
     start: DVector<f64>,
@@ -98,7 +98,7 @@ impl Core for AttitudeMpc {
         if fits {
             self.memory = whole.memory;
             if self.disturbance_law.is_none() && !self.law.has_own_estimate() {
-                self.memory.disturbance = Vector4::zeros(); // of another law: nothing here would renew it
+                self.memory.disturbance = Vector4::zeros(); // of another law: this law would not update it
             }
         }
         fits
@@ -146,7 +146,7 @@ impl AttitudeMpc {
     /// force with its number and age are used.
     ///
     /// If the state is missing or older than `tick`, or an input is not finite or huge, the last demand is repeated.
-    /// [`goal`] describes what replaces an old reference. The status reports each case.
+    /// [`goal`] describes the goals that replace an old reference. The status reports each case.
     pub fn step(&mut self, tick: u64, state: &State, reference: &Reference) -> Controls {
         if state.stamp.sequence == 0 || state.stamp.tick < tick {
             return self.repeat(SolveStatus::Stale);
@@ -174,7 +174,7 @@ impl AttitudeMpc {
             self.law.estimate(&EstimateInput { tick, state, modelled: next.actuation, x: &self.work.x }, &mut next);
         } else if samples == 1 && since.is_some() && next.goal.is_followed(tick, self.sample_ns) {
             // The prediction is for one sample, so a gap in the measurements leaves the estimate unchanged. Without a
-            // reference the vehicle descends, and what stops it may be the ground.
+            // reference the vehicle descends, and the ground may stop it.
             self.estimate(&input, &mut next);
         }
         self.predict(tick, &input, &next);
@@ -218,7 +218,7 @@ impl AttitudeMpc {
     }
 
     /// Positions of the actuators at this sample, `samples` after the newest one used; with a measured delay the last
-    /// `switch` of the command counts where it was.
+    /// `switch` of the command acts at its own instant.
     fn actuate(&self, command: &Actuation, samples: u64, switch: &Switch) -> Actuation {
         let before = &self.memory.actuation;
         if !self.delay_compensation.is_measured() || samples == 0 {

@@ -44,7 +44,8 @@ pub struct CommandAge {
 }
 
 impl CommandAge {
-    /// Takes in the command in force of `state`. Returns its age \[ns\], at most [`MAX_DELAY`] samples, if it is new.
+    /// Updates the mean by the command in force of `state`. Returns its age \[ns\], at most [`MAX_DELAY`] samples, if
+    /// it is new.
     pub fn observe(&mut self, state: &State, sample_ns: u64) -> Option<u64> {
         let before = std::mem::replace(&mut self.sequence, state.applied_sequence);
         (state.applied_sequence != before && state.applied_sequence != 0).then(|| {
@@ -61,7 +62,7 @@ impl CommandAge {
     }
 }
 
-/// Outputs of the past, and what STATE told of those that have acted.
+/// Past outputs, and the effects of commands as reported by STATE.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Delay {

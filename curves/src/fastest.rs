@@ -4,8 +4,8 @@
 //! is [stretched](crate::limits) until it touches a limit. Its path, and with it the duration, depends on the ratios of
 //! the times: with the first times the curve can take twice as long as with the best ones. A pattern search (Hooke and
 //! Jeeves, Journal of the ACM 8(2), 1961) therefore makes the legs longer and shorter one by one, and keeps each change
-//! that makes the curve faster. Mellinger and Kumar (ICRA 2011) descend the gradient of the snap instead, which knows
-//! no limits.
+//! that makes the curve faster. Mellinger and Kumar (ICRA 2011) descend the gradient of the snap instead, which
+//! considers no limits.
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,4 @@
-//! Circle, helix and figure eight, from rest to rest at the point where they begin and, but for a climb, end.
+//! Circle, helix and figure eight, from rest to rest. Except for a climb, they end where they begin.
 //!
 //! With the angle `a`, a turn for each lap, `e` along the direction of the figure, and `n` a quarter turn to its left:
 //!

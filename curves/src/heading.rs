@@ -1,4 +1,4 @@
-//! Heading over time: what each part of a plan asks for, at a limited rate.
+//! Heading over time: the headings that the parts of a plan ask for, followed at a limited rate.
 //!
 //! | rule | wanted heading |
 //! |---|---|
@@ -11,8 +11,8 @@
 //! is that of the next direction above this speed, so that the vehicle turns before it leaves. After the last such
 //! direction the heading is kept.
 //!
-//! The heading turns towards the wanted one the short way, no faster than its limit. A step without a limit is a step:
-//! one of 90 degrees then turns the vehicle at 8.4 rad/s, where the paper's (51) allows 6.28. Towards a value that
+//! The heading turns towards the wanted one the short way, no faster than its limit. Without a limit the heading steps:
+//! a step of 90 degrees then turns the vehicle at 8.4 rad/s, where the paper's (51) allows 6.28. Towards a value that
 //! changes, a limited heading depends on the past, so it is computed before the flight, every [`STEP_S`], and
 //! interpolated.
 
@@ -38,12 +38,12 @@ pub enum Rule {
     Waypoints(Vec<f64>),
     /// The direction of flight.
     Track,
-    /// The direction to the centre of the figure; that of flight for any other curve.
+    /// The direction to the centre of the figure; the direction of flight for any other curve.
     Centre,
 }
 
 impl Rule {
-    /// The heading before.
+    /// Rule that keeps the heading of the part before.
     pub const KEEP: Self = Self::Steps(Vec::new());
 }
 

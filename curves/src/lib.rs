@@ -1,4 +1,4 @@
-//! Curves: positions over time, and what they ask of a vehicle.
+//! Curves: positions over time, and their demands on a vehicle.
 //!
 //! | module | holds |
 //! |---|---|

@@ -26,7 +26,7 @@ const ROUNDING: f64 = 1e-9;
 /// Stretch beyond which no bracket is looked for.
 const MAX_STRETCH: f64 = 1e9;
 
-/// Limits of a vehicle, and what its demands depend on.
+/// Limits of a vehicle, with the parameters that its demands depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VehicleLimits {
     /// Acceleration of gravity \[m/s2\].
@@ -119,8 +119,8 @@ impl Demand {
 }
 
 impl VehicleLimits {
-    /// Returns the limits of a vehicle that keeps all but `share`, 0 to 1, of what it has beyond hover for control.
-    /// Speed and acceleration are the user's, and stay.
+    /// Returns limits with the share `share`, 0 to 1, of the margins beyond hover; the rest is kept for control. The
+    /// user's limits on speed and acceleration stay.
     #[must_use]
     pub fn share(self, share: f64) -> Self {
         let (g, has) = (self.g_mps2, self.most);

@@ -1,4 +1,5 @@
-//! Plan: the parts of a mission one after the other. Each begins when the part before ends, and there, but for a jump.
+//! Plan: the parts of a mission one after the other. Each begins when and, except for a jump, where the part before
+//! ends.
 
 use nalgebra::Vector3;
 
@@ -98,7 +99,7 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// Legs of the part, as its demands are computed from them.
+    /// Legs of the part, from which its demands are computed.
     pub fn legs(&self) -> Vec<Leg> {
         self.curve.legs(SAMPLES)
     }

@@ -1,4 +1,4 @@
-//! Curves that leave their points, and times with which they do not.
+//! Curves that stray far from their points, and times with which they do not.
 //!
 //! Given times decide how far a smooth curve swings out: a vehicle that has little time for a short leg and much for
 //! the next passes the point between them fast, and takes most of the second leg to come back. The path depends on
@@ -42,8 +42,8 @@ pub struct Offer {
 }
 
 impl Stray {
-    /// Finds out whether `curve` strays from `points_m`, the first of which is the place where it begins. Offered times
-    /// stay within `limits`, and take no longer than the curve unless the limits ask for it.
+    /// Finds the stray of `curve` from `points_m`, the first of which is the place where it begins; `None` if there is
+    /// none. Offered times stay within `limits`, and take no longer than the curve unless the limits ask for it.
     pub fn find(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &VehicleLimits) -> Option<Self> {
         let legs_m = points_m.windows(2).map(|ends| (Vector3::from(ends[1]) - Vector3::from(ends[0])).norm());
         let longest_leg_m = legs_m.fold(0.0, f64::max);

@@ -27,9 +27,9 @@ pub struct Through {
 }
 
 impl Through {
-    /// Makes the curve that is `between` two neighbours. It passes each waypoint at its time \[s\] with the
-    /// `derivatives` there, from the velocity on. The derivatives at the first and the last waypoint are zero, and not
-    /// given.
+    /// Makes the curve that `between` computes from each waypoint to the next. It passes each waypoint at its time
+    /// \[s\] with the `derivatives` there, from the velocity on. The derivatives at the first and the last waypoint are
+    /// zero, and not given.
     pub fn new(
         waypoints: &[(f64, Vector3<f64>)],
         derivatives: impl Iterator<Item = [Vector3<f64>; 3]>,

@@ -8,7 +8,7 @@ use nalgebra::SMatrix;
 pub struct WaypointRow<const N: usize> {
     /// Coefficients of its own unknowns.
     pub on: SMatrix<f64, N, N>,
-    /// Coefficients of those of the next waypoint; of no meaning in the last row.
+    /// Coefficients of the unknowns of the next waypoint; without meaning in the last row.
     pub across: SMatrix<f64, N, N>,
     /// Right-hand side, a column for each axis.
     pub right: SMatrix<f64, N, 3>,

@@ -1,7 +1,7 @@
 //! Cost of the boundary to a library: the same state feedback as a core in Rust, as a library by `trefoil.h`, and as a
 //! library in the form of CasADi, each answering to the same messages.
 //!
-//! `cargo bench --workspace --bench boundary` prints the time of a step, and what a library takes beyond the law.
+//! `cargo bench --workspace --bench boundary` prints the time of a step, and the overhead of a library beyond the law.
 //! The three are timed in turn, in blocks of [`STEPS`]; each figure is the median over the blocks.
 
 #![expect(clippy::disallowed_macros, reason = "a benchmark prints its figures")]

@@ -63,7 +63,7 @@ const INPUTS: &[(&str, Meaning)] =
 struct Argument {
     meaning: Meaning,
     shape: MatrixShape,
-    /// Column by column.
+    /// Values, column by column.
     values: Vec<f64>,
 }
 
@@ -251,11 +251,11 @@ fn functions(bytes: &[u8]) -> object::Result<Vec<&str>> {
 /// Largest size of a work vector, and largest number of values of an input or output.
 const MOST_WORK: i64 = 1 << 26;
 
-/// Returns the shape of a dense pattern: rows, columns, then 1, or else the offsets of the columns in the values, and
-/// the row of each value.
+/// Returns the shape of a dense pattern. A pattern has rows, columns, then 1, or else the offsets of the columns in the
+/// values, and the row of each value.
 ///
 /// # Errors
-/// The pattern is sparse, or is none.
+/// The pattern is sparse or invalid.
 ///
 /// # Safety
 /// `pattern` is one of CasADi's if its rows and columns are not negative.
@@ -294,7 +294,7 @@ fn state_at_start(scenario: &Scenario) -> [f64; START] {
 }
 
 impl Casadi {
-    /// Sets what does not change from step to step, and checks that inputs and outputs fit each other.
+    /// Sets the inputs that do not change from step to step, and checks that inputs and outputs fit each other.
     fn check(&mut self, scenario: &Scenario, topic: Topic) -> Result<(), String> {
         let settings = &scenario.node.of(topic).settings;
         let given = settings.get("p").map(|p| p.clone().try_into::<Vec<f64>>());

@@ -8,12 +8,12 @@ use object::read::elf::{ElfFile64, FileHeader, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol};
 
 /// Checks that the file at `path` is as long as its segments. The loader of the system maps one that was cut short
-/// without an error, and the first access beyond its end is a crash that says nothing of the file.
+/// without an error, and the first access beyond its end is a crash that does not name the file.
 ///
 /// # Errors
-/// It is shorter.
+/// The file is shorter.
 pub fn check_length(path: &Path) -> Result<(), String> {
-    let Ok(bytes) = std::fs::read(path) else { return Ok(()) }; // the loader says why
+    let Ok(bytes) = std::fs::read(path) else { return Ok(()) }; // the loader reports the reason
     let length = bytes.len() as u64;
     match needed_bytes(&bytes) {
         Some(needed) if needed > length => Err(format!(

@@ -15,8 +15,8 @@
 //! | [`abi`] | the types of `trefoil.h` |
 //! | `loading` | dlopen, and which dependencies a library gets |
 //! | `library` | a loaded library, and the guard around every call into it |
-//! | `elf` | whether the file of a library is whole, and the names that it exports |
-//! | `engine` | what every interface of a library can do |
+//! | `elf` | check of the length of a library's file, and the names that it exports |
+//! | `engine` | functions that every interface of a library offers |
 //! | `table` | a library with the function table of `trefoil.h` |
 //! | `casadi` | a library with a function that CasADi has generated |
 //! | [`rounding`] | the mode of the floating-point unit, which a library must leave as it is |
@@ -26,7 +26,7 @@
 //! | `asked` | a node whose answers its caller computes, in this process |
 //! | [`setup`] | vehicle and settings, as a node in another language gets them |
 //!
-//! A controller gets what a sensor would give, and not the true motion.
+//! A controller gets sensor measurements, not the true motion.
 
 pub mod abi;
 mod asked;

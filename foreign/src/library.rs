@@ -25,7 +25,7 @@ pub struct Library {
     /// `None` after the node was destroyed.
     engine: Option<Box<dyn Engine>>,
     guard: Guard,
-    /// Reason for which the next step fails: a wrong that the library did in a call without a result for it.
+    /// Error of the library in a call that cannot return it; the next step fails with it.
     wrong: Cell<Option<String>>,
 }
 
@@ -40,7 +40,8 @@ impl Guard {
         Self { rounding: Rounding::now() }
     }
 
-    /// Makes a call into the library, called `what` in an error. A copy of this process that comes back from it ends.
+    /// Makes a call into the library, called `what` in an error. A copy of this process that returns from the call
+    /// ends.
     ///
     /// # Errors
     /// The call has changed the mode of the floating-point unit, which is set back.
@@ -149,12 +150,12 @@ impl Library {
         }
     }
 
-    /// Keeps what went wrong in a call, and returns its result.
+    /// Returns the result of a call, or keeps its error for the next step and returns `None`.
     fn note<T>(&self, done: Result<T, String>) -> Option<T> {
         done.map_err(|why| self.wrong.set(Some(why))).ok()
     }
 
-    /// Fails if something went wrong in a call that has no result for it.
+    /// Fails with the error of an earlier call that could not return it, if there is one.
     fn fail(&self) -> Result<(), SessionError> {
         let wrong = self.wrong.take();
         wrong.map_or(Ok(()), |why| Err(SessionError::Foreign { file: self.file.clone(), why }))
@@ -165,7 +166,7 @@ impl Library {
 const NOT_DESTROYED: &str = "a node that was not destroyed";
 
 impl Drop for Library {
-    /// Destroys the node. What then goes wrong changes no answer any more, so it is said and no more.
+    /// Destroys the node. An error changes no answer any more, so it is only reported.
     fn drop(&mut self) {
         self.end();
         if let Err(why) = self.fail() {

@@ -28,13 +28,13 @@ static IS_OF_OTHERS: AtomicBool = AtomicBool::new(false);
 /// # Errors
 /// The loader refuses it, or gives it another file for a dependency than in a process of its own.
 pub fn load(path: &Path) -> Result<ManuallyDrop<Handle>, String> {
-    let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner); // nothing of another thread comes between
+    let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner); // no other thread loads meanwhile
     let is_alone = loaded.is_empty() && !IS_OF_OTHERS.load(Ordering::Relaxed);
     // SAFETY: the code of the library runs here, and nothing can vouch for it. The user named it as the program of
     // a node, the launcher has tried it in a process of its own before, and a crash costs this process.
     let handle = unsafe { Handle::open(Some(path), RTLD_NOW | RTLD_LOCAL) }.map(ManuallyDrop::new);
     if !is_alone && !loaded.contains(path) {
-        as_alone(path, handle.is_ok())?; // before the words of the loader, which may be those of a missing function
+        as_alone(path, handle.is_ok())?; // before the loader's error, which may name a missing function
     }
     let handle = handle.map_err(|error| match error {
         libloading::Error::DlOpen { source } => source.to_string(),
@@ -44,13 +44,13 @@ pub fn load(path: &Path) -> Result<ManuallyDrop<Handle>, String> {
     Ok(handle)
 }
 
-/// Says that this process is a program of others, so that all dependencies of its libraries are compared.
+/// Marks this process as a program of others, so that all dependencies of its libraries are compared.
 pub fn in_program_of_others() {
     IS_OF_OTHERS.store(true, Ordering::Relaxed);
 }
 
-/// Checks that the library at `path` has the dependencies here that it would have alone. If the loader has refused it,
-/// and so has mapped not all of them, only those count that are here under the same name.
+/// Checks that the library at `path` has the dependencies here that it would have alone. If the loader has refused the
+/// library, and so has not mapped all of them, only those count that are here under the same name.
 fn as_alone(path: &Path, is_loaded: bool) -> Result<(), String> {
     let unknown = |why: String| format!("it cannot be found out which files it shares with other libraries: {why}");
     let mapped = mapped().map_err(|error| unknown(error.to_string()))?;
@@ -59,7 +59,7 @@ fn as_alone(path: &Path, is_loaded: bool) -> Result<(), String> {
         Err(_) if !is_loaded => return Ok(()),
         alone => alone.map_err(unknown)?,
     };
-    // What the launcher itself needs, as the C library, a library finds in every process of a node.
+    // The dependencies of the launcher itself, such as the C library, are present in every process of a node.
     let own = format!("/proc/{}/exe", std::process::id());
     let own = if IS_OF_OTHERS.load(Ordering::Relaxed) { Ok(vec![]) } else { resolved(&mapped, Path::new(&own)) };
     let own = own.map_err(unknown)?;

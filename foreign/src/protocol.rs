@@ -70,7 +70,7 @@ impl MatrixShape {
     }
 
     /// Returns whether the values of a matrix of the shape `other` are those of one of this shape, in the same order: a
-    /// vector may lie or stand.
+    /// vector may be a row or a column.
     pub fn fits(self, other: Self) -> bool {
         let is_vector = |Self { rows, columns }: Self| rows <= 1 || columns <= 1;
         self == other || is_vector(self) && is_vector(other) && self.count() == other.count()
@@ -203,7 +203,7 @@ fn age<M: Message>(tick: u64, newest: &M) -> u64 {
     if stamp.sequence == 0 { TREFOIL_NEVER } else { tick.saturating_sub(stamp.tick) }
 }
 
-/// Makes the sample that a node may see: what was measured, and the command in force.
+/// Makes the sample that a node may see: the measured motion and the command in force.
 fn sample(tick: u64, state: &State) -> TrefoilSample {
     let (measured, command) = (&state.measured, &state.command_in_force);
     TrefoilSample {

@@ -14,7 +14,7 @@ pub struct Rounding(u64);
 const EXCEPTIONS: u32 = 0x3f;
 
 impl Rounding {
-    /// Mode in which a process begins, and all results are computed.
+    /// Mode in which a process begins, and in which all results are computed.
     pub const USUAL: Self = Self(if cfg!(target_arch = "x86_64") { 0x1f80 } else { 0 });
 
     /// Reads the mode.

@@ -23,8 +23,8 @@
 //! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and
 //! the delay of the commands if attitude-mpc measures it (`attitude.delay_compensation`).
 //!
-//! With `guidance.preview_s` the reference tells how it will change: trajectory and heading go on, and the correction
-//! by PID and observer stays, as if the vehicle kept its place beside the trajectory.
+//! With `guidance.preview_s` the reference has its own changes at later times: trajectory and heading go on, and the
+//! correction by PID and observer stays, as if the vehicle kept its place beside the trajectory.
 //!
 //! Without a usable state of the tick the last reference is repeated, and integrators and observer do not change. The
 //! integrators count the time before the next state as one period, so that the reference does not jump after a silence;
@@ -93,7 +93,7 @@ struct Aim {
     w_mps: f64,
     /// Phi, theta, psi \[rad\].
     attitude_rad: Vector3<f64>,
-    /// Angles and climb that the limits took off.
+    /// Parts of angles and climb that the limits cut off.
     clipped: PidOutput,
     /// Limits that were reached.
     flags: u64,
@@ -260,8 +260,8 @@ impl Guidance {
         }
     }
 
-    /// Aims by the feed-forward of `setpoint`, with the heading `heading_rad`, towards which the vehicle still turns by
-    /// `turn_rad`.
+    /// Computes the references with the feed-forward of `setpoint` and the heading `heading_rad`, towards which the
+    /// vehicle still turns by `turn_rad`.
     fn aim(&self, correction: &Correction, setpoint: &Setpoint, [heading_rad, turn_rad]: [f64; 2]) -> Aim {
         let Correction { errors, disturbance_mps2, limits, .. } = *correction;
         let frame = HeadingFrame::new(correction.heading_rad.map_or(0.0, |psi| psi + turn_rad));
@@ -309,7 +309,8 @@ impl Guidance {
         }
     }
 
-    /// Adds the preview to the `reference` with the feed-forward of `t_s`: what it is later if the correction stays.
+    /// Adds the preview to `reference`, which has the feed-forward of `t_s`: its values at later times if `correction`
+    /// stays.
     fn look_ahead(&self, t_s: f64, correction: &Correction, reference: &mut Reference) {
         let step_s = self.settings.preview_s / PREVIEW as f64;
         reference.preview_step_ns = libm::round(step_s * 1e9) as u64;
@@ -353,8 +354,8 @@ impl Guidance {
         ([error, self.memory.integral_ms, derivative], free != self.memory.integral_ms)
     }
 
-    /// Feeds back into the integral what the limits took off the output, by back-calculation (Astrom and Hagglund,
-    /// Advanced PID Control, ISA 2006, section 3.5) with the tracking time constant `Kp / Ki`:
+    /// Feeds the part of the output that the limits cut off back into the integral, by back-calculation (Astrom and
+    /// Hagglund, Advanced PID Control, ISA 2006, section 3.5) with the tracking time constant `Kp / Ki`:
     ///
     /// ```text
     /// d integral / dt = error - clipped / Kp
@@ -378,8 +379,8 @@ impl Guidance {
             return Vector2::zeros();
         }
         let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);
-        // While the vehicle is tilted farther than guidance asks for, its thrust does not carry it, and its tilt
-        // explains nothing.
+        // While the vehicle is tilted beyond the limit of guidance, its thrust does not carry it, and its acceleration
+        // does not follow from its tilt.
         let is_upset = tilt.norm() > self.settings.angle_limit_deg.to_radians();
         let step = observer::ObserverStep {
             elapsed_s: if is_upset { 0.0 } else { lapse.elapsed_s },

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! Until its feet are off the vehicle cannot follow: the attitude reference is level, because hover trim leans, and a
-//! vehicle that leans on its feet slides; and no integral adapts. So a wait of any length ends as a short one does.
+//! vehicle that leans on its feet slides; and no integral adapts. So the take-off does not depend on the length of the
+//! wait.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -35,8 +36,8 @@ impl TakeOff {
         Self { stands: stands.into(), from_down_m: down_m }
     }
 
-    /// Takes in a measured down position, and whether the mission is above the ground. Returns the vertical speed to
-    /// ask for, down positive \[m/s\]; `None` once the feet are off.
+    /// Updates the state by a measured down position, and by whether the mission is above the ground. Returns the
+    /// vertical speed to ask for, down positive \[m/s\]; `None` once the feet are off.
     pub fn observe(&mut self, down_m: f64, climbs: bool) -> Option<f64> {
         if !climbs {
             self.from_down_m = down_m;

@@ -1,5 +1,5 @@
-//! Trajectory: position, velocity, acceleration and heading over time, by the [`MissionPlan`] that the check before the
-//! flight has built too.
+//! Trajectory: position, velocity, acceleration and heading over time, from the [`MissionPlan`], which the check before
+//! the flight builds too.
 
 pub use curves::Setpoint;
 
@@ -28,10 +28,10 @@ impl Trajectory {
         Self { plan: plan::build(scenario), standing_down_m }
     }
 
-    /// Reference at `t_s` of a vehicle whose measured down position is `down_m`. It is [`Self::at`], or lower if that
-    /// rests below the ground, as after a landing, and the vehicle is measured below the ground too. The height is then
-    /// wrong by as much. A vehicle that would hover above the ground sinks until it stands, and one whose height drifts
-    /// on the ground is not asked to climb.
+    /// Reference at `t_s` of a vehicle whose measured down position is `down_m`. It is [`Self::at`], but lower if that
+    /// reference rests below the ground, as after a landing, and `down_m` is below the ground too: the measured height
+    /// is then wrong by as much. A vehicle that would hover above the ground sinks until it stands, and one whose
+    /// height drifts on the ground is not asked to climb.
     pub fn for_vehicle_at(&self, down_m: f64, t_s: f64) -> Setpoint {
         let mut setpoint = self.at(t_s);
         let [_, _, rests_down_m] = setpoint.position_m;

@@ -1,5 +1,5 @@
 //! Processes beside a flight that only watch it: the page of `--web`, and `--mavlink`. No process of the flight waits
-//! for them, and what happens to them is a reservation of the flight, never its verdict.
+//! for them, and their failure is a reservation of the flight that does not change its verdict.
 
 use std::io;
 use std::process::{Child, Command, ExitStatus};
@@ -9,7 +9,7 @@ use anyhow::Context;
 
 /// Niceness of such a process: the ring and the recorder go first.
 const NICENESS: i32 = 10;
-/// Longest wait for the end of all of them after that of the flight, and again for that of one that was killed.
+/// Longest wait after the flight until all of them have ended, and then for each one that was killed.
 const END_LIMIT: Duration = Duration::from_secs(1);
 /// Time between two looks at a process that is to end.
 const LOOK: Duration = Duration::from_millis(5);
@@ -64,8 +64,8 @@ impl Drop for Beside {
     }
 }
 
-/// Lets others go first: lowers the priority of this thread and of those that it starts from now on. Fails only if the
-/// system forbids it, which harms no flight.
+/// Lowers the priority of this thread and of those that it starts from now on. Fails only if the system forbids it,
+/// which harms no flight.
 pub fn be_nice() {
     let _ = rustix::process::setpriority_process(None, NICENESS);
 }

@@ -65,7 +65,7 @@ pub fn warn(scenario: &Scenario) {
     }
 }
 
-/// Formats a number of a column; a limit that there is not is `-`.
+/// Formats a number of a column; `-` for an absent limit.
 fn number(x: f64) -> String {
     if x < 1e6 { format!("{x:.1}") } else { "-".into() }
 }

@@ -23,7 +23,7 @@ pub struct Motion {
     pub down: Vector3<f64>,
     /// Body rates \[rad/s\].
     pub rates_radps: Vector3<f64>,
-    /// Velocity in the body frame, whose horizontal part counts; it turns with the body, and else stays \[m/s\].
+    /// Velocity in the body frame, of which the horizontal part is used. In world axes it stays constant \[m/s\].
     pub velocity_mps: Vector3<f64>,
     /// Vertical speed, down positive \[m/s\].
     pub sink_mps: f64,

@@ -28,8 +28,9 @@
 //! # Tilt servo
 //!
 //! At the angle `mu` lift has a yawing moment, which is zero only at the trim tilt. Differential thrust cannot balance
-//! it: the yawing moment of the rear rotors is a fixed multiple of their rolling moment, so what is given to yaw stays
-//! in roll. Only the inertia of a spinning vehicle is left. At a rate `r` a vehicle that leans by `n = (n_x, n_y)` has
+//! it: the yawing moment of the rear rotors is a fixed multiple of their rolling moment, so it always comes with a
+//! rolling moment. Only the inertia of a spinning vehicle is left. At a rate `r` a vehicle that leans by
+//! `n = (n_x, n_y)` has
 //!
 //! ```text
 //! Izz dr/dt = M_z + (Ixx - Iyy) n_x n_y r^2
@@ -86,9 +87,9 @@ const MAX_LEAN: f64 = 0.35;
 const LEAN_GAIN_RADPS: f64 = 5.0;
 /// Gain of the rates, `c` \[1/s\].
 const RATE_GAIN_RADPS: f64 = 20.0;
-/// Largest vertical acceleration that the level spin is asked for \[m/s2\].
+/// Largest vertical acceleration demanded of the level spin \[m/s2\].
 const MAX_CLIMB_MPS2: f64 = 3.0;
-/// Smallest share of the thrust along the vertical that a command is computed for; less is taken for this.
+/// Lower bound on the vertical share of the thrust in the computation of a command.
 const MIN_UPRIGHT: f64 = 0.3;
 
 /// Laws of the descent of one vehicle.

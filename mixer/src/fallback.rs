@@ -12,8 +12,8 @@
 //! Every tick selects its rung anew: the first fresh demand is used at once. Only a dead rotor ([`crate::rotors`]) and
 //! a landing ([`crate::landing`]) end the flight for good. Without a ground a descent lasts until demands come again.
 //!
-//! A vehicle that descends with a broken part ([`crate::broken`]) takes no demand, which is for a whole vehicle: its
-//! ladder begins at the fourth row, with the law for that part.
+//! A vehicle that descends with a broken part ([`crate::broken`]) uses no demand, because demands are for a whole
+//! vehicle: its ladder begins at the fourth row, with the law for that part.
 //!
 //! ```text
 //! lon = Iyy (-a^2 theta             - 2 a q) - d_lon

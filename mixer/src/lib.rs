@@ -128,7 +128,7 @@ impl Mixer {
         self.store_demand(controls);
         let elapsed_ns = self.store_state(state);
         let MixerMemory { demand_tick, demand, disturbance, state_tick, measured, damage, .. } = self.memory;
-        // A demand for a whole vehicle is none for a broken one.
+        // A broken vehicle uses no demand, because demands are for a whole one.
         let demand_ns = if damage.part().is_some() { u64::MAX } else { self.age_ns(tick, demand_tick) };
         let rung = Rung::of(demand_ns, self.age_ns(tick, state_tick));
         let mut actuators = match (self.stage(rung, elapsed_ns), rung) {

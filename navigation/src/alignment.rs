@@ -1,4 +1,4 @@
-//! Alignment of a unit that stands still: attitude and biases from the means of what its sensors measure.
+//! Alignment of a unit that stands still: attitude and biases from the means of its sensors' measurements.
 //!
 //! ```text
 //! d = -f / |f|,   e = d x m / |d x m|,   n = e x d        down, east and north in body axes (TRIAD)
@@ -10,8 +10,9 @@
 //! The rows of `R` are n, e and d: three vectors from two, Shuster and Oh, *Three-axis attitude determination from
 //! vector observations* (1981), section III. The error of the tilt comes from the accelerometer's bias. Standing still
 //! does not separate the two, so the covariance has both and their correlation. The same holds for the error of the
-//! heading, the vehicle's own field and the declination. The flight's frame begins where the vehicle stands: what the
-//! receiver and the barometer measure there is their own error. The rotation of the earth is left out.
+//! heading, the vehicle's own field and the declination. The origin of the flight's frame is where the vehicle stands,
+//! so the measurements of the receiver and the barometer there are their own errors. The rotation of the earth is left
+//! out.
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
@@ -56,7 +57,7 @@ pub struct Standstill {
 }
 
 impl Standstill {
-    /// Receives a sample of the IMU and what was measured at its end.
+    /// Receives a sample of the IMU and the other measurements at its end.
     pub fn add(&mut self, imu: &Imu, aiding: &Aiding) {
         self.specific_force.add(&imu.specific_force_mps2);
         self.rates.add(&imu.rates_radps);
@@ -80,7 +81,8 @@ impl Standstill {
         let down = -force.try_normalize(0.0)?;
         let level = down.cross(&field);
         let east = level.try_normalize(0.0)?;
-        // As the filter's: a Jacobian at the measured field would differ from it, and standing would tell the heading.
+        // The Jacobian must be the filter's: the difference of one at the measured field would make the heading
+        // observable at rest.
         let inclination_rad = noise.inclination_rad;
         let horizontal = libm::cos(inclination_rad).max(MIN_HORIZONTAL);
         let north = east.cross(&down);
@@ -129,7 +131,7 @@ impl Standstill {
         covariance.fixed_view_mut::<3, 1>(ATTITUDE, DECLINATION).copy_from(&(down * of_declination));
         covariance.fixed_view_mut::<1, 3>(DECLINATION, ATTITUDE).copy_from(&(down * of_declination).transpose());
         if self.height.count > 0.0 {
-            // What the pressure of rotors and wind adds begins with the flight.
+            // The errors by the pressure of rotors and wind begin with the flight.
             covariance[(BAROMETER_BIAS, BAROMETER_BIAS)] +=
                 since(noise.height_m, &noise.barometer, &self.height, time_s);
         }
@@ -142,7 +144,8 @@ fn white(deviation: f64, mean: &Mean) -> f64 {
     deviation * deviation / mean.count
 }
 
-/// Variance of what has wandered on at the end of `time_s`, known by its mean with white noise over this time.
+/// Variance of the error of a random walk at the end of `time_s`, estimated by its mean with white noise over this
+/// time.
 fn since(deviation: f64, wander: &Wander, mean: &Mean, time_s: f64) -> f64 {
     white(deviation, mean) + wander.walk * wander.walk * time_s / 3.0
 }

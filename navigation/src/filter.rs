@@ -12,8 +12,8 @@
 //! horizontal and the vertical part of a receiver's measurement are gated separately. A source of which nothing was
 //! accepted for `RESET_AFTER_S` disagrees for good, and the less trusted one is reset: if it disagrees alone, its own
 //! error (drift, bias, own field); if another source of the same motion is refused too, the motion. A velocity that
-//! disagrees alone is refused as long as it does. The covariance of what is reset grows by the innovation, `H' y^2 H`,
-//! so that the filter accepts the innovation. Resets are counted.
+//! disagrees alone is refused as long as it does. The covariance of the states that are reset grows by the innovation,
+//! `H' y^2 H`, so that the filter accepts the innovation. Resets are counted.
 
 use libm::hypot;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, Vector2, Vector3};
@@ -29,14 +29,14 @@ use crate::yaw::YawCheck;
 
 /// Time for which a source must disagree until a reset \[s\].
 const RESET_AFTER_S: f64 = 2.0;
-/// Time for which two sources must disagree at once so that what they have in common is reset \[s\].
+/// Time for which two sources must disagree at once so that the motion they both measure is reset \[s\].
 const TOGETHER_S: f64 = 1.0;
 /// Time after which the drift has followed an antenna that turned away \[s\].
 const LASTS_S: f64 = 1.0;
-/// Deviation of a heading that is hardly known, and smallest angle of one that is wrong \[rad\].
+/// Deviation from which on a heading counts as unknown, and smallest error of a heading that counts as wrong \[rad\].
 const UNKNOWN_RAD: f64 = 0.8;
 const WRONG_RAD: f64 = 0.35;
-/// Smallest horizontal share of the magnetic field that tells a heading.
+/// Smallest horizontal share of the magnetic field from which a heading is computed.
 pub(crate) const MIN_HORIZONTAL: f64 = 0.1;
 
 /// Error-state Kalman filter.
@@ -83,7 +83,7 @@ impl Filter {
         Source::ALL.iter().fold(0.0, |most: f64, source| most.max(self.record(*source).nis / source.gate())).min(1.0)
     }
 
-    /// Returns whether a source disagrees for more than a moment.
+    /// Returns whether a source has disagreed for at least `TOGETHER_S`.
     pub fn is_contradicted(&self) -> bool {
         self.records.iter().any(|record| record.disputed_s() >= TOGETHER_S)
     }
@@ -280,8 +280,8 @@ impl Filter {
         self.inject(&(gain * innovation));
     }
 
-    /// Turns the attitude about the vertical to where the `velocity_mps` of the receiver says, if the heading is hardly
-    /// known, or if velocities are refused for good and it is wrong. The velocity is then not known either.
+    /// Turns the attitude about the vertical to the heading that the receiver's `velocity_mps` shows, if the heading is
+    /// unknown, or if it is wrong and velocities are refused for good. The velocity then counts as unknown too.
     fn check_heading(&mut self, velocity_mps: &Vector2<f64>) {
         let Some((angle, deviation)) = self.yaw.turn(self.noise.velocity_mps.x) else { return };
         let (down, variance) = self.heading_error();
@@ -312,8 +312,9 @@ impl Filter {
         source.states().1.is_none() && source.fellows().iter().any(agrees)
     }
 
-    /// Opens the covariance of what a `source` that disagrees for good has shown to be wrong: its own error, or the
-    /// motion that it measures, if it was silent before, has no error of its own, or does not disagree alone.
+    /// Enlarges the covariance of the states that a `source` that disagrees for good shows to be wrong: its own error,
+    /// or the motion that it measures if the source was silent before, has no error of its own, or does not disagree
+    /// alone.
     fn open<const N: usize>(
         &mut self,
         source: Source,
@@ -349,7 +350,7 @@ impl Filter {
         self.state = self.state.plus(error);
     }
 
-    /// Removes what rounding has added between an element and its mirror image, of which a memory has one.
+    /// Makes the covariance exactly symmetric, because a memory has one of each pair of mirrored elements.
     pub(crate) fn symmetrise(&mut self) {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
     }
@@ -369,7 +370,7 @@ impl Filter {
     }
 }
 
-/// Angle between -pi and pi that is the same turn.
+/// Wraps `angle` to between -pi and pi \[rad\].
 fn wrapped(angle: f64) -> f64 {
     libm::atan2(libm::sin(angle), libm::cos(angle))
 }

@@ -27,7 +27,7 @@ const MAX_RATES_RADPS: f64 = 34.9;
 const STALE_S: f64 = 0.02;
 /// Time for which an IMU must give new samples until it is well again \[s\]: longer than the delay of every sensor.
 const WELL_AFTER_S: f64 = 1.0;
-/// Difference of two lanes' surprises that tells one from the other.
+/// Smallest difference of two lanes' surprises that counts.
 const HYSTERESIS: f64 = 0.2;
 /// Time constant with which differences are forgotten \[s\].
 const FORGET_S: f64 = 2.0;
@@ -42,7 +42,7 @@ pub(crate) struct ImuLane {
     pub filter: Filter,
     /// Last sample that was taken.
     pub last: Imu,
-    /// Age of the last sample that told something new \[s\].
+    /// Age of the last new sample \[s\].
     stale_s: f64,
     /// Time for which the IMU has been well, up to [`WELL_AFTER_S`] \[s\].
     well_s: f64,
@@ -57,8 +57,8 @@ impl ImuLane {
         Self { filter, last, stale_s: 0.0, well_s: WELL_AFTER_S, worse_s: 0.0 }
     }
 
-    /// Receives a sample of the IMU, and returns the sample to use: a value that cannot be true, because it is no
-    /// number or beyond the range, is replaced by the last one.
+    /// Receives a sample of the IMU, and returns the sample to use: a value that is NaN or beyond the range is replaced
+    /// by the last one.
     pub fn receive(&mut self, measured: &Imu, period_s: f64) -> Imu {
         let (force, of_force) =
             in_range(&measured.specific_force_mps2, &self.last.specific_force_mps2, MAX_SPECIFIC_FORCE_MPS2);
@@ -69,7 +69,7 @@ impl ImuLane {
         self.last
     }
 
-    /// Returns whether the IMU gives nothing new, or has only begun to.
+    /// Returns whether the IMU gives no new samples, or has given them for less than [`WELL_AFTER_S`].
     pub fn is_ill(&self) -> bool {
         self.well_s < WELL_AFTER_S
     }
@@ -84,15 +84,15 @@ impl ImuLane {
     }
 }
 
-/// Values of a sensor, with those of the `last` sample where they are no numbers within `range`; and whether they tell
-/// something new.
+/// Returns the values of a sensor, NaN and those beyond `range` replaced by the `last` ones, and whether all were in
+/// range and any is new.
 fn in_range(values: &Vector3<f64>, last: &Vector3<f64>, range: f64) -> (Vector3<f64>, bool) {
     let taken = values.zip_map(last, |value, last| if value.abs() <= range { value } else { last });
     (taken, taken == *values && taken != *last)
 }
 
-/// Chooses among `lanes` after a sample, where `flown` flies, and returns the one that flies now. The others begin anew
-/// from it when their IMU is well again, or when they are much worse; their IMUs have biases of `constants`.
+/// Chooses among `lanes` after a sample, and returns the lane to use in place of `flown`. The others begin anew from it
+/// when their IMU is well again, or when they are much worse; their IMUs have biases of `constants`.
 pub(crate) fn choose(lanes: &mut [ImuLane], flown: usize, constants: &Constants, period_s: f64) -> usize {
     let of_flown = lanes[flown].filter.surprise();
     for lane in &mut *lanes {

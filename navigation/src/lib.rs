@@ -102,15 +102,15 @@ impl Aiding {
     }
 }
 
-/// Samples of all IMUs, and what was measured at their end.
+/// Samples of all IMUs, and the other measurements at their end.
 type Frame = ([Imu; IMUS], Aiding);
 
 /// Estimator with the frames since its horizon.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Navigation {
-    /// One for each IMU.
+    /// Lanes, one for each IMU.
     lanes: Vec<ImuLane>,
-    /// Lane that flies.
+    /// Index of the lane whose estimate is used.
     flown: usize,
     /// Constant errors of the IMUs.
     constants: Constants,
@@ -151,7 +151,7 @@ impl Navigation {
         &self.lanes[self.flown]
     }
 
-    /// Receives a sample of each IMU, and what was measured at their end.
+    /// Receives a sample of each IMU, and the other measurements at their end.
     pub fn update(&mut self, imus: &[Imu; IMUS], aiding: &Aiding) {
         let Self { lanes, period_s, .. } = self;
         let mut taken = [Imu::default(); IMUS];
@@ -217,7 +217,7 @@ impl Navigation {
     }
 }
 
-/// Fuses what was measured at the horizon, except what is no number.
+/// Fuses the measurements at the horizon, except those that are NaN or out of range.
 fn fuse(filter: &mut Filter, aiding: &Aiding) {
     if let Some(position_m) = aiding.position_m.filter(|position| is_within(position, MAX_POSITION_M)) {
         filter.fuse_position(position_m);

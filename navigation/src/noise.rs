@@ -79,7 +79,7 @@ impl ExpectedNoise {
     }
 }
 
-/// Standard deviations of the error at the start; those of what wanders are in [`ExpectedNoise`].
+/// Standard deviations of the error at the start; those of the wandering errors are in [`ExpectedNoise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InitialErrors {
     /// Position, each axis \[m\].
@@ -123,7 +123,7 @@ impl InitialErrors {
 }
 
 impl Constants {
-    /// Covariance of a filter that knows the motion, and of the sensors' errors how large they are.
+    /// Covariance of a filter that knows the motion exactly, and only the size of the sensors' errors.
     pub(crate) fn covariance(&self, noise: &ExpectedNoise) -> Covariance {
         let Self { acceleration_bias_mps2, rates_bias_radps, declination_rad } = self;
         let mut deviations = StateError::zeros();

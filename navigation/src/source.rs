@@ -43,7 +43,7 @@ impl Source {
         if self.components() == 1 { 10.828 } else { 13.816 }
     }
 
-    /// Sources that tell of the same motion, to first order.
+    /// Sources that measure the same motion, to first order.
     pub(crate) const fn fellows(self) -> &'static [Self] {
         match self {
             Self::Position | Self::Heading => &[Self::Velocity, Self::Flow],
@@ -55,7 +55,7 @@ impl Source {
         }
     }
 
-    /// First error state of the motion that is measured, and of what the sensor adds to it, if that is an error state.
+    /// First error state of the measured motion, and that of the sensor's own error, if it is an error state.
     pub(crate) const fn states(self) -> (usize, Option<usize>) {
         match self {
             Self::Position => (POSITION, Some(DRIFT)),

@@ -47,7 +47,7 @@ pub struct Imu {
     pub rates_radps: Vector3<f64>,
 }
 
-/// Estimate of the motion and of what the sensors measure too much.
+/// Estimate of the motion and of the sensors' systematic errors.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct State {

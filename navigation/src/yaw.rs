@@ -22,7 +22,7 @@ const MAX_DEVIATION: f64 = 0.2;
 /// Least changes of velocity for an angle.
 const MIN_COUNT: f64 = 10.0;
 
-/// Sums over the changes of velocity in the last time.
+/// Sums over the recent changes of velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct YawCheck {

@@ -63,8 +63,8 @@ impl Air {
         self.faults.inject(from_ns, offset_s, calm)
     }
 
-    /// Wind at a sample of a flight that is over, NED \[m/s\]: that of the flight, because it depends on the
-    /// settings, the seed and the true motion alone. Must be called in the order of samples.
+    /// Wind at a sample of a finished flight, NED \[m/s\]. It equals the wind in flight, because it depends on
+    /// settings, seed and true motion alone. Must be called in the order of samples.
     pub fn wind_mps(&mut self, truth: &Truth) -> Vector3<f64> {
         let x = dynamics::assemble(&truth.actual, &truth.actuators.into());
         let from_ns = truth.tick.saturating_mul(self.sample_ns);
@@ -72,7 +72,7 @@ impl Air {
         self.with_faults(from_ns, 0.0, &calm).wind_mps
     }
 
-    /// Mean wind `now_ns` after the first sample at the position `down_m`, NED \[m/s\]: that of settings and faults,
+    /// Mean wind `now_ns` after the first sample at the position `down_m`, NED \[m/s\]: from settings and faults,
     /// without turbulence.
     pub fn mean_wind_mps(&self, now_ns: u64, down_m: f64) -> [f64; 3] {
         self.with_faults(now_ns, 0.0, &self.mean(now_ns, down_m).0).wind_mps.into()

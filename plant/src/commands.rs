@@ -56,7 +56,7 @@ impl Command {
     }
 }
 
-/// Command in force, and those under way.
+/// Command in force, and the commands under way.
 #[derive(Debug, Clone)]
 pub struct CommandLine {
     in_force: Command,
@@ -120,7 +120,8 @@ impl CommandLine {
         }
     }
 
-    /// Puts the commands into force that take effect up to and including `now_ns`, and cuts one in force for too long.
+    /// Puts into force the commands that take effect up to and including `now_ns`, and cuts a command that has been in
+    /// force for too long.
     pub fn switch(&mut self, now_ns: u64) {
         while let Some(next) = self.waiting.front().filter(|c| c.effect_ns <= now_ns) {
             (self.in_force, self.is_cut) = (*next, false);

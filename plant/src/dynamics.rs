@@ -110,12 +110,13 @@ impl Dynamics {
         ground.breaks(&motion(x), ground.carries(&motion(before)))
     }
 
-    /// Takes in the state `x` at the end of a step; returns the distance that the feet have slid on the ground \[m\].
+    /// Moves the anchors of the feet for the state `x` at the end of a step; returns the distance that the feet have
+    /// slid on the ground \[m\].
     pub fn settle(&mut self, x: &StateVector) -> f64 {
         self.ground.as_mut().map_or(0.0, |ground| ground.settle(&motion(x)))
     }
 
-    /// Writes or reads where the feet stand.
+    /// Writes or reads the anchors of the feet.
     pub fn remember(&mut self, tape: &mut Tape) {
         self.ground.iter_mut().for_each(|ground| ground.remember(tape));
     }

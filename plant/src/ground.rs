@@ -1,18 +1,17 @@
 //! Ground: a level plane with friction that carries the feet, and the conditions of a crash.
 //!
 //! Three feet are `leg_m` below the rotors. A foot at the depth `d` that sinks at `v_n` is pushed up by `N`. Along the
-//! ground it hangs on its anchor, the point where it came down, by a spring and damper of the same values; `e` is its
-//! distance from the anchor and `v_t` its velocity along the ground. Coulomb's friction is the most that the anchor
-//! holds; beyond it the anchor follows the foot:
+//! ground a spring and damper of the same values tie the foot to its anchor, the point where it came down; `e` is its
+//! distance from the anchor and `v_t` its velocity along the ground. Coulomb friction limits this force; beyond the
+//! limit the anchor follows the foot:
 //!
 //! ```text
 //! N   = max(0, k d + c v_n)                 for d > 0
 //! F_t = -(k e + c v_t), no longer than friction N
 //! ```
 //!
-//! So a vehicle that is pushed by less than its friction stands still, which friction against the velocity alone cannot
-//! do: it needs a velocity to hold. This model of the contact along the ground is that of Cundall and Strack
-//! (Geotechnique 29(1), 1979).
+//! So a vehicle that is pushed by less than its friction stands still. With friction as a function of velocity alone it
+//! would creep. This model of the contact along the ground is that of Cundall and Strack (Geotechnique 29(1), 1979).
 //!
 //! A spring and a damper are the usual compliant contact model of multibody simulation; Marhefka and Orin (IEEE
 //! Transactions on Systems, Man, and Cybernetics A 29(6), 1999) discuss it and its jump of force at the first touch,
@@ -53,7 +52,7 @@ pub struct Ground {
     damping_nspm: f64,
     /// Rotor hubs in the body frame from the centre of mass \[m\].
     hubs: [Vector3<f64>; 3],
-    /// Point of the ground, north and east, that each foot hangs on \[m\]; `None` in the air.
+    /// Anchor of each foot, north and east \[m\]; `None` in the air.
     anchors: [Option<Vector2<f64>>; 3],
 }
 
@@ -110,8 +109,9 @@ impl Ground {
         (force_n, moment_nm)
     }
 
-    /// Takes in the motion at the end of a step: anchors the feet that have come down, and drags along the anchors that
-    /// are out of reach. Returns the distance that the feet have slid together \[m\]; a turn on the spot counts little.
+    /// Updates the anchors at the end of a step: anchors the feet that have come down, and moves anchors whose spring
+    /// would exceed the friction. Returns the length of the mean slide of the feet \[m\], which is small for a turn on
+    /// the spot.
     pub fn settle(&mut self, motion: &BodyMotion) -> f64 {
         let mut slid_m = Vector2::zeros();
         for (i, foot) in self.feet().iter().enumerate() {

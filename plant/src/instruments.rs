@@ -7,8 +7,8 @@
 //! height   = -z - share |wind - v|^2 / (2 g) + rotors' pressure + bias + noise
 //! ```
 //!
-//! The truth of the IMU is the difference of two motions, as an IMU integrates between two samples; it needs of a
-//! vehicle no more than its motion. The plant integrates up to every sample of the IMU, so that samples have the IMU's
+//! The truth of the IMU is the difference of two motions, as an IMU integrates between two samples; nothing but the
+//! motion of the vehicle is needed. The plant integrates up to every sample of the IMU, so that samples have the IMU's
 //! rate and not that of the run.
 
 use std::f64::consts::TAU;
@@ -28,13 +28,13 @@ use crate::memory::Tape;
 use crate::random::normal;
 use crate::sensor::Sensor;
 
-/// Smallest deviation that the estimator is told, in the units of [`ExpectedNoise`]: a sensor without errors has no
+/// Smallest deviation passed to the estimator, in the units of [`ExpectedNoise`]: a sensor without errors has no
 /// variance to divide by.
 const MIN_DEVIATION: f64 = 1e-4;
 
-/// Changes that the filter is told to expect: of the airspeed \[m/s\], of the share of the thrust, and the time over
-/// which they happen \[s\]. The airspeed changes the wind's pressure, the thrust what a misaligned accelerometer
-/// measures.
+/// Changes that the filter expects: of the airspeed \[m/s\] and of the thrust, as a share of the weight, and the time
+/// over which they happen \[s\]. The airspeed changes the wind's pressure, and the thrust the error of a misaligned
+/// accelerometer.
 const AIRSPEED_MPS: f64 = 5.0;
 const THRUST_SHARE: f64 = 0.1;
 const LEG_S: f64 = 10.0;
@@ -72,7 +72,7 @@ pub struct Instruments {
     /// Share of the wind's dynamic pressure at the barometer, and its error by the rotors at trim \[m\].
     wind_pressure: f64,
     rotor_pressure_m: f64,
-    /// Field of the earth, NED, and of the vehicle, body, in shares of the strength of the first.
+    /// Field of the earth, NED, and of the vehicle, body, as shares of the strength of the earth's field.
     fields: [Vector3<f64>; 2],
     g_mps2: f64,
     period_s: f64,
@@ -83,8 +83,8 @@ pub struct Instruments {
 }
 
 impl Instruments {
-    /// Builds the sensors of `scenario` on a vehicle with this `motion`, for samples `period_ns` apart. Errors that
-    /// stay the same are drawn here.
+    /// Builds the sensors of `scenario` on a vehicle with this `motion`, for samples `period_ns` apart. Draws the
+    /// errors that stay constant.
     pub fn new(scenario: &Scenario, motion: &Kinematics, period_ns: u64, random: &mut ChaCha8Rng) -> Self {
         let (settings, white) = (&scenario.plant.sensors, &scenario.plant.noise);
         let degree = 1_f64.to_radians();
@@ -148,7 +148,8 @@ impl Instruments {
         }
     }
 
-    /// Errors that an estimator of this `scenario` expects: those of the settings, at trim, and not those drawn.
+    /// Errors that an estimator of this `scenario` expects: the deviations of the settings, at trim, not the drawn
+    /// values.
     pub fn noise(&self, scenario: &Scenario) -> ExpectedNoise {
         let settings = &scenario.plant.sensors;
         let (imu, barometer, receiver) = (&settings.imu, &settings.barometer, &settings.receiver);
@@ -176,7 +177,8 @@ impl Instruments {
             antenna_m: receiver.antenna_m,
             clock_s: receiver.clock_ms / 1e3,
             drift: std::array::from_fn(|axis| {
-                // The place of the antenna stays, and a drift forgets: as large as both, it does not forget both.
+                // One process covers the constant place of the antenna and the drift, which decays; its size covers
+                // both.
                 let start = hypot(bias[axis], receiver.antenna_m);
                 let share = if bias_s > 0.0 && bias[axis] > 0.0 { start / bias[axis] } else { 1.0 };
                 Wander { start, walk: bias_walk[axis] * share, time_s }
@@ -184,7 +186,7 @@ impl Instruments {
             barometer: {
                 let start = hypot(wind_m, barometer.rotor_pressure_m);
                 let walk = hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt());
-                // The time constant with which the deviation stays as large as it is after a flight.
+                // With this time constant the stationary deviation is that at the end of a flight of `FLIGHT_S`.
                 let last = hypot(start, barometer.bias_walk * FLIGHT_S.sqrt());
                 Wander {
                     start,
@@ -211,7 +213,7 @@ impl Instruments {
         }
     }
 
-    /// Measures `motion` at the end of a sample of the IMU at `now_ns`; `inject` changes what is measured.
+    /// Measures `motion` at the end of a sample of the IMU at `now_ns`; `inject` changes the measurements.
     pub fn measure(
         &mut self,
         now_ns: u64,
@@ -292,8 +294,8 @@ impl Instruments {
         self.rotor_pressure_m * share * share - self.wind_pressure * airflow_mps.norm_squared() / (2.0 * self.g_mps2)
     }
 
-    /// Measures a vehicle that has stood with `motion` for `samples` of the IMUs, out of the wind; then the time of the
-    /// flight begins. Returns what each IMU and the other sensors have measured.
+    /// Measures a vehicle that stands still with `motion` for `samples` of the IMUs, without wind; then restarts the
+    /// sensors' time for the flight. Returns the measurements of each IMU, with those of the other sensors.
     pub fn stand(&mut self, motion: &Kinematics, samples: u64, random: &mut ChaCha8Rng) -> Vec<Standstill> {
         let (period_ns, still) = ((self.period_s * 1e9).round() as u64, Actuation::default());
         let mut standstills = vec![Standstill::default(); self.imus.len()];

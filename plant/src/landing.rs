@@ -6,13 +6,13 @@
 //!                                      +--------------------------rotors above idle--------------------------+
 //! ```
 //!
-//! From every phase the vehicle flies when no foot is down any more, and a take-off that stays on the ground ends
+//! Every phase changes to flying when no foot is down, and a take-off that stays on the ground changes back to
 //! standing.
 //!
 //! A vehicle has landed if it [is at rest](contract::rest) for a second with all feet on the ground and its rotors no
-//! faster than idle, and its feet have slid no farther than `MAX_SLIDE_M` since they came down. It stays
-//! landed until its rotors drive it again, something lifts it, or its feet slide that far once more: how long a flight
-//! is recorded does not count. The vehicle itself relies on the mixer's land detector.
+//! faster than idle, and its feet have slid no farther than `MAX_SLIDE_M` since they came down. It stays landed until
+//! its rotors drive it again, something lifts it, or its feet slide that far once more. So the outcome does not depend
+//! on how long the flight is recorded. The vehicle itself relies on the mixer's land detector.
 
 use contract::message::{Kinematics, PlantStatus};
 use contract::rest::{Rest, is_at_rest};
@@ -159,7 +159,8 @@ mod tests {
             Self(Landing::new(&scenario).expect("there is a ground"), scenario.idle_speed())
         }
 
-        /// Status after `seconds` at this footing and speed, with the rotors at `idle` times their idle speed.
+        /// Observes `seconds` at this footing and speed and returns the status, with the rotors at `idle` times their
+        /// idle speed.
         fn go(&mut self, seconds: f64, footing: Footing, speed_mps: f64, idle: f64) -> PlantStatus {
             let motion = Kinematics { velocity_mps: [speed_mps, 0.0, 0.0], ..Kinematics::default() };
             for _ in 0..(seconds * 1e3).round() as u32 {

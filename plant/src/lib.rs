@@ -2,7 +2,7 @@
 //!
 //! | module | holds | paper |
 //! |---|---|---|
-//! | [`vehicle`] | what the plant asks of a vehicle | |
+//! | [`vehicle`] | interface of a vehicle to the plant | |
 //! | [`tricopter`] | the vehicle of the paper, with air, ground, battery and faults | |
 //! | [`dynamics`] | forces, moments, equations of motion | (7)-(22) |
 //! | [`rotors`] | thrust, torque and angular momentum of the rotors | (15)-(22) |

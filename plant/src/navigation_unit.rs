@@ -6,8 +6,8 @@
 //!
 //! The sensors are here and not in `navigation`, because they are physics: only their measurements and the expected
 //! size of their errors pass to the estimator. The estimator starts near the true motion, with an error drawn from
-//! `plant.sensors.alignment`, as after an alignment on another vehicle: a flight begins in the air, where nothing tells
-//! the position before the first fix arrives. With `standing_s` it aligns itself by its own sensors, as on the ground.
+//! `plant.sensors.alignment`, as after an alignment on another vehicle: a flight begins in the air, where the position
+//! is unknown before the first fix arrives. With `standing_s` it aligns itself by its own sensors, as on the ground.
 
 use contract::actuation::Actuation;
 use contract::message::{Kinematics, Navigation as Account};
@@ -24,11 +24,11 @@ use crate::instruments::{Instruments, draw, state_of};
 use crate::memory::Tape;
 use crate::random::Stream;
 
-/// Smallest deviation at the start, in SI units: without one the filter would never learn.
+/// Smallest deviation at the start, in SI units: with a deviation of 0 the filter would never correct the state.
 const MIN_DEVIATION: f64 = 1e-4;
 
-/// Sources of each number of [`Account`]: the receiver has a gate for the level part of a measurement, and one for the
-/// vertical.
+/// Sources of each number of [`Account`]: a measurement of the receiver has one gate for its horizontal part and one
+/// for its vertical part.
 const GROUPS: [&[Source]; 5] = [
     &[Source::Position, Source::Depth],
     &[Source::Velocity, Source::Sink],
@@ -112,7 +112,7 @@ impl NavigationUnit {
         *due_ns += *period_ns;
     }
 
-    /// Estimates the motion at `now_ns`, at or after the last sample of the IMU, with what the estimator knows of its
+    /// Estimates the motion at `now_ns`, at or after the last sample of the IMU, with the estimator's account of its
     /// errors.
     pub fn estimate(&self, now_ns: u64) -> (Kinematics, Account) {
         let ahead_s = self.ahead_s(now_ns);

@@ -69,11 +69,11 @@ impl Tricopter {
         self.x = x;
     }
 
-    /// Demand on motor controllers and servo: the command in force within the limits, or no rotor speed for a cut or a
-    /// stop, which may be below the limits.
+    /// Demand on motor controllers and servo: the command in force, clipped to the limits, except that rotor speeds of
+    /// 0 (a cut or a stop) stay 0.
     fn demand(&self, command: &Actuation) -> Actuation {
         let clipped = self.dynamics.clip(command);
-        // A command of zero stops the motors instead of idling them: the mixer disarms by it.
+        // A command of zero stops the motors instead of idling them; the mixer disarms with it.
         if command.rotor_speed == [0.0; 3] { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
     }
 }

@@ -26,7 +26,7 @@ pub trait Vehicle {
     fn motion(&self) -> Kinematics;
     /// Present positions of the actuators.
     fn actuators(&self) -> Actuation;
-    /// Mean wind at `now_ns`, NED \[m/s\]; a vehicle that does not tell has none.
+    /// Mean wind at `now_ns`, NED \[m/s\]; zero unless the vehicle overrides it.
     fn wind_mps(&self, _now_ns: u64) -> [f64; 3] {
         [0.0; 3]
     }

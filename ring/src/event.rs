@@ -56,7 +56,7 @@ impl TimedEvent {
         events.into_iter().map(timed).collect()
     }
 
-    /// Returns what happened, in words; of a fault given in flight also kind, size and duration.
+    /// Describes the event in words; a fault given in flight with kind, size and duration.
     pub fn what(&self) -> String {
         let what = name(self.event.what).replace('-', " ");
         let fault = self.event.fault.as_ref().filter(|_| self.event.what == What::Injected);
@@ -123,7 +123,7 @@ impl Event {
         Self { why: Some(why.as_ref().chars().take(REASON_CHARS).collect()), ..self }
     }
 
-    /// Returns the event as the one that swap number `swap` begins with; `None`: no swap.
+    /// Marks the event as the beginning of swap number `swap`; `None` = no swap.
     #[must_use]
     pub fn begins(self, swap: Option<usize>) -> Self {
         Self { swap, ..self }

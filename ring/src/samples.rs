@@ -20,7 +20,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Takes in a message; returns the sample that it completes, if any. The STATE of a tick may come only once.
+    /// Adds a message; returns the sample that it completes, if any. The STATE of a tick may come only once.
     pub fn join(&mut self, record: &Record) -> Option<Sample> {
         let sample = match record {
             Record::State(state) => {

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 pub struct StateHash(Sha256);
 
 impl StateHash {
-    /// Takes in the next sample.
+    /// Adds the next sample to the hash.
     pub fn observe(&mut self, sample: &Sample) {
         sample.payload(|bytes| self.0.update(bytes));
     }
@@ -29,7 +29,7 @@ pub fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// Position that the mission asks for less the true position, NED \[m\].
+/// Position of the mission minus the true position, NED \[m\].
 pub fn position_error_m(wanted_m: [f64; 3], truth: &Truth) -> [f64; 3] {
     std::array::from_fn(|axis| wanted_m[axis] - truth.actual.position_m[axis])
 }

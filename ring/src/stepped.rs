@@ -225,7 +225,7 @@ impl Stepped {
                 workers.begin(epoch, own.as_ref().unwrap_or(run), run)?;
             }
             Action::Signal(epoch, role::Signal::Kill) => workers.end(epoch),
-            _ => {} // the simulated roles have done it
+            _ => {} // the simulated roles have carried it out
         }
         Ok(())
     }

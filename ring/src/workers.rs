@@ -64,7 +64,7 @@ struct Worker {
 
 impl Worker {
     /// Returns the memory that another process begins with; its origin is the default if the core keeps none. A process
-    /// that has answered to nothing still has that of the process before it; `None` if it began without a memory.
+    /// that has not answered yet has the memory of the process before it; `None` if it began without one.
     fn memory(&self) -> Option<(Origin, Snapshot)> {
         let memory = self.node.memory();
         let continues = self.member.continues.get();

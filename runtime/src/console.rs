@@ -1,7 +1,8 @@
 //! Output for people: data on stdout, everything else on stderr. Neither can end the process.
 //!
 //! Stderr may be full, closed, a stopped terminal, or a pipe that is not read. A thread of its own writes there, so
-//! that no flight waits for it. Output on stdout was asked for: if it cannot be written, the exit code says so.
+//! that no flight waits for it. Output on stdout was requested by the user: if it cannot be written, the exit code
+//! shows it.
 //!
 //! Names of files, scenarios and nodes come from elsewhere: characters that control a terminal are escaped ([`plain`]).
 
@@ -82,8 +83,9 @@ fn coloured(text: &str) -> String {
 /// # Errors
 /// Stdout is closed, or there are too many descriptors.
 pub fn keep_stdout() -> io::Result<()> {
-    let kept = fcntl_dupfd_cloexec(stdout(), KEPT_FROM).or_else(|_| fcntl_dupfd_cloexec(stdout(), 3)); // a low limit of `ulimit -n`
-    let _ = KEPT_STDOUT.set(File::from(kept?)); // kept before: the same file
+    // The second attempt is for a low `ulimit -n`.
+    let kept = fcntl_dupfd_cloexec(stdout(), KEPT_FROM).or_else(|_| fcntl_dupfd_cloexec(stdout(), 3));
+    let _ = KEPT_STDOUT.set(File::from(kept?)); // kept already
     Ok(())
 }
 
@@ -157,7 +159,7 @@ fn write_all(words: &Receiver<Word>) {
 }
 
 fn write_line(line: &str) {
-    let _ = stderr().write_all(line.as_bytes()); // there is no other place to say so
+    let _ = stderr().write_all(line.as_bytes()); // there is no other place to report an error
 }
 
 #[cfg(test)]

@@ -198,7 +198,7 @@ fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
         Err(Errno::WOULDBLOCK) => return Ok(None),
         locked => locked?,
     }
-    // Another process may have removed it between open and lock; then the lock is worthless.
+    // Another process may have removed the folder between open and lock; then the lock is worthless.
     let still_there = fs::symlink_metadata(folder)
         .is_ok_and(|now| fstat(&lock).is_ok_and(|locked| (locked.st_ino, locked.st_dev) == (now.ino(), now.dev())));
     Ok(still_there.then_some(lock))

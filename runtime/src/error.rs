@@ -113,7 +113,7 @@ pub enum SessionError {
     FaultExit { tick: u64 },
 }
 
-/// Returns the words of a panic that was caught.
+/// Returns the message of a panic that was caught.
 pub fn words_of_panic(panic: &(dyn Any + Send)) -> &str {
     let said = panic.downcast_ref::<String>().map(String::as_str);
     said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why")

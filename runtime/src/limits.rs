@@ -63,9 +63,10 @@ pub const MAX_NODES: usize = 48;
 
 // Operating system.
 
-/// More memory than a process maps after its start for the segments of all processes that may join \[bytes\].
+/// Upper bound on the memory that a process maps after its start, for the segments of all processes that may join
+/// \[bytes\].
 pub const LATER_BYTES: usize = 1 << 30;
-/// More files than a connection to one publisher opens.
+/// Upper bound on the files that a connection to one publisher opens.
 pub const FILES_OF_A_CONNECTION: usize = 16;
 /// Files in shared memory that a flight needs: about a hundred, and more for replaced processes.
 pub const FILES_NEEDED: u64 = 300;

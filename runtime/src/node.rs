@@ -101,13 +101,14 @@ pub trait Node {
     fn restore(&mut self, memory: &Snapshot) -> bool;
     /// Adds fault `number` of the core, or changes it to `fault`.
     fn apply_fault(&mut self, number: usize, fault: &Fault);
-    /// Returns the node as one that is asked, if its caller computes its answers.
+    /// Returns the node as [`Asked`] if its caller computes its answers; `None` otherwise.
     fn asked(&mut self) -> Option<&mut dyn Asked> {
         None
     }
 }
 
-/// Node whose answers its caller computes, as bytes of the types in `trefoil.h`. [`Node::answer`] sends the one given.
+/// Node whose answers its caller computes, as bytes of the types in `trefoil.h`. [`Node::answer`] sends the answer that
+/// was given.
 pub trait Asked: Node {
     /// Accepts the messages that have come, and returns the input for the answer to `sample`.
     fn ask(&mut self, sample: Stamp) -> &[u8];
@@ -119,10 +120,10 @@ pub trait Asked: Node {
     fn remembered(&self) -> Option<&[u8]>;
 }
 
-/// Newest answers of a node that no receiver takes, because their numbers are not finite or out of range.
+/// Count of a node's newest answers in a row that receivers refuse, because a number is not finite or out of range.
 ///
-/// Such numbers may be in the memory too, as in the warm start of a solver, and would stay there for ever. So the next
-/// process does not begin with that memory, and is started when too many such answers follow each other.
+/// Such numbers may be in the memory too, as in the warm start of a solver, and would persist. So after such an answer
+/// the process leaves no memory, and after too many of them in a row it ends, to be replaced.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Implausible {
     in_a_row: u32,

@@ -30,7 +30,7 @@ pub enum Release {
 pub enum Caller {
     /// The node's loop, or the ring in process in its place.
     Loop(Release),
-    /// Replay, when the recording has a cycle.
+    /// Replay, at the cycles of the recording.
     Recording,
 }
 

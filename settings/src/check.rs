@@ -27,7 +27,7 @@ use crate::table::sensors::SensorSettings;
 use crate::table::timing::Late;
 use crate::table::vehicle::{PlantSettings, TurbulenceSettings};
 
-/// Returns every rule that `scenario` breaks. `merged` is the same as a table: those `given`, on top of `defaults`.
+/// Returns every rule that `scenario` breaks. `merged` is its table: the settings `given` on top of `defaults`.
 pub fn violations(
     scenario: &Scenario,
     given: &Table,

@@ -1,5 +1,5 @@
-//! Names of earlier versions. Each is refused with what takes its place; docs/names.md lists them. The table leaves
-//! with the first release.
+//! Names of earlier versions. Each is refused, with its replacement in the message; docs/names.md lists them. The first
+//! release removes the table.
 
 use NameKind::{Column, Command, Field, Key, Value};
 use Replacement::{Gone, Name, Seconds};
@@ -22,7 +22,7 @@ pub enum NameKind {
 /// Replacement of a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Replacement {
-    /// Another name of the same.
+    /// New name of the same thing.
     Name(&'static str),
     /// Key in seconds where the old one was in samples.
     Seconds(&'static str),
@@ -30,7 +30,7 @@ pub enum Replacement {
     Gone(&'static str),
 }
 
-/// Old names: what has the name, the name, its replacement.
+/// Old names: kind, name and replacement.
 pub const MOVED: &[(NameKind, &str, Replacement)] = &[
     (Key, "mission.waypoints_m", Gone(WAYPOINTS)),
     (Key, "mission.times_s", Gone(WAYPOINTS)),
@@ -156,7 +156,7 @@ const NO_RECORDER: &str = "a recorder is not swapped; kill it, and another conti
 const OTHER_SOLVERS: &str = "other solvers have lost, docs/tried.md has the commit that compares them";
 const A_TEST: &str = "it tests the stack and no controller, and is a test, tests/isolation.rs";
 
-/// Old name that was used, with what takes its place.
+/// Old name that was used, with its replacement.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Moved {
     /// Refusal, in words.
@@ -167,7 +167,7 @@ pub struct Moved {
     pub now: Replacement,
 }
 
-/// Finds what takes the place of `name`; `None` if it is no old name. If several rows match a key, the longest old name
+/// Finds the replacement of `name`; `None` if `name` is no old name. If several rows match a key, the longest old name
 /// counts.
 pub fn find(kind: NameKind, name: &str) -> Option<Moved> {
     let rest =

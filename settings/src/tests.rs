@@ -350,7 +350,7 @@ fn a_law_by_its_name_alone_has_defaults_that_it_uses() {
         // With every setting written down, those that it does not use would be refused.
         let written = to_toml(&named);
         assert_eq!(from_merged(&written, "written").unwrap_or_else(|error| panic!("{law}: {error}")), named);
-        // What does not depend on the law is as ever.
+        // Settings that do not depend on the law are unchanged.
         let MpcSettings { model, constraints, .. } = all.attitude.mpc;
         let others = Attitude {
             law: all.attitude.law,

@@ -56,7 +56,7 @@ pub fn shortened(word: &str) -> String {
     }
 }
 
-/// Returns what stands at a dotted key of a table; where a value stands, the rest of the key is an index in it.
+/// Returns the value at a dotted key of a table; the rest of the key after a value that is no table is ignored.
 pub fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     let Some((first, rest)) = key.split_once('.') else { return table.get(key) };
     let value = table.get(first)?;

@@ -46,8 +46,8 @@ impl Crate {
         Self { sources }
     }
 
-    /// The arrows in loops among the children of a folder, as text. A child is a file, or a folder with all in it; the
-    /// file that declares the children is one of them.
+    /// Returns the cyclic dependencies among the children of a folder, as text. A child is a file, or a folder with all
+    /// its files; the file that declares the children is one of them.
     pub fn circles(&self) -> BTreeSet<String> {
         let arrows = self.arrows();
         let folders = self.sources.iter().filter_map(|source| source.module.split_last());
@@ -71,7 +71,7 @@ impl Crate {
         arrows.iter().filter(loops).map(text).collect()
     }
 
-    /// Which file uses an item that is defined in which other one. Declaring and re-exporting a module are no uses.
+    /// Returns pairs of files: the first uses an item that the second defines. Re-exports are no uses.
     fn arrows(&self) -> BTreeSet<(usize, usize)> {
         let mut arrows = BTreeSet::new();
         for (from, source) in self.sources.iter().enumerate() {
@@ -86,7 +86,7 @@ impl Crate {
         arrows
     }
 
-    /// The file that defines what `path` means in the file `at`; none for other crates and for modules themselves.
+    /// Finds the file that defines the item `path` in the scope of file `at`; `None` for other crates and for modules.
     fn home(&self, at: usize, path: &[String], depth: usize) -> Option<usize> {
         let source = &self.sources[at];
         let (first, rest) = path.split_first()?;

@@ -1,4 +1,4 @@
-//! Any settings and faults that are accepted fly: no panic, no hang. Those that are not are refused by their key.
+//! Any accepted settings and faults fly without a panic or a hang. Refused ones are reported with their key.
 //!
 //! A minute of it is in `.ci/run`; an hour is `PROPTEST_CASES=400000 cargo test --workspace fuzz::flights`.
 
@@ -20,9 +20,9 @@ use toml::{Table, Value};
 
 use super::cases;
 
-/// A flight of a second that takes longer is stuck.
+/// Time after which a flight of one second counts as hung.
 const STUCK: Duration = Duration::from_secs(300);
-/// Larger controllers take seconds to build.
+/// Largest Np Nu that is flown: larger controllers take seconds to build.
 const LARGEST_PLAN: usize = 500;
 /// The words that some keys take.
 const WORDS: [(&str, &[&str]); 13] = [
@@ -67,14 +67,14 @@ fn size() -> impl Strategy<Value = Size> {
     ]
 }
 
-/// One setting, by its place among all of them, and what becomes of it.
+/// Change of one setting: its index among all settings, the change, and the index of an array element.
 type Change = (Index, Size, Index);
 
 fn change() -> impl Strategy<Value = Change> {
     (any::<Index>(), size(), any::<Index>())
 }
 
-/// Every key that has a value, with it.
+/// Collects every dotted key that has a value, with its value.
 fn leaves(path: &str, table: &Table, found: &mut Vec<(String, Value)>) {
     for (name, value) in table {
         let key = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
@@ -170,7 +170,7 @@ fn check(overrides: &[String]) {
     }
 }
 
-/// Returns whether the plan is one of a size that can be built again and again.
+/// Returns whether the controller is at most [`LARGEST_PLAN`] large, or the settings are refused.
 fn is_small(overrides: &[String]) -> bool {
     let scenario = settings::load(None, overrides);
     scenario.is_err() || scenario.is_ok_and(|scenario| scenario.np() * scenario.nu() <= LARGEST_PLAN)

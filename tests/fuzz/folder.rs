@@ -23,9 +23,9 @@ static FLOWN: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     (log, outcome.run().to_string())
 });
 
-/// A folder with these two files, looked at in every way there is.
+/// Writes these two files into a folder, and reads it in every way.
 fn look(flight: &[u8], run: Option<&[u8]>) {
-    // In memory: a report is not finished before the disk has it.
+    // In memory, since a report is synced to the disk before it is finished.
     let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     let path = folder.path().join("flight.mcap");
     fs::write(&path, flight).expect("can be written");
@@ -74,7 +74,7 @@ fn forged(words: &[(prop::sample::Index, usize, u64)]) -> Vec<u8> {
     fs::read(&path).expect("can be read")
 }
 
-/// Puts `odd` in the place of the leaf of `value` that is number `which` of all.
+/// Replaces leaf number `which` of `value` by `odd`.
 fn replace(value: &mut Value, which: &mut usize, odd: &Value) {
     match value {
         Value::Array(items) if !items.is_empty() => items.iter_mut().for_each(|item| replace(item, which, odd)),

@@ -1,5 +1,5 @@
 //! Folders of runs and campaigns in which something was damaged: every command that reads them ends within ten seconds
-//! and 500 MB, with a sentence and an exit code of its own.
+//! and 500 MB, with a message and a regular exit code.
 //!
 //! `PROPTEST_CASES=10000 cargo test --workspace --test stack fuzz::folders` looks longer.
 
@@ -23,7 +23,7 @@ use crate::recorded::confined;
 const LIMIT: Duration = Duration::from_secs(10);
 const LIMIT_KB: u32 = 500_000;
 
-/// A file of a folder: its path in it, and what stands in it.
+/// Files of a folder: the path of each relative to it, and its content.
 type Files = Vec<(PathBuf, Vec<u8>)>;
 
 /// The folder of a short flight in which guidance is killed.
@@ -67,11 +67,11 @@ enum Damage {
     Edit(Vec<Edit>),
     /// Cut to this share.
     Cut(f64),
-    /// Content of another file of the folder in its place.
+    /// Replaced by the content of another file of the folder.
     Like(Index),
     Gone,
     Empty,
-    /// Zeros to this length, of which the disk holds none.
+    /// Sparse file of zeros of this length.
     Long(u64),
     Fifo,
     Folder,
@@ -119,7 +119,7 @@ fn lay(top: &Path, files: &Files, damages: &[(Index, Damage)]) {
     }
 }
 
-/// Makes the launcher read what lies in `place`, and checks how it ends.
+/// Runs the launcher on the folder `place`, and checks its exit code and message.
 fn read(place: &Path, arguments: &[&str]) {
     let arguments: Vec<String> =
         arguments.iter().map(|argument| argument.replace('@', &place.display().to_string())).collect();

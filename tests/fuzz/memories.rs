@@ -1,4 +1,4 @@
-//! Logs whose memories are forged: a replay that begins with one is refused or flown, and never ends the launcher.
+//! Logs with forged memories: a replay that begins with one is refused or flown, and never crashes the launcher.
 //!
 //! `PROPTEST_CASES=1000 cargo test --workspace --test stack fuzz::memories` looks longer.
 
@@ -19,8 +19,8 @@ use tempfile::TempDir;
 use super::cases;
 use crate::harness::fly;
 
-/// A flight through gusts with noise and a link that delays, what its nodes remembered at 10 s, and its folder without
-/// that.
+/// A flight through gusts with noise and a delaying link, the memories of its nodes at 10 s, and its folder without
+/// these memories.
 struct Flown {
     log: Log,
     memories: Vec<Memory>,
@@ -125,7 +125,7 @@ fn folder(memories: &[Memory]) -> TempDir {
     folder
 }
 
-/// Returns exit code and words of a replay of the flight from 10.2 s on.
+/// Returns exit code and message of a replay of the flight from 10.2 s on.
 fn replayed(memories: &[Memory]) -> anyhow::Result<(u8, String)> {
     let folder = folder(memories);
     let part = TimeSpan { from_s: 10.2, ..TimeSpan::ALL };

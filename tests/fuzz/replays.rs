@@ -1,5 +1,4 @@
-//! Logs of flights that were cut, thinned or mixed: none is called the same flight unless all of the flight was
-//! compared.
+//! Logs that were cut, thinned or mixed: a replay reports the same flight only if it compared the whole flight.
 //!
 //! `PROPTEST_CASES=1000 cargo test --workspace --test stack fuzz::replays` looks longer.
 
@@ -19,7 +18,7 @@ use replay::{Recording, ReplayPlan};
 use super::cases;
 use crate::harness::fly;
 
-/// A flight as it left its folder.
+/// A flight, with the files of its folder.
 struct Flown {
     log: Log,
     bytes: Vec<u8>,
@@ -27,8 +26,8 @@ struct Flown {
     settings: String,
 }
 
-/// A short mission in every mode, with a death, once with flipped bits; each with a seed of its own, for in process and
-/// in lockstep one seed is one flight.
+/// Short missions in every mode, with a killed node, one also with flipped bits. Each has its own seed, since a seed
+/// gives the same flight in process and in lockstep.
 static FLOWN: LazyLock<Vec<Flown>> = LazyLock::new(|| {
     let broken = "{ at_s = 0.1, for_s = 0.1, target = \"guidance\", kind = \"kill\" }, { at_s = 0.2, for_s = 0.3, target = \
                   \"rates\", kind = \"noise\" }";

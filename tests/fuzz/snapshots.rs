@@ -1,4 +1,4 @@
-//! Memories of which any word is wrong: refused or accepted, and the next steps are taken.
+//! Memories with wrong words are refused or accepted, and the next steps do not panic.
 
 use attitude_mpc::AttitudeMpc;
 use contract::integrity::checksum_of;
@@ -31,7 +31,7 @@ fn words() -> impl Strategy<Value = Vec<(usize, u64)>> {
     vec((0..SNAPSHOT_WORDS, word), 0..20)
 }
 
-/// `snapshot` with other words, with checksum anew unless the seal itself was forged.
+/// Returns `snapshot` with these words, and with a new checksum unless the checksum itself was forged.
 fn forged(mut snapshot: Snapshot, words: &[(usize, u64)]) -> Snapshot {
     for (place, word) in words {
         snapshot[*place] = *word;
@@ -76,7 +76,7 @@ proptest! {
             guidance.step(tick, &state);
             mpc.step(tick, &state, &reference);
             mixer.step(tick, &controls, &state);
-            // Whatever has come of it, it can be handed on.
+            // Snapshots can be taken whatever the state.
             let _ = (guidance.snapshot(), mpc.snapshot(), mixer.snapshot());
         }
     }

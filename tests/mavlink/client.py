@@ -1,4 +1,4 @@
-"""A ground station: prints its port, listens until the vehicle is disarmed, asks for things, prints what came."""
+"""A ground station: prints its port, sends requests, listens until the vehicle is disarmed, prints the messages."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Flies alone, with everything attached, and with a browser that draws the page too; interleaved, in real time.
+"""Flies in real time, in turn: alone, with all clients attached, and also with a browser that draws the page.
 
 Usage: attached.py LAUNCHER [ROUNDS [SECONDS]]
 
@@ -86,7 +86,7 @@ def fly(launcher, kind, seconds, folder):
 
 
 def misses(printed):
-    """Missed deadlines by node."""
+    """Returns the missed deadlines by node."""
     return {name: node["misses"] for name, node in json.loads(printed)["timing"]["nodes"].items()}
 
 

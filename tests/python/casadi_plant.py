@@ -27,14 +27,14 @@ moment = ca.vertcat(
 
 
 def rotation(axis, angle):
-    """Rotation about a coordinate axis."""
+    """Returns the rotation matrix about a coordinate axis."""
     c, s = ca.cos(angle), ca.sin(angle)
     rows = [[[1, 0, 0], [0, c, -s], [0, s, c]], [[c, 0, s], [0, 1, 0], [-s, 0, c]], [[c, -s, 0], [s, c, 0], [0, 0, 1]]]
     return ca.vertcat(*[ca.horzcat(*row) for row in rows[axis]])
 
 
 def derivative(x):
-    """Rate of change of position, velocity, Euler angles and rates."""
+    """Returns the rate of change of position, velocity, Euler angles and rates."""
     u, (phi, theta, psi), w = x[3:6], ca.vertsplit(x[6:9]), x[9:12]
     body = rotation(2, psi) @ rotation(1, theta) @ rotation(0, phi)
     tangent = ca.tan(theta)

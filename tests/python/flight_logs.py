@@ -13,8 +13,8 @@ SITES = {
     "csv": {"still": 10.0, "off": 20.0, "late": 0.11, "map": (3.0, 63.3), "steps": (0.0, 0.0, 0.0)},
     "zip": {"still": 4.0, "off": 4.8, "late": 0.22, "map": (11.8, -68.4), "steps": (0.11, 0.88, 0.01)},
 }
-LATE_S = {"NTUN": 0.35, "MAG": 0.03}  # barometer and magnetometer of the real flight, as its own filter has them
-SPACED_S = {"baro": 0.0396, "mag": 0.0198}  # no more often than by the preset
+LATE_S = {"NTUN": 0.35, "MAG": 0.03}  # barometer and magnetometer of the real flight, as in its own filter
+SPACED_S = {"baro": 0.0396, "mag": 0.0198}  # shortest intervals, those of the preset
 
 
 def simulated(path):
@@ -27,7 +27,7 @@ def simulated(path):
 
 
 def real(path):
-    """Reads the same of the real flight. Its course stands still below 0.5 m/s, and then there is no level velocity."""
+    """Reads the same from the real flight. Its course is frozen below 0.5 m/s; the horizontal velocity is then NaN."""
     log = {}
     with zipfile.ZipFile(path) as file:
         for name in ("IMU", "GPS", "MAG", "NTUN", "ATT"):

@@ -20,13 +20,13 @@ KINEMATICS = ("position_m", "velocity_mps", "attitude_rad", "rates_radps")
 
 
 def vector(part, name):
-    """The three numbers of a field of a message, which is a message itself."""
+    """Returns the three numbers of a field that is itself a message."""
     value = getattr(part, name)
     return [getattr(value, field.name) for field in value.DESCRIPTOR.fields]
 
 
 def expected(state, truth):
-    """The outputs that the plant of the log had."""
+    """Returns the outputs of the plant in the log."""
     outputs = {name: vector(truth.actual, name) for name in KINEMATICS}
     outputs |= {f"measured_{name}": vector(state.measured, name) for name in KINEMATICS}
     outputs["actuator_rotor_speed"] = vector(truth.actuators, "rotor_speed")
@@ -106,7 +106,7 @@ def main(fmu, log):
     for point, size in ((last * step_s, 0.6 * step_s), ((last + 7) * step_s, step_s)):
         try:
             instance.doStep(currentCommunicationPoint=point, communicationStepSize=size)
-        except Exception:  # fmpy has one of its own for each version
+        except Exception:  # each FMI version has its own exception in fmpy
             refused += 1
     instance.freeInstance()
     print(json.dumps({"states": last + 1, "outputs": len(expected(states[0], truths[0])), "refused": refused}))

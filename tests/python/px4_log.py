@@ -24,7 +24,7 @@ WHITE = {"position": [0.15, 0.15, 0.246], "velocity": [0.0492, 0.0492, 0.1006], 
 
 
 class Filter(ekf.Filter):
-    """Filter that keeps the normalised innovations squared and leaves out what is no number."""
+    """Filter that keeps the normalised innovations squared and leaves out measurements that are NaN."""
 
     def __init__(self):
         super().__init__()
@@ -88,7 +88,7 @@ def angles(r):
 
 
 def tell(what, values):
-    """Prints root mean square and largest of each column."""
+    """Prints root mean square and largest magnitude of each column."""
     print(f"{what:55}{np.sqrt(np.nanmean(np.square(values), 0)).round(2)} {np.nanmax(np.abs(values), 0).round(1)}")
 
 

@@ -27,7 +27,7 @@ NAMES = "status_name"
 
 
 def bits(value):
-    """A value as bits, so that -0.0 is not 0.0; every NaN is the same."""
+    """Returns a value as bits, so that -0.0 is not 0.0; every NaN is the same."""
     if isinstance(value, float):
         return "nan" if math.isnan(value) else struct.pack("<d", value).hex()
     return value
@@ -65,7 +65,7 @@ def tables(log):
 
 
 def order(names, row):
-    """A key by which rows are sorted: a log has the order of writing, an export that of the ticks."""
+    """Returns a sort key for rows: a log has the order of writing, an export that of the ticks."""
     return [str(bits(row[name])) for name in names if name != NAMES]
 
 
@@ -75,7 +75,7 @@ def same(topic, name, place, ours, theirs):
 
 
 def compare_table(topic, rows, read):
-    """`read` is a list of dictionaries: the rows of the export."""
+    """Compares the rows of the log with `read`, the rows of the export as dictionaries."""
     if len(rows) != len(read):
         sys.exit(f"{topic}: the log has {len(rows)} messages, the export {len(read)} rows")
     read = sorted(read, key=lambda row: order(rows[0][1], row))

@@ -29,7 +29,7 @@ TOPICS = {
     "/actuators": ("trefoil.v1.Actuators", "stamp command flags"),
     "/truth": ("trefoil.v1.Truth", "tick sequence checksum actual actuators"),
 }
-# What happened to the processes; no message in a quiet flight.
+# Events of the processes; a flight without events has no message.
 EVENTS = "/events"
 EVENT = ("trefoil.v1.Event", "tick node epoch what why swap by fault_number fault origin")
 
@@ -62,7 +62,7 @@ def messages_of(file):
 
 
 def check(schema, channel, message, decoded):
-    """One message against the promises."""
+    """Checks one message against the documented format."""
     topic = channel.topic
     expect(topic in TOPICS or topic == EVENTS, f"unknown topic {topic}")
     name, fields = EVENT if topic == EVENTS else TOPICS[topic]
@@ -82,7 +82,7 @@ def check(schema, channel, message, decoded):
 
 
 def ordinary(path):
-    """How many messages the loop reads that is in every tutorial, by topic."""
+    """Counts the messages that the usual tutorial loop reads, by topic."""
     counts = {}
     with open(path, "rb") as file:
         for _, channel, _, _ in make_reader(file, decoder_factories=[Protobuf()]).iter_decoded_messages():

@@ -1,4 +1,4 @@
-"""Lists what two Rerun recordings have: the converter's and that of docs/layouts/rerun_view.py.
+"""Lists the contents of two Rerun recordings: the converter's and that of docs/layouts/rerun_view.py.
 
     pip install rerun-sdk
     python3 read_rerun.py CONVERTED.rrd RECORDING.rrd

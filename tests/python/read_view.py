@@ -40,7 +40,7 @@ def xyz(vector):
 
 
 def turned(q, v):
-    """The vector `v` turned by the quaternion `q`."""
+    """Returns the vector `v` rotated by the quaternion `q`."""
     u = (q.x, q.y, q.z)
     cross = lambda a, b: (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     t = tuple(2 * c for c in cross(u, v))

@@ -1,4 +1,4 @@
-//! Happenings of the flight, and how far off it was.
+//! Events and faults of a flight in its trace, and its errors.
 
 use flight::event::{Event, TimedEvent, What};
 use outcome::faults::FaultRecord;

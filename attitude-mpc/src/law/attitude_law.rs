@@ -1,4 +1,4 @@
-//! Interface of a law: what it gets at a sample, and what it returns.
+//! Interface of a law: its inputs at a sample, and its results.
 //!
 //! ```text
 //! observe    the model of this tick, from the measured motion
@@ -58,8 +58,8 @@ pub trait AttitudeLaw {
     /// numbers would overflow.
     fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision>;
 
-    /// Returns the unconstrained plan of the newest tick, 4Nu, and the one that is followed, of which the first move
-    /// counts where that is all that was computed; `None` under a law that does not plan ahead.
+    /// Returns the unconstrained plan of the newest tick, 4Nu, and the plan that is followed; `None` under a law that
+    /// does not plan ahead. If only the first move was computed, only that is valid.
     fn plans(&mut self) -> Option<[&DVector<f64>; 2]> {
         None
     }
@@ -70,7 +70,7 @@ pub trait AttitudeLaw {
     /// Sets whether the next steps avoid the solver, because a deadline was missed.
     fn hurry(&mut self, _hurried: bool) {}
 
-    /// Returns what the next solve starts from.
+    /// Returns the constraints that the next solve starts from.
     fn warm_start(&self) -> WarmStart {
         WarmStart::default()
     }
@@ -103,7 +103,7 @@ pub struct Aim<'a> {
     pub reference: [f64; STATES],
     /// Roll from trim and pitch of the sample \[rad\], at which guidance made the reference.
     pub attitude_rad: [f64; 2],
-    /// Goal that the reference is of, with its preview.
+    /// Goal that `reference` was made from, with its preview.
     pub goal: &'a Goal,
     /// Time from the moment of the goal to the one at which the demand acts \[ns\].
     pub age_ns: f64,
@@ -111,7 +111,7 @@ pub struct Aim<'a> {
     pub unfollowed: Vector4<f64>,
 }
 
-/// Demand of a law, and what became of its plan.
+/// Demand of a law, with the status and the effort of its plan.
 #[derive(Debug, Clone, Copy)]
 pub struct Decision {
     /// Demand col, lon, lat, ped \[N, N m, N m, N m\].

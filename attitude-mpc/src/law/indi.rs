@@ -1,5 +1,5 @@
-//! Incremental nonlinear dynamic inversion: the measured acceleration takes the place of a model of what acts on the
-//! vehicle beside its actuators.
+//! Incremental nonlinear dynamic inversion: the measured acceleration replaces a model of all forces and moments except
+//! those of the actuators.
 //!
 //! ```text
 //! nu = kp e + kd (q w_ref - w)                    wanted acceleration, in the axes of the level frame
@@ -23,7 +23,7 @@
 //!
 //! With `attitude.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure
 //! from it: with "modelled", the default, the controller simulates them under the command in force, with the lag
-//! `attitude.actuator_lag_model_s`; docs/laws.md has what a wrong lag costs. Tests
+//! `attitude.actuator_lag_model_s`; docs/laws.md shows the cost of a wrong lag. Tests
 //! `the_actuators_alone_are_no_disturbance`, `a_constant_moment_leaves_no_offset`,
 //! `sensed_actuators_need_no_model_of_their_lag`.
 

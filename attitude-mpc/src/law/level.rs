@@ -91,7 +91,7 @@ impl RigidBody {
         Vector4::new(inputs[0] * self.lift(x) / self.mass_kg, turning.y, turning.x, turning.z)
     }
 
-    /// Moment `omega x J omega` about y, x, z that keeps the rates of `x`, as lon, lat, ped beside a col of 0.
+    /// Moment `omega x J omega` about y, x, z that keeps the rates of `x`, as lon, lat, ped with a col of 0.
     pub fn gyroscopic(&self, x: &DVectorView<f64>) -> Vector4<f64> {
         let rates = Vector3::new(x[4], x[5], x[6]);
         let moment = rates.cross(&self.inertia_kgm2.component_mul(&rates));

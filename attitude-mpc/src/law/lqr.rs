@@ -26,8 +26,8 @@ pub struct Lqr {
 }
 
 impl Lqr {
-    /// Builds the regulator of a `model` with the weights of `scenario`; the error names weights for which there is
-    /// none.
+    /// Builds the regulator of a `model` with the weights of `scenario`; the error names weights for which no regulator
+    /// exists.
     pub fn new(scenario: &Scenario, model: &PredictionModel) -> Result<Self, ScenarioError> {
         Ok(Self {
             gain: condensed::regulator(model, &scenario.attitude)?,

@@ -1,12 +1,12 @@
 //! Laws: each computes the demand from the goal and from the state at which the demand acts.
 //!
 //! A law is a file here with an implementation of [`AttitudeLaw`](attitude_law::AttitudeLaw), and a row in [`table`].
-//! The controller does what is common to all laws: the age of a goal, the delay, the disturbance by the linear model,
-//! old messages. Test `every_law_takes_over_from_every_other_in_flight`.
+//! The controller handles the parts common to all laws: the age of a goal, the delay, the disturbance by the linear
+//! model, old messages. Test `every_law_takes_over_from_every_other_in_flight`.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`attitude_law`] | what a law gets, and what it returns |
+//! | [`attitude_law`] | inputs and results of a law |
 //! | [`table`] | all laws, by their names in a scenario |
 //! | [`mpc`] | model predictive control, (3)-(6) |
 //! | [`lqr`] | the regulator of the same cost |

@@ -85,7 +85,7 @@ fn a_demand_that_was_lost_does_not_act_in_the_prediction() {
     for delay_ns in [3_700_000, 23_000_000, 50_000_000] {
         let lost = 40;
         let errors = prediction_errors(delay_ns, Some(lost));
-        // Whether a demand that is due at a sample acts there is known one sample later.
+        // The effect of a demand that is due at a sample is known one sample later.
         let known = lost as usize + delay_ns.div_ceil(SAMPLE_NS) as usize + usize::from(delay_ns % SAMPLE_NS == 0);
         let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
         assert!(worst(&errors[20..=lost as usize]) < 1e-12, "what acts before it is known");

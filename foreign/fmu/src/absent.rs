@@ -1,5 +1,5 @@
-//! Functions of FMI 3.0 for other kinds of FMU and for types that no variable has. The standard wants them all to be
-//! there; each returns an error.
+//! Functions of FMI 3.0 for other kinds of FMU and for types that no variable has. The standard requires all of them;
+//! each returns an error.
 //!
 //! They read none of their arguments, so they are declared without: in the calling conventions of the platforms of
 //! this FMU the caller alone places and removes arguments.

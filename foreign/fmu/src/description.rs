@@ -18,7 +18,7 @@ pub const SCENARIO_FILE: &str = "scenario.toml";
 /// Checks that `scenario` has the launcher's own plant, which is the one in the FMU.
 ///
 /// # Errors
-/// Its plant is a library or program.
+/// The plant is a library or program.
 pub fn check(scenario: &Scenario) -> Result<(), String> {
     match scenario.node.plant.kind() {
         ProgramKind::Own => Ok(()),

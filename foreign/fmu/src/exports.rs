@@ -17,7 +17,7 @@ pub const ERROR: Status = 3;
 
 type Log = unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char);
 
-/// Instance, and where its messages go.
+/// Instance, and the receiver of its messages.
 pub struct Handle {
     instance: Instance,
     environment: *mut c_void,
@@ -45,7 +45,7 @@ fn tell(log: Option<Log>, environment: *mut c_void, why: &str) {
 /// # Safety
 /// `handle` came from `fmi3InstantiateCoSimulation`, was not freed, and is used by one thread at a time.
 unsafe fn with(handle: *mut Handle, work: impl FnOnce(&mut Handle) -> Result<(), String>) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     let Some(handle) = (unsafe { handle.as_mut() }) else { return ERROR };
     let done = catch_unwind(AssertUnwindSafe(|| work(handle))).unwrap_or_else(|_| Err("a defect in the FMU".into()));
     match done {
@@ -62,7 +62,7 @@ unsafe fn with(handle: *mut Handle, work: impl FnOnce(&mut Handle) -> Result<(),
 /// # Safety
 /// `values` points to `count` values that live as long as `'a`; of 0 values it may be NULL.
 unsafe fn given<'a, T>(values: *const T, count: usize) -> &'a [T] {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     if count == 0 || values.is_null() { &[] } else { unsafe { std::slice::from_raw_parts(values, count) } }
 }
 
@@ -71,7 +71,7 @@ unsafe fn given<'a, T>(values: *const T, count: usize) -> &'a [T] {
 /// # Safety
 /// As for [`given`], and nothing else uses the values meanwhile.
 unsafe fn taken<'a, T>(values: *mut T, count: usize) -> &'a mut [T] {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     if count == 0 || values.is_null() { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(values, count) } }
 }
 
@@ -80,7 +80,7 @@ unsafe fn taken<'a, T>(values: *mut T, count: usize) -> &'a mut [T] {
 /// # Safety
 /// `text` is NULL or ends with a zero.
 unsafe fn text<'a>(text: *const c_char) -> &'a str {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     if text.is_null() { "" } else { unsafe { CStr::from_ptr(text) }.to_str().unwrap_or_default() }
 }
 
@@ -91,14 +91,14 @@ pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Does nothing: errors are told always, and nothing else is.
+/// Does nothing: errors are always reported, and nothing else is.
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetDebugLogging(_: *mut Handle, _: u8, _: usize, _: *const *const c_char) -> Status {
     OK
 }
 
-/// Creates an instance; NULL on an error, which is told.
+/// Creates an instance; NULL on an error, which is reported.
 ///
 /// # Safety
 /// The texts end with a zero, and `log` can be called with `environment`, as the standard says.
@@ -163,7 +163,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     _stop_defined: u8,
     _stop_s: f64,
 ) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, |handle| handle.instance.initialise(start_s)) }
 }
 
@@ -174,7 +174,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut Handle) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, |_| Ok(())) }
 }
 
@@ -185,7 +185,7 @@ pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut Handle) -> Stat
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Terminate(handle: *mut Handle) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, |_| Ok(())) }
 }
 
@@ -196,14 +196,14 @@ pub unsafe extern "C" fn fmi3Terminate(handle: *mut Handle) -> Status {
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, |handle| handle.instance.reset()) }
 }
 
 /// Reads numbers.
 ///
 /// # Safety
-/// As for all functions of an instance ([`with`]); the arrays have the numbers of values that are named.
+/// As for all functions of an instance ([`with`]); the arrays have the given numbers of values.
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFloat64(
@@ -213,7 +213,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     values: *mut f64,
     count: usize,
 ) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     let (references, values) = unsafe { (given(references, reference_count), taken(values, count)) };
     let get = |handle: &mut Handle| {
         let mut at = 0;
@@ -225,7 +225,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
         }
         (at == count).then_some(()).ok_or_else(|| "too many values".into())
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, get) }
 }
 
@@ -242,7 +242,7 @@ pub unsafe extern "C" fn fmi3SetFloat64(
     values: *const f64,
     count: usize,
 ) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     let (references, values) = unsafe { (given(references, reference_count), given(values, count)) };
     let set = |handle: &mut Handle| {
         let mut at = 0;
@@ -254,7 +254,7 @@ pub unsafe extern "C" fn fmi3SetFloat64(
         }
         (at == count).then_some(()).ok_or_else(|| "too many values".into())
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, set) }
 }
 
@@ -271,7 +271,7 @@ pub unsafe extern "C" fn fmi3GetString(
     values: *mut *const c_char,
     count: usize,
 ) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     let (references, values) = unsafe { (given(references, reference_count), taken(values, count)) };
     let get = |handle: &mut Handle| {
         if references.iter().any(|reference| *reference != SETTINGS) || references.len() != values.len() {
@@ -281,7 +281,7 @@ pub unsafe extern "C" fn fmi3GetString(
         values.fill(handle.text.as_ptr());
         Ok(())
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, get) }
 }
 
@@ -298,18 +298,18 @@ pub unsafe extern "C" fn fmi3SetString(
     values: *const *const c_char,
     count: usize,
 ) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     let (references, values) = unsafe { (given(references, reference_count), given(values, count)) };
     let set = |handle: &mut Handle| {
         // SAFETY: the caller gives text.
         let mut pairs = references.iter().zip(values).map(|(reference, value)| (*reference, unsafe { text(*value) }));
         pairs.try_for_each(|(reference, value)| handle.instance.set_text(reference, value))
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, set) }
 }
 
-/// Moves by a step, a whole number of periods. A vehicle that diverges ends the simulation.
+/// Advances by a step, a whole number of periods. A vehicle that diverges ends the simulation.
 ///
 /// # Safety
 /// As for all functions of an instance ([`with`]); the results are NULL or can be written.
@@ -328,18 +328,18 @@ pub unsafe extern "C" fn fmi3DoStep(
     let step = |handle: &mut Handle| {
         let goes_on = handle.instance.step(time_s, step_s)?;
         for (result, value) in [(event_needed, false), (terminate, !goes_on), (early_return, false)] {
-            // SAFETY: the caller says so.
+            // SAFETY: the caller guarantees it.
             if let Some(result) = unsafe { result.as_mut() } {
                 *result = u8::from(value);
             }
         }
-        // SAFETY: the caller says so.
+        // SAFETY: the caller guarantees it.
         if let Some(last_s) = unsafe { last_time_s.as_mut() } {
             *last_s = time_s + step_s;
         }
         Ok(())
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, step) }
 }
 
@@ -348,7 +348,7 @@ pub unsafe extern "C" fn fmi3DoStep(
 /// # Safety
 /// `state` is NULL, or points to NULL or to a state of this FMU.
 unsafe fn give(state: *mut *mut Saved, saved: Saved) -> Result<(), String> {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     let state = unsafe { state.as_mut() }.ok_or("no place for the state")?;
     // SAFETY: a state of this FMU is a box that was given away.
     match unsafe { state.as_mut() } {
@@ -365,7 +365,7 @@ unsafe fn give(state: *mut *mut Saved, saved: Saved) -> Result<(), String> {
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut Saved) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, |handle| give(state, handle.instance.state())) }
 }
 
@@ -377,11 +377,11 @@ pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut S
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut Handle, state: *const Saved) -> Status {
     let set = |handle: &mut Handle| {
-        // SAFETY: the caller says so.
+        // SAFETY: the caller guarantees it.
         handle.instance.set_state(unsafe { state.as_ref() }.ok_or("no state")?);
         Ok(())
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, set) }
 }
 
@@ -392,7 +392,7 @@ pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut Handle, state: *const Save
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeFMUState(_: *mut Handle, state: *mut *mut Saved) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     if let Some(state) = unsafe { state.as_mut() }
         && !state.is_null()
     {
@@ -410,7 +410,7 @@ pub unsafe extern "C" fn fmi3FreeFMUState(_: *mut Handle, state: *mut *mut Saved
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializedFMUStateSize(_: *mut Handle, _: *const Saved, size: *mut usize) -> Status {
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { size.as_mut() }.map_or(ERROR, |size| {
         *size = STATE_BYTES;
         OK
@@ -420,7 +420,7 @@ pub unsafe extern "C" fn fmi3SerializedFMUStateSize(_: *mut Handle, _: *const Sa
 /// Writes a state as bytes.
 ///
 /// # Safety
-/// As for [`fmi3SetFMUState`]; `bytes` has `count`.
+/// As for [`fmi3SetFMUState`]; `bytes` points to `count` bytes.
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SerializeFMUState(
@@ -430,18 +430,18 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
     count: usize,
 ) -> Status {
     let write = |_: &mut Handle| {
-        // SAFETY: the caller says so.
+        // SAFETY: the caller guarantees it.
         let (state, bytes) = unsafe { (state.as_ref().ok_or("no state")?, taken(bytes, count)) };
         state.serialise(bytes)
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, write) }
 }
 
 /// Reads a state from bytes.
 ///
 /// # Safety
-/// As for [`fmi3GetFMUState`]; `bytes` has `count`.
+/// As for [`fmi3GetFMUState`]; `bytes` points to `count` bytes.
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3DeserializeFMUState(
@@ -451,9 +451,9 @@ pub unsafe extern "C" fn fmi3DeserializeFMUState(
     state: *mut *mut Saved,
 ) -> Status {
     let read = |handle: &mut Handle| {
-        // SAFETY: the caller says so.
+        // SAFETY: the caller guarantees it.
         unsafe { give(state, handle.instance.deserialise(given(bytes, count))?) }
     };
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     unsafe { with(handle, read) }
 }

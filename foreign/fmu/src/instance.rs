@@ -1,4 +1,4 @@
-//! A plant that a tool moves period by period.
+//! Plant that a tool advances period by period.
 
 use std::path::PathBuf;
 
@@ -104,7 +104,7 @@ impl Instance {
         outputs.or_else(|| input(&mut self.saved.command, reference).map(|values| values.to_vec()))
     }
 
-    /// Returns the places of the input `reference`.
+    /// Returns the numbers of the input `reference`; `None` if there is no such input.
     pub fn input(&mut self, reference: u32) -> Option<&mut [f64]> {
         input(&mut self.saved.command, reference)
     }

@@ -44,7 +44,7 @@ pub const OUTPUTS: [PlantOutput; 10] = [
     output!("measured_rates_radps", "rad/s", "measured body rates p, q, r", state.measured.rates_radps),
 ];
 
-/// Returns the part of a command that the input `reference` is; `None` if there is no such input.
+/// Returns the part of a command that the input `reference` sets; `None` if there is no such input.
 pub fn input(command: &mut ActuationMsg, reference: u32) -> Option<&mut [f64]> {
     match reference {
         ROTOR_SPEED => Some(&mut command.rotor_speed),

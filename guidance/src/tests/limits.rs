@@ -1,4 +1,4 @@
-//! Tests of the limits: they have no direction, and the integral does not wind up behind them.
+//! Tests of the limits: they are equal in all directions, and the integral does not wind up at a limit.
 
 use contract::message::guidance_flags;
 use nalgebra::Vector3;

@@ -20,7 +20,8 @@ fn turning(parts: &str) -> Scenario {
     scenario
 }
 
-/// Reference at `tick` of a level vehicle that is, moves and points as the reference says, `east_m` beside it.
+/// Reference at `tick` for a level vehicle with the position, velocity and heading of the trajectory, displaced by
+/// `east_m`.
 fn beside(scenario: &Scenario, tick: u64, east_m: f64) -> Reference {
     let (mut guidance, t_s) = (Guidance::new(scenario), tick as f64 * scenario.sample_s());
     let (setpoint, psi) = (guidance.trajectory.at(t_s), guidance.trajectory.heading_at(t_s));

@@ -1,4 +1,4 @@
-//! Columns that a table of flights has of each outcome.
+//! Columns of a table of flights that describe the outcome of a flight.
 
 use anyhow::{bail, ensure};
 use outcome::metrics::Metrics;
@@ -34,7 +34,7 @@ pub fn metrics() -> Vec<String> {
     of_the_outcome().into_iter().filter_map(is_number).collect()
 }
 
-/// Checks that the table of flights has a column `metric` of numbers, for `who`.
+/// Checks that the table of flights has a column `metric` of numbers; the error begins with `who`.
 pub fn require_metric(who: &str, metric: &str) -> anyhow::Result<()> {
     if let Some(Moved { title, .. }) = moved::find(moved::NameKind::Column, metric) {
         bail!("{who}: {title}");

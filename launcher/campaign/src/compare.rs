@@ -55,7 +55,7 @@ impl Compare {
         self.metrics.iter().try_for_each(|metric| columns::require_metric("[compare]", metric))
     }
 
-    /// Returns whether the controller `name` is compared with the one.
+    /// Returns whether the controller `name` is compared with `self.with`.
     pub fn compares(&self, name: &str) -> bool {
         name != self.with && self.controllers.as_ref().is_none_or(|names| names.iter().any(|own| own == name))
     }

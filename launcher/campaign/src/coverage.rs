@@ -137,7 +137,7 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
     assert!(found.is_empty(), "{found:#?}");
 }
 
-/// A Latin hypercube is used for such a response: one coordinate alone scatters far less than the interval says.
+/// With a response of one coordinate, the share passed scatters far less than the interval says.
 #[test]
 fn val_the_interval_of_a_latin_hypercube_is_conservative() {
     let covers = |seed: u32| {

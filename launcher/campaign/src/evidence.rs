@@ -21,8 +21,8 @@ use crate::table::{Cell, FlightTable};
 
 /// Draws below which the page says that they are too few.
 pub const FEW: u64 = 20;
-/// Draws for each flight of a draw below which the half draw that an interval allows for what was not observed weighs
-/// so much that the interval covers more than 95 %.
+/// Least number of draws per flight of a draw. With fewer, intervals cover more than 95 %, because the half draw that
+/// they add for what was not observed ([`mean`](crate::mean)) weighs too much.
 const DRAWS_PER_FLIGHT: u64 = 15;
 
 /// Relation of the draws of a campaign to each other.
@@ -114,7 +114,7 @@ impl Evidence {
         self.is_sample().then(|| MetricDifference::over(&means)).flatten()
     }
 
-    /// Gathers what is known of flights, each given by its number, by their draws.
+    /// Groups values of flights, each given with the number of its flight, by draw.
     fn by_draw<T>(&self, flights: impl Iterator<Item = (u64, T)>) -> Vec<Vec<T>> {
         let mut draws: BTreeMap<u64, Vec<T>> = BTreeMap::new();
         flights.for_each(|(number, known)| draws.entry(self.draw(number)).or_default().push(known));
@@ -231,7 +231,8 @@ fn fingerprints(flights: &FlightTable) -> Fingerprints<'_> {
     (0..flights.rows()).filter_map(one).collect()
 }
 
-/// Returns whether flights that differ only along `axis` are equal, among numbers with `meant`; `false` without a pair.
+/// Returns whether flights that differ only along `axis` are equal, among the numbers for which `meant` is true;
+/// `false` without a pair.
 fn is_idle(flown: &Fingerprints, axis: PlanAxis, meant: impl Fn(u64) -> bool) -> bool {
     let mut compared = false;
     for (number, is) in flown.iter().filter(|(number, _)| meant(**number) && axis.place(**number) > 0) {

@@ -171,7 +171,7 @@ impl Campaign {
         self.file.limit.as_ref()
     }
 
-    /// Word for what a number of the plan stands for, in the plural.
+    /// Word for the entries of the plan, in the plural: flights or searches.
     pub fn units(&self) -> &'static str {
         if self.file.limit.is_some() { "searches" } else { "flights" }
     }

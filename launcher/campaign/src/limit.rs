@@ -147,7 +147,8 @@ impl Limit {
         Some(FoundLimit { limit: Some(pass), fails_at: Some(failure), islands, flights })
     }
 
-    /// Least and largest value that the limit of an unlimited search may have; they differ at the ends of the range.
+    /// Least and largest value of the true limit. They differ only if the search met an end of the range; then one of
+    /// them is infinite.
     pub fn between(&self, limit: LimitSteps) -> [f64; 2] {
         let beyond = f64::INFINITY.copysign(self.to - self.from);
         let mut ends = match limit {
@@ -164,7 +165,7 @@ impl Limit {
         limit.is_none_or(|step| (value - self.value(step)) * (self.to - self.from) > 0.0)
     }
 
-    /// Formats a limit with its unit; a limit that lies beyond an end of the range is said to.
+    /// Formats a limit with its unit; the text says so if the limit lies beyond an end of the range.
     pub fn words(&self, limit: LimitSteps, unit: &str) -> String {
         let more = if self.to > self.from { "more" } else { "less" };
         let words = match limit {
@@ -215,7 +216,7 @@ mod tests {
         toml::from_str(&format!("key = 'run.command_delay_ms'\n{text}")).unwrap()
     }
 
-    /// Searches 0 to 70 in steps of 1; `passes` tells of a value. Returns the result and the values flown, in order.
+    /// Searches 0 to 70 in steps of 1; `passes` judges a value. Returns the result and the values flown, in order.
     fn searched(passes: impl Fn(u64) -> bool) -> (FoundLimit, Vec<u64>) {
         let mut flown = vec![];
         let found = limit("from = 0.0\nto = 70.0\nresolution = 1.0").search(|step| {

@@ -65,7 +65,7 @@ pub fn fly_all(plan: &Plan) -> FlightTable {
     table
 }
 
-/// Flies `shards`, and writes each when it is complete. Returns `false` if `interrupts` stopped it before all were.
+/// Flies `shards`, and writes each when it is complete. Returns `false` if `interrupts` stopped it before the last.
 /// Calls `show` after each flight with its row.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Value that a flight in real time had of the setting whose limit a campaign searches.
+//! Value, as measured in a flight in real time, of the setting whose limit a campaign searches.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use outcome::run_record::RunRecord;
 use outcome::timing::CycleCounts;
 use settings::Mode;
 
-/// Value of a setting that a flight in real time had by itself.
+/// Value of a setting as measured in a flight in real time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observed {
     /// Value, in the unit of the setting.
@@ -21,7 +21,7 @@ impl Observed {
     /// Reads the value of `key` from the run.json of the folder `run`.
     ///
     /// # Errors
-    /// The run was not flown in real time, has no times, or shows nothing of such a setting.
+    /// The run was not flown in real time, has no times, or does not measure this setting.
     pub fn read(run: &Path, key: &str) -> anyhow::Result<Self> {
         let path = run.join("run.json");
         let record = RunRecord::read(&path)?

@@ -37,7 +37,7 @@ impl OwnController {
         absolute(&self.file).unwrap_or_else(|_| self.file.clone())
     }
 
-    /// Returns the argument that names it, as on the command line.
+    /// Returns the argument `NAME=FILE`, as on the command line.
     pub fn argument(&self) -> String {
         format!("--controller {}={}", self.name, self.file.display())
     }

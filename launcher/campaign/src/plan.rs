@@ -16,7 +16,7 @@ use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, ColumnType, cell_of};
 use crate::variation::{Factor, Values};
 
-/// Number of flights that are tried at most to find one that can be flown.
+/// Largest number of flights of a controller that are tried to find one that can be flown.
 const LOOKED_AT: u64 = 64;
 
 #[derive(Debug, Clone)]
@@ -223,7 +223,7 @@ impl Plan {
         columns
     }
 
-    /// Cells of these columns.
+    /// Cells of [`columns`](Self::columns).
     pub fn cells(&self, flight: &PlannedFlight) -> Vec<Cell> {
         let mut cells = vec![Cell::Int(flight.number as i64), Cell::Text(flight.controller.clone())];
         let others = self.campaign.factors.iter().zip(&flight.values).filter(|(factor, _)| factor.key != SEED);

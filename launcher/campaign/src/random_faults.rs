@@ -112,7 +112,7 @@ impl RandomFaults {
             .collect()
     }
 
-    /// Cells of these columns.
+    /// Cells of [`columns`](Self::columns).
     pub fn cells(&self, faults: &[Fault]) -> Vec<Cell> {
         let of_fault = |i: u32| match faults.get(i as usize) {
             Some(fault) => [
@@ -130,8 +130,8 @@ impl RandomFaults {
     pub fn draw(&self, pairs: &[(FaultTarget, FaultKind)], seed: u64, sample: u64) -> Vec<Fault> {
         let mut rng = stream(seed, Purpose::Faults, sample);
         let count = rng.random_range(self.count[0]..=self.count[1]);
-        // Each pair of the catalogue gets a number, and of those that are possible the smallest is drawn: a pair that
-        // one more controller cannot have changes only the faults that had it.
+        // Each pair of the catalogue gets a random number, and the possible pair with the smallest is drawn. So a pair
+        // that becomes impossible with one more controller changes only the faults that had it.
         let catalogue =
             || FaultTarget::ALL.iter().flat_map(|(target, _)| target.kinds().iter().map(|kind| (*target, *kind)));
         let mut faults: Vec<Fault> = (0..count)

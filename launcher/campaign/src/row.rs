@@ -61,7 +61,7 @@ pub struct FlightRow {
 }
 
 /// Flies number `number` of a plan, and makes its row: the cells of the plan, with `[limit]` those of the search, and
-/// those of the outcome. `None` when `go_on` said no before the end.
+/// those of the outcome. `None` if `go_on` returned `false` before the end.
 pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
     let flight = plan.flight(number);
     let (of_search, outcome) = match plan.campaign.limit() {
@@ -74,14 +74,14 @@ pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRo
     Some(FlightRow { cells: [plan.cells(&flight), of_search, outcome.cells].concat(), ..outcome })
 }
 
-/// Returns the flight that row `number` tells of: with `[limit]` that at the limit, which is searched again.
+/// Returns the flight of row `number`; with `[limit]` the flight at the limit, which is searched again.
 pub fn told_of(plan: &Plan, number: u64) -> PlannedFlight {
     let found = plan.campaign.limit().and_then(|limit| Some((limit, search(plan, limit, number, || true)?.0?.limit?)));
     found.map_or_else(|| plan.flight(number), |(limit, step)| plan.flight_with(number, &[limit.setting(step)]))
 }
 
 /// Searches the limit of number `number`; returns it with the flight there, or at the safe end if there is none. An
-/// invalid flight ends the search, and stands alone. `None` when `go_on` said no before the end.
+/// invalid flight ends the search, and is returned without a limit. `None` if `go_on` returned `false` before the end.
 fn search(
     plan: &Plan,
     limit: &Limit,
@@ -102,7 +102,7 @@ fn search(
     Some((found, row?))
 }
 
-/// Flies; `None` when `go_on` said no before the end. `watch` is given every message.
+/// Flies; `None` if `go_on` returned `false` before the end. `watch` is given every message.
 pub fn fly(flight: &PlannedFlight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)) -> Option<FlightRow> {
     let Ok(scenario) = &flight.scenario else { return flight.refusal().as_deref().map(FlightRow::invalid) };
     match catch_unwind(AssertUnwindSafe(|| try_to_fly(scenario, &go_on, watch))) {

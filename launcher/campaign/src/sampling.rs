@@ -1,8 +1,8 @@
 //! Points in the unit cube, one for each sample.
 //!
-//! A point is a function of seed and sample number, and each of its coordinates one of seed, number and key alone: what
-//! else a campaign varies changes it only under Sobol, whose dimensions are one net. All streams of random numbers of a
-//! campaign are made here, each independent of the others.
+//! A coordinate of a point is a function of seed, sample number and key alone: other keys of the campaign do not change
+//! it, except under Sobol, whose dimensions are one net. All streams of random numbers of a campaign are made here,
+//! each independent of the others.
 
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -55,7 +55,7 @@ pub struct Points {
     axes: Vec<Axis>,
 }
 
-/// One coordinate of the points: a key and what its draws come from.
+/// One coordinate of the points: a key, and the source of its draws.
 #[derive(Debug, Clone)]
 struct Axis {
     /// SHA-256 of the seed and the key, the seed of the streams of this key.

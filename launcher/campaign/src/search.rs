@@ -3,8 +3,8 @@
 //! A search by CMA-ES (Hansen, arXiv 1604.00772) begins at the settings of the file and minimises the mean cost of the
 //! training flights. A flight that does not pass costs 1; one that passes costs `e / (1 m + e)`, where `e` is its RMS
 //! position error. Factors stay between 1/1000 and 1000. Values are rounded to three digits before they are flown, so
-//! that the printed values are those tried. The result is the best try, or the settings of the file if none was better.
-//! A factor that ends at 1/1000 or 1000 is named, because the best one may lie beyond.
+//! that the printed values are those that were flown. The result is the best try, or the settings of the file if none
+//! was better. A factor that ends at 1/1000 or 1000 is named, because the best one may lie beyond.
 
 use std::fmt::Write as _;
 

@@ -6,7 +6,7 @@ use crate::file::SEED;
 use crate::plan::Plan;
 use crate::row;
 
-/// Pairs of flights with different seeds that are flown at most to find one pair that differs.
+/// Largest number of pairs of flights with different seeds that are flown to find one pair that differs.
 const TRIED: u64 = 64;
 
 /// Checks that the listed seeds of a plan change a flight.
@@ -26,7 +26,7 @@ pub fn check(plan: &Plan) -> anyhow::Result<()> {
             i
         };
         let first = place / axis.step * axis.step * axis.values + place % axis.step;
-        // In the middle of a limit's range: at an end, as without noise, nothing may be random.
+        // In the middle of a limit's range: at an end, for instance zero noise, nothing may be random.
         let at_middle: Vec<_> =
             plan.campaign.limit().map(|limit| limit.setting(limit.steps() / 2)).into_iter().collect();
         let hash = |number: u64| {

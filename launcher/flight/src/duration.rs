@@ -29,7 +29,7 @@ pub fn seconds_or_inf(text: &str) -> Result<f64, String> {
     if text.trim() == "inf" { Ok(f64::INFINITY) } else { seconds(text).map_err(|error| error + ", or inf") }
 }
 
-/// Parses the value of an option that is called `ms`, which gives a plain number its unit, with an optional minus sign.
+/// Parses the value of an option called `ms`, with an optional minus sign: a number without a unit is in milliseconds.
 pub fn signed_milliseconds(text: &str) -> Result<f64, String> {
     let plain = text.trim().parse().ok().filter(|ms: &f64| ms.is_finite());
     plain.map_or_else(|| signed_seconds(text).map(|duration_s| duration_s * 1e3), Ok)

@@ -32,7 +32,7 @@ pub fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
     Ok(count)
 }
 
-/// Makes the next signal print `words` and end the program on the spot. To be called when nothing is left that must end
+/// Makes the next signal print `words` and end the program on the spot. Call it when nothing is left that must end
 /// cleanly: files are written completely or not at all.
 pub fn end_at_once(words: String) {
     if let Ok(mut last) = LAST_WORDS.lock() {

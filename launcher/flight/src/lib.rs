@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`scenario`] | the settings of a flight, checked before it |
-//! | `libraries` | which nodes of a flight are libraries |
+//! | `libraries` | the nodes of a flight that are libraries |
 //! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`hover`] | the hover of a scenario, and its control loops in small motions about it |

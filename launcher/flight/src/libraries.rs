@@ -1,4 +1,4 @@
-//! Libraries of a flight: which nodes have one, their files and their variables.
+//! Libraries of a flight: their nodes, files and environment variables.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,7 +21,7 @@ pub fn files(scenario: &Scenario) -> BTreeSet<(String, String)> {
         .collect()
 }
 
-/// Variables that the scenario gives to the processes of libraries; all are of one process here.
+/// Environment variables that the scenario gives to libraries, merged, because all libraries share one process here.
 pub fn env_of(scenario: &Scenario) -> BTreeMap<String, String> {
     let of_library = |topic| scenario.node.of(topic).env.clone();
     scenario.node.libraries().flat_map(of_library).collect()

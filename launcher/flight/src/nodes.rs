@@ -19,7 +19,7 @@ pub fn vehicle(scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
     Ok(Box::new(Tricopter::new(scenario)))
 }
 
-/// Opens the ports of `member`, which answers, with a new core for a run of `scenario`.
+/// Opens the ports of `member`, a process of any node but the plant, with a new core for a run of `scenario`.
 pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
     if scenario.node.of(member.topic).kind() == ProgramKind::Library {
         return foreign::open(ports, member, scenario);

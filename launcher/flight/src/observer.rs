@@ -55,7 +55,7 @@ pub enum Look {
 
 /// Guest of a flight. Dropping it leaves the flight.
 pub struct Observer {
-    // Dropped in this order: the ports first, then the place, then what a flight that has ended since would leave.
+    // Dropped in this order: the ports first, then the place, then files that were made after the flight had ended.
     observers: Observers,
     page: Arc<ControlPage>,
     _ports: Ports,

@@ -110,7 +110,7 @@ pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError>
 /// Checks that all libraries of a flight of `scenario` can be loaded into one process, if the flight is in process.
 ///
 /// # Errors
-/// One of them would get a file of another, or fails beside it.
+/// A library cannot be loaded, or fails, beside the others.
 pub fn check_together(scenario: &Scenario) -> Result<(), ScenarioError> {
     let files = libraries::files(scenario);
     let env: BTreeMap<String, String> = libraries::env_of(scenario);

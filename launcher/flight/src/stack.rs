@@ -131,7 +131,7 @@ impl Stack {
         Ok(stack)
     }
 
-    /// Flies to the end. `watch` gets every message; `tick` gets the faults as they are by then, at every look.
+    /// Flies to the end. `watch` gets every message; `tick` gets the present faults at every look.
     pub fn fly(
         mut self,
         interrupts: &AtomicU32,
@@ -209,7 +209,7 @@ impl Stack {
         interrupts.load(Ordering::Relaxed) > 0 || self.requests.stopped
     }
 
-    /// Waits until every process is ready, that is, has received something from each process that it listens to.
+    /// Waits until every process is ready, that is, has received a message from each process that it listens to.
     fn wait_until_ready(&mut self, ports: &mut Ports, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let started = Instant::now();
         let deadline = started + JOIN_LIMIT;
@@ -222,7 +222,7 @@ impl Stack {
             if let Some((i, how)) = self.run.children.exited() {
                 let process = &self.run.children.all[i];
                 process.tell_output();
-                // One that has waited for another in vain says so, and is not the reason.
+                // A process that ended because it waited in vain for another is not the reason: the absent one is.
                 let waited_ns = started.elapsed().as_nanos() as u64;
                 let absent = self.absent().filter(|_| waited_ns >= PROBE_LIMIT_NS);
                 let why = absent.map_or_else(|| how.tell(process.name()), |topic| self.not_joined(topic));

@@ -15,7 +15,7 @@ use crate::limits::KILL_LIMIT;
 /// Variable with the mark.
 const NAME: &str = "TREFOIL_STARTED_BY";
 
-/// Most times that the variables of a process are read.
+/// Largest number of times that the variables of a process are read.
 const LOOKS: usize = 6;
 
 /// Beginning of the marks that this launcher has given, if any.
@@ -60,7 +60,7 @@ fn kill_each(beginning: &[u8]) -> bool {
     let mut found = false;
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
     for pid in processes.filter_map(|entry| Pid::from_raw(entry.file_name().to_str()?.parse().ok()?)) {
-        // Opened first: it stays the process whose variables are read, and the signal reaches no other.
+        // Opened before its variables are read, so that the signal reaches no other process with the same number.
         let Ok(process) = pidfd_open(pid, PidfdFlags::empty()) else { continue };
         let variables = variables_of(pid);
         let is_marked = variables.starts_with(beginning)
@@ -70,8 +70,8 @@ fn kill_each(beginning: &[u8]) -> bool {
     found
 }
 
-/// Returns the variables of a process. On its way from one program to another it has none for a moment, and a read that
-/// lasts until then ends early: so they are read until they are there and the same twice.
+/// Returns the environment variables of a process. During an `exec` there are none for a moment, and a read may end
+/// early, so they are read until two reads agree, at most [`LOOKS`] times.
 fn variables_of(pid: Pid) -> Vec<u8> {
     let mut before = vec![];
     for _ in 0..LOOKS {

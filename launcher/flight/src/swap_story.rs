@@ -19,12 +19,13 @@ impl<'a> SwapStory<'a> {
         Some(Self { begun: &events[first], since: &events[first..] })
     }
 
-    /// Returns the first event of its candidate that is one of `what`.
+    /// Returns the candidate's first event of a kind in `what`.
     pub fn first(&self, what: &[What]) -> Option<&'a Event> {
         self.since.iter().find(|event| self.is_of_candidate(event) && what.contains(&event.what))
     }
 
-    /// Returns the event that ended it: the candidate stayed or went, or the node was given up; `None` before that.
+    /// Returns the event that ended the swap: the candidate was kept, rejected or returned, or the node was given up;
+    /// `None` before that.
     pub fn end(&self) -> Option<&'a Event> {
         let is_end = |event: &Event| stayed(event) || matches!(event.what, What::Rejected | What::Returned);
         let given_up = |event: &Event| event.node == self.begun.node && event.what == What::GivenUp;

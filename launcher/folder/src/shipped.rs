@@ -36,7 +36,7 @@ pub enum ShippedKind {
 }
 
 impl ShippedKind {
-    /// Word for it in a sentence.
+    /// Name of the kind in a sentence.
     fn word(self) -> &'static str {
         match self {
             Self::Scenario => "scenario",
@@ -70,7 +70,8 @@ impl Shipped {
         Self::all(kind).find(|shipped| name == shipped.name() || name == shipped.path)
     }
 
-    /// Returns whether `path` may have been meant for a file of the user: it is no name that only a shipped file has.
+    /// Returns whether `path` may have been meant for a file of the user: it is neither the short name of the shipped
+    /// file nor below [`ROOT`].
     pub fn may_be_mistaken(self, path: &Path) -> bool {
         path != Path::new(self.name()) && !path.starts_with(ROOT)
     }
@@ -119,8 +120,8 @@ pub fn scenario(path: &Path) -> Result<SettingsText, ScenarioError> {
     Ok(source)
 }
 
-/// Returns what may have been meant by a name of which there is no file and nothing shipped of this `kind`: what is
-/// shipped of the other kind, or the nearest name; `None` for a path, and if no name is near.
+/// Suggests what a `name` may have meant that is neither a file nor shipped as this `kind`: a shipped file of the other
+/// kind, or the nearest name; `None` for a path, and if no name is near.
 pub fn advice(kind: ShippedKind, name: &Path) -> Option<String> {
     if name.symlink_metadata().is_ok() || Path::new(&format!("{}.toml", name.display())).is_file() {
         return None;
@@ -139,7 +140,7 @@ pub fn advice(kind: ShippedKind, name: &Path) -> Option<String> {
     Some(format!("did you mean `{nearest}`"))
 }
 
-/// Returns what a text is, by its top-level keys; `None` if it has those of both, or of neither.
+/// Returns the kind of a text by its top-level keys; `None` if it has keys of both kinds, or of neither.
 pub fn kind_of(text: &str) -> Option<ShippedKind> {
     let table = text.parse::<Table>().ok()?;
     let known = to_toml(&Scenario::default()).parse::<Table>().unwrap_or_default();

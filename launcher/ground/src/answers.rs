@@ -2,7 +2,7 @@
 //! flight.
 //!
 //! QGroundControl asks for `AUTOPILOT_VERSION`, component metadata, standard modes, all parameters and the mission, one
-//! after the other, and retries where no answer comes. So what there is not is refused at once.
+//! after the other, and retries if no answer comes. So requests for anything that does not exist are refused at once.
 
 use std::time::Instant;
 
@@ -52,7 +52,7 @@ impl Station {
             MavMessage::MISSION_WRITE_PARTIAL_LIST(of) => refused(of.mission_type),
             MavMessage::MISSION_ITEM_INT(of) => refused(of.mission_type),
             MavMessage::MISSION_ITEM(of) => refused(of.mission_type),
-            // The protocol has a text here, and no MISSION_ACK.
+            // The protocol answers this with a text, not with a MISSION_ACK.
             MavMessage::MISSION_SET_CURRENT(_) => {
                 texts(MavSeverity::MAV_SEVERITY_WARNING, "a flight keeps the mission of its scenario", 1)
             }
@@ -60,8 +60,8 @@ impl Station {
         }
     }
 
-    /// Answers an attempt to set a parameter: the error comes first, since a station acts on the first answer; the
-    /// value that stays is for stations before `PARAM_ERROR`, and the text for people.
+    /// Answers an attempt to set a parameter: the error comes first, since a station acts on the first answer. The
+    /// present value is for stations that do not know `PARAM_ERROR`, the text for people.
     fn refuse(&self, from: MavHeader, of: &PARAM_SET_DATA) -> Vec<MavMessage> {
         let name = of.param_id.to_str().unwrap_or_default();
         let Some(value) = self.parameters.find(name, -1) else {
@@ -85,7 +85,7 @@ impl Station {
                 result = MavResult::MAV_RESULT_ACCEPTED;
             }
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {}
-            // Arming, take-off, modes: the flight has its own commands for what can be done to it.
+            // Arming, take-off, modes: a flight is controlled only by commands of `trefoil`.
             _ => result = MavResult::MAV_RESULT_DENIED,
         }
         if message.is_some() {

@@ -1,4 +1,4 @@
-//! Rates at which messages are sent, of the wall clock: the defaults of PX4 for a telemetry link (its mode `normal`).
+//! Rates at which messages are sent, by the wall clock: the defaults of PX4 for a telemetry link (its mode `normal`).
 
 use std::time::{Duration, Instant};
 
@@ -38,7 +38,7 @@ impl Streams {
         Self(RATES_HZ.map(stream).into())
     }
 
-    /// Returns the messages to send at `now`. One that was missed is not made up for.
+    /// Returns the messages to send at `now`. A message that was missed is not sent later.
     pub fn due(&mut self, now: Instant) -> Vec<u32> {
         let mut ids = vec![];
         for stream in &mut self.0 {

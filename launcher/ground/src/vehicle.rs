@@ -190,7 +190,7 @@ impl MavlinkVehicle {
 const SCENARIO_MODE: u32 = 0;
 
 /// The vehicle flies by itself and is stabilised; it has no modes that a station could choose. Without the flag
-/// `CUSTOM_MODE_ENABLED` a station shows these flags: with it, some show what another autopilot calls 0.
+/// `CUSTOM_MODE_ENABLED` a station shows these flags; with it, some stations show mode 0 of another autopilot.
 fn heartbeat(armed: bool, system_status: MavState) -> MavMessage {
     let flying = MavModeFlag::MAV_MODE_FLAG_AUTO_ENABLED | MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
     let armed = if armed { MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { MavModeFlag::empty() };
@@ -218,8 +218,8 @@ fn extended_state(status: PlantStatus) -> MavMessage {
     MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA { vtol_state, landed_state })
 }
 
-/// Version of this program, with the first characters of its commit, and the protocols whose requests are answered. A
-/// station that misses the bit of missions does not ask for the list, which is empty.
+/// Version of this program, with the first characters of its commit, and the protocols whose requests are answered. The
+/// bit for missions is set, because without it a station does not ask for their list, which is empty.
 fn autopilot_version() -> MavMessage {
     let program = flight::provenance::ProgramIdentity::this();
     let mut numbers = program.version.split('.').map(|number| number.parse::<u32>().unwrap_or(0));

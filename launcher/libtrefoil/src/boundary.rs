@@ -1,4 +1,4 @@
-//! The boundary to C: text and memory that the caller gives, errors and panics that go back.
+//! The boundary to C: text and memory of the caller, errors and panics returned to it.
 
 #![expect(unsafe_code, reason = "the caller gives pointers")]
 
@@ -18,7 +18,7 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// Makes the failure of a call that was wrong.
+    /// Makes the failure of a wrong call.
     pub fn of_usage(why: impl Into<String>) -> Self {
         Self { why: why.into(), exit_code: exit::USAGE }
     }
@@ -31,8 +31,8 @@ impl From<SessionError> for Failure {
     }
 }
 
-/// Runs `work`; a panic in it becomes a failure. The mode of the floating-point unit, which libraries of the caller may
-/// have changed, is the usual one meanwhile.
+/// Runs `work`; a panic in it becomes a failure. Meanwhile the floating-point unit has its usual mode, which libraries
+/// of the caller may have changed.
 pub fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
     let of_caller = Rounding::now();
     let is_changed = of_caller != Rounding::USUAL;
@@ -51,7 +51,7 @@ pub fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failur
     done
 }
 
-/// Makes text for C; a zero in it ends it.
+/// Makes text for C, cut at the first zero byte.
 pub fn c_text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
@@ -64,7 +64,7 @@ pub unsafe fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, Failu
     if text.is_null() {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str().map_err(|_| Failure::of_usage(format!("{what} is not UTF-8")))
 }
@@ -77,7 +77,7 @@ pub unsafe fn texts<'a>(texts: *const *const c_char, count: usize, what: &str) -
     if texts.is_null() && count > 0 {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
-    // SAFETY: the caller says so; of no text nothing is read.
+    // SAFETY: the caller guarantees it; if `count` is 0, nothing is read.
     (0..count).map(|i| unsafe { text(*texts.add(i), what) }).collect()
 }
 
@@ -89,7 +89,7 @@ pub unsafe fn given<'a>(memory: *const c_void, bytes: usize, what: &str) -> Resu
     if memory.is_null() {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     Ok(unsafe { std::slice::from_raw_parts(memory.cast(), bytes) })
 }
 
@@ -101,7 +101,7 @@ pub unsafe fn taken<'a>(memory: *mut c_void, bytes: usize, what: &str) -> Result
     if memory.is_null() {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees it.
     Ok(unsafe { std::slice::from_raw_parts_mut(memory.cast(), bytes) })
 }
 
@@ -121,7 +121,7 @@ pub unsafe fn write_error(why: &str, error: *mut c_char, error_bytes: usize) {
     unsafe { std::ptr::copy_nonoverlapping(text.as_ptr().cast(), error, text.len()) };
 }
 
-/// Gives a new handle to C; of a failure NULL, and its reason to `error`, of `error_bytes`.
+/// Gives a new handle to C. On a failure returns NULL and writes the reason to `error`, of `error_bytes`.
 ///
 /// # Safety
 /// As for [`write_error`].
@@ -129,7 +129,7 @@ pub unsafe fn handed<T>(opened: Result<T, Failure>, error: *mut c_char, error_by
     match opened {
         Ok(handle) => Box::into_raw(Box::new(handle)),
         Err(failure) => {
-            // SAFETY: the caller says so.
+            // SAFETY: the caller guarantees it.
             unsafe { write_error(&failure.why, error, error_bytes) };
             std::ptr::null_mut()
         }
@@ -147,11 +147,11 @@ pub fn code(result: Result<i32, Failure>, error: &mut CString) -> i32 {
 /// Frees what [`Box::into_raw`] gave to C; nothing if it is null.
 ///
 /// # Safety
-/// `handle` is null, or came from there and is not used any more.
+/// `handle` is null, or came from [`Box::into_raw`] and is not used any more.
 pub unsafe fn free<T>(handle: *mut T) {
     if !handle.is_null() {
         let _ = guarded(|| {
-            // SAFETY: the caller says so.
+            // SAFETY: the caller guarantees it.
             drop(unsafe { Box::from_raw(handle) });
             Ok(())
         }); // a panic in it has no way to C

@@ -102,7 +102,7 @@ impl TrefoilSession {
     }
 }
 
-/// Joins the run that the launcher has started this program for, as `node`, by the launcher's arguments among these.
+/// Joins the run that the launcher has started this program for, as `node`; `arguments` include those of the launcher.
 pub fn joined(node: &str, arguments: &[&str]) -> Result<NodeSession, Failure> {
     let after = |option: &str| arguments.iter().rposition(|word| *word == option).map(|i| arguments.get(i + 1));
     let option = |name: &str| after(name).flatten().copied();

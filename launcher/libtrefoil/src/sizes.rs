@@ -1,4 +1,4 @@
-//! Number and sizes of the interface. A caller that was written for others must not go on.
+//! Version and sizes of the interface. A caller that was compiled for different ones must stop.
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 

@@ -104,7 +104,7 @@ impl TrefoilFlight {
         Ok(())
     }
 
-    /// Lets the nodes from the caller's on answer, and ends the tick.
+    /// Lets the caller's node and those after it answer, and ends the tick.
     fn finish_tick(&mut self) {
         let Some(ring) = &mut self.ring else { return };
         ring.answer(&Topic::OF_CONTROLLERS[place(self.topic)..]);

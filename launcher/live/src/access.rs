@@ -7,7 +7,7 @@
 //! | any | besides, `Origin` is absent or the page's own |
 //! | websocket of Foxglove, token not in the cookie | besides, `Origin` is anything: its application is another origin |
 //!
-//! Nothing else tells users of one machine apart: every one of them reaches a port on loopback. The check of `Host`
+//! Only the token tells users of one machine apart: every user can reach a port on loopback. The check of `Host`
 //! refuses a website whose name was made to point to this machine (DNS rebinding). The check of `Origin` refuses a page
 //! of another origin that has the cookie sent along: to a browser all ports of a host are one site.
 
@@ -87,7 +87,7 @@ impl Access {
 
     /// Decides on a request by its `headers` and address; `is_foxglove` if that is Foxglove's websocket.
     pub fn check(&self, headers: &HeaderMap, uri: &Uri, is_foxglove: bool) -> Result<(), RequestRefused> {
-        // A value that is not text is one that fits nothing, not an absent one.
+        // A value that is not text counts as wrong, not as absent.
         let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or_default());
         let bearer = text(header::AUTHORIZATION).and_then(|value| value.strip_prefix("Bearer "));
         let is_given = [bearer, token_in(uri)].into_iter().flatten().any(|given| is_same(given, &self.token));

@@ -1,4 +1,4 @@
-//! Frames of the page, and what they are made of: the columns of the report, its timing, its happenings.
+//! Frames of the page, and their sources: the columns of the report, its timing, its happenings.
 
 use contract::topic::{NODES, Topic};
 use flight::event::{Event, TimedEvent, name};
@@ -76,7 +76,7 @@ impl Frames {
         self.joined = Some(joined);
     }
 
-    /// Takes in that no message follows.
+    /// Adds the rows of all open ticks, because no message follows.
     pub fn finish(&mut self) {
         if let Some(mut joined) = self.joined.take() {
             joined.finish(|tick| self.add_row(tick));
@@ -148,7 +148,7 @@ impl Frames {
         })
     }
 
-    /// Returns what happened.
+    /// Returns the faults and events of the flight so far.
     pub fn happenings(&self) -> Happenings {
         let events: Vec<Event> = self.events.iter().map(|timed| timed.event.clone()).collect();
         Happenings::new(&self.summary.faults.records(&events), &self.events)

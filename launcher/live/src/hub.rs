@@ -94,8 +94,8 @@ impl Hub {
         let _ = self.frames.send(text); // fails if there is no client
     }
 
-    /// Sends rows of samples, each a JSON array; in place of all those sent before if they are `anew`, of another time
-    /// of the flight.
+    /// Sends rows of samples, each a JSON array. If `anew`, they are of another time of the flight, and replace all
+    /// rows sent before.
     pub fn send_rows(&self, rows: Vec<String>, anew: bool) {
         let text = rows_frame(rows.iter(), anew);
         let mut kept = self.kept();
@@ -127,7 +127,7 @@ impl Hub {
         self.kept().fixed.iter().filter(|message| message.channel == channel).cloned().collect()
     }
 
-    /// Returns what a client that comes must know, and the frames that follow.
+    /// Returns the newest frames for a new client, and the receiver of the frames that follow.
     pub fn join(&self) -> (Vec<Utf8Bytes>, broadcast::Receiver<Utf8Bytes>) {
         let kept = self.kept();
         let frame = |kind: &FrameKind| match kind {
@@ -166,7 +166,7 @@ impl Hub {
     }
 }
 
-/// Makes a frame of rows, which replace those that a client has if they are `anew`.
+/// Makes a frame of rows; if `anew`, they replace the rows that a client has.
 fn rows_frame<'a>(rows: impl Iterator<Item = &'a String>, anew: bool) -> Utf8Bytes {
     let all: Vec<&str> = rows.map(String::as_str).collect();
     format!("{{\"kind\":\"rows\",\"anew\":{anew},\"rows\":[{}]}}", all.join(",")).into()

@@ -19,7 +19,7 @@
 //! | [`document`] | a page that is made anew while it is served |
 //! | [`player`] | the thread that plays a recorded flight |
 //! | `nodes` | the active processes of a recorded flight, from its messages and events |
-//! | `frames` | frames of the page, and what they are made of |
+//! | `frames` | frames of the page, and their sources |
 //! | `foxglove` | Foxglove's websocket protocol |
 //! | `orders` | the buttons of the page as command lines |
 //! | `page` | the page's HTML |

@@ -1,8 +1,8 @@
 //! Buttons of the page as command lines: each runs `trefoil inject`, `clear`, `swap` or `stop`, and shows its answer.
 //!
 //! The page therefore can do what these commands can, with one exception: a swap takes settings of the control laws
-//! only. Who controls a flight must not gain the account of the user who flies by another program, nor a process with
-//! more of the machine than the scenario gives it: priority, processors, locked memory, CPU time, time to solve.
+//! only. Otherwise a user of the page could start any program under the account of the user who flies, or give a
+//! process more of the machine than the scenario does: priority, processors, locked memory, CPU time, time to solve.
 
 use std::process::Stdio;
 
@@ -15,7 +15,7 @@ const WORD_CHARS: usize = 200;
 const SETTINGS: usize = 20;
 /// Tables of a scenario that a swap by the page may set: the control laws.
 const LAWS: [&str; 3] = ["guidance", "attitude", "mixer"];
-/// Settings in these that limit the time of a solve.
+/// Settings in these tables that limit the time of a solve; the page may not set them.
 const LIMITS: [&str; 2] = ["attitude.mpc.max_iterations", "attitude.mpc.time_limit_ms"];
 
 /// Order of the page. Times are written as on the command line: `500ms`, `2s`, `inf`.
@@ -118,7 +118,7 @@ fn check_setting(setting: &str) -> Result<(), String> {
         .filter(is_plain)
         .ok_or_else(|| format!("'{setting}' is not KEY=VALUE, as in attitude.disturbance_gain=0.1"))?;
     let is_of_law = key.split_once('.').is_some_and(|(table, _)| LAWS.contains(&table));
-    // A key that is the table of a limit could set the limit.
+    // A key that names a table with a limit could set the limit.
     let is_limit = LIMITS.iter().any(|limit| limit.starts_with(key));
     if !is_of_law || is_limit {
         return Err(format!(

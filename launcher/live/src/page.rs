@@ -8,7 +8,7 @@ const LIVE_STYLE: &str = include_str!("../assets/live.css");
 /// Script of the page with three.js, which `web/` builds from its lock file.
 const SCRIPT: &str = include_str!("../assets/live.js");
 
-/// Flight of which a page is, and the mark of the template's parts for it alone.
+/// Kind of flight that a page shows; its mark in the template encloses the parts for this kind alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PageSubject {
     Live,
@@ -34,8 +34,8 @@ pub fn page(shown: PageSubject, nonce: &str) -> String {
     without(TEMPLATE, other).replacen("{{style}}", &style, 1).replacen("{{scripts}}", &scripts, 1)
 }
 
-/// Returns the template without the parts that are for `other` flights alone, between `{{live}}` and `{{end live}}`,
-/// and without the marks of those that stay.
+/// Returns the template without the parts for `other` flights alone, for instance those between `{{live}}` and
+/// `{{end live}}`, and without the marks of the parts that stay.
 fn without(template: &str, other: PageSubject) -> String {
     let [begin, end] = ["", "end "].map(|which| format!("{{{{{which}{}}}}}", other.mark()));
     let mut parts = template.split(&begin);

@@ -50,7 +50,7 @@ pub struct Player {
     wish: Mutex<Wish>,
 }
 
-/// Position in the flight, and what users have asked for.
+/// Position in the flight, and the speed that users have chosen.
 #[derive(Debug, Clone, Copy)]
 struct Wish {
     position_s: f64,
@@ -94,7 +94,7 @@ impl Player {
         Ok(Self { recording, wish: Mutex::new(wish) })
     }
 
-    /// Carries out an order, or says why not.
+    /// Carries out an order; the answer has the reason if that failed.
     pub fn carry_out(&self, order: &PlayOrder) -> OrderAnswer {
         let done = self.change(order);
         let ok = done.is_ok();

@@ -34,7 +34,7 @@ const BODY_BYTES: usize = 16 << 10;
 const MESSAGE_BYTES: usize = 64 << 10;
 /// Time between two looks at the end of the server.
 const LOOK: Duration = Duration::from_millis(100);
-/// Longest wait for orders that are being carried out at the end. `fly` waits a second for all of the end.
+/// Longest wait at the end for orders under way. `fly` kills this process if its whole end takes a second.
 const LAST_ANSWERS: Duration = Duration::from_millis(500);
 /// Time for the last frames to reach the clients.
 const LAST_FRAMES: Duration = Duration::from_millis(300);
@@ -86,7 +86,7 @@ pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content
     Ok(())
 }
 
-/// Lets requests pass that may, whatever their path, and adds to all answers what a browser must know.
+/// Passes on the requests that [`Access`] accepts, for any path, and adds headers for the browser to all answers.
 async fn check(State(context): State<Context>, request: Request, next: Next) -> Response {
     let is_foxglove = request.uri().path() == FOXGLOVE;
     let mut response = match context.access.check(request.headers(), request.uri(), is_foxglove) {
@@ -189,7 +189,7 @@ async fn foxglove_socket(State(context): State<Context>, headers: HeaderMap, upg
     limited(upgrade).protocols(foxglove::PROTOCOLS).on_upgrade(move |socket| foxglove::serve(socket, context.hub))
 }
 
-/// Sends a page what it must know, and then every frame, until it leaves or does not read.
+/// Sends a page the newest frames, and then every further one, until the page leaves or does not read.
 async fn send_frames(mut socket: WebSocket, hub: Arc<Hub>) {
     let (first, mut frames) = hub.join();
     for frame in first {

@@ -59,7 +59,7 @@ impl Watch {
         self.interrupts.load(Ordering::Relaxed) > 0
     }
 
-    /// Joins the flight, or tells why not.
+    /// Joins the flight; the error is the reason for people.
     fn join(&self) -> Result<Observer, String> {
         let namespace = match &self.namespace {
             Some(namespace) => namespace.clone(),

@@ -35,7 +35,7 @@ pub(crate) fn quota(machine: &Machine) -> Option<Finding> {
     })
 }
 
-/// Returns what to do if the group of this process gives no time to `SCHED_FIFO`; `None` if it does.
+/// Returns the remedy if the group of this process gives no time to `SCHED_FIFO`; `None` if it gives some.
 pub(crate) fn without_fifo(machine: &Machine) -> Option<String> {
     let group = groups(machine)?.into_iter().find(|group| !group.is_v2)?;
     let time_us = machine.number(group.folders.first()?.join("cpu.rt_runtime_us"))?;

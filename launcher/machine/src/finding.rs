@@ -25,7 +25,7 @@ pub struct Finding {
     pub level: Severity,
     /// State of the machine.
     pub found: String,
-    /// Consequence for a flight; empty if there is none to tell.
+    /// Consequence for a flight; empty if there is none.
     pub means: String,
     /// Command or setting that changes it; `None` if it is fine, or if nothing on this machine changes it.
     pub remedy: Option<String>,

@@ -3,7 +3,7 @@
 use crate::finding::{Finding, Severity};
 use crate::sources::Machine;
 
-/// Share of stolen time from which it is told as a warning \[%\].
+/// Share of stolen time from which the finding is a warning \[%\].
 const STOLEN_PERCENT: f64 = 0.01;
 /// Fields of a line of `/proc/stat`: user nice system idle iowait irq softirq steal.
 const FIELDS: usize = 8;

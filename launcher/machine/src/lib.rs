@@ -29,8 +29,8 @@ pub use finding::{Finding, Severity};
 pub use privileges::Granted;
 pub use sources::Machine;
 
-/// Checks the scheduling that `scenario` asks for; a flight that does not get it flies without. `granted` is what its
-/// processes got; `None`: they have not been started, so the limits and capabilities of this process tell.
+/// Checks the scheduling that `scenario` asks for; a flight that does not get it flies all the same. `granted` counts
+/// the nodes that got it; before they are started (`None`) the limits and capabilities of this process decide.
 pub fn scheduling(machine: &Machine, scenario: &Scenario, granted: Option<Granted>, program: &str) -> Vec<Finding> {
     let mut found = privileges::check(machine, scenario, granted, program);
     found.push(processors::affinity(machine, scenario).of("affinity"));

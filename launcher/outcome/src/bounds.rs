@@ -48,7 +48,7 @@ pub fn bounds(scenario: &Scenario) -> Bounds {
     }
 }
 
-/// Every bound of `scenario` against the flight's `metrics`.
+/// Compares every bound of `scenario` with the flight's `metrics`.
 pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
     let (b, m) = (bounds(scenario), metrics);
     let (last, last_m) = (b.final_position_error_m, m.final_position_error_m);

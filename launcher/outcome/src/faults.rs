@@ -6,7 +6,7 @@
 //! recovered   first tick, after the fault's end and the detection, by which all harm has ceased; process: see below
 //! ```
 //!
-//! Each topic is followed by itself, so the order of messages between topics does not matter.
+//! Topics are followed independently, so the order of messages between topics does not matter.
 //!
 //! | target | struck | witnesses | harm |
 //! |---|---|---|---|
@@ -80,13 +80,13 @@ impl FaultRecord {
         format!("{} {}{size}", self.target.name(), name(self.kind))
     }
 
-    /// Returns the end of the fault \[s\], for a moment its beginning; `None` if the flight ended first.
+    /// Returns the end of the fault \[s\], for a momentary one its beginning; `None` if the flight ended first.
     pub fn until_s(&self) -> Option<f64> {
         let is_moment = self.for_s.is_none() && Fault::new(self.target, self.kind, self.at_s, None).is_momentary();
         self.ended_at_s.or(self.injected_at_s.filter(|_| is_moment))
     }
 
-    /// Describes the fault and what came of it in one line for people.
+    /// Describes the fault, its detection and its recovery in one line for people.
     pub fn describe(&self) -> String {
         let Self { target, kind, at_s, for_s, .. } = *self;
         let Some(injected_at_s) = self.injected_at_s else {
@@ -259,8 +259,8 @@ impl Watched {
         harmed.try_fold(from, |latest, course| Some(latest.max(course.first(from, false)?)))
     }
 
-    /// The tick of the first of these events from `tick` on that a process of the struck node had which was ever
-    /// active.
+    /// Returns the tick of the first event of a kind in `what`, from `tick` on, of a process of the struck node that
+    /// had been active by then.
     fn first_event(&self, tick: u64, what: &[What], events: &[Event]) -> Option<u64> {
         let node = self.fault.target.process()?.publisher();
         let mut active_epochs = vec![1];
@@ -278,8 +278,8 @@ impl Watched {
         ticks as f64 / f64::from(self.rate_hz)
     }
 
-    /// Returns the times from the injection to the detection, and from there or from the fault's end to the recovery
-    /// \[s\].
+    /// Returns the time from the injection to the detection, and the time to the recovery: from the detection of a
+    /// process fault, from the end of any other \[s\].
     fn delays_s(&self, events: &[Event]) -> [Option<f64>; 2] {
         let (injected, ended, detected) = (self.injected(), self.ended(), self.detected(events));
         let since = if self.process().is_some() { detected } else { ended };
@@ -317,16 +317,16 @@ const REACTIONS: u64 = mixer_flags::BAD_INPUT
     | mixer_flags::CUT
     | mixer_flags::TERMINATED;
 
-/// Returns whether `fault` took effect on the topic of `record` in this message; a message that is only doubled bears
-/// no mark.
+/// Returns whether `fault` took effect on the topic of `record` in this message. Duplicated messages bear no mark, so
+/// with that kind of fault every message of the topic counts.
 fn struck(fault: &Fault, record: &Record) -> bool {
     let Some((topic, stamp)) = record.stamped() else { return false };
     let marked = stamp.is_faulted() || fault.kind == FaultKind::Duplicate;
     marked && fault.target.topic() == Some(topic)
 }
 
-/// Returns whether `record` shows harm done by a fault of `target`; `None` if it is no witness. `obeyed` is the command
-/// that the STATE before it was under.
+/// Returns whether `record` shows harm done by a fault of `target`; `None` if it is no witness. `obeyed` is the
+/// sequence number of the command in force at the STATE before.
 fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
     use FaultTarget as T;
     match (target, record) {

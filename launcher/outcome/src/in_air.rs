@@ -9,7 +9,7 @@ use crate::following::Following;
 use crate::metrics::Metrics;
 use crate::ticks::length_m;
 
-/// Gathers what the metrics are made of, message by message.
+/// Gathers the data of the metrics, message by message.
 #[derive(Debug, Clone)]
 pub struct InAir {
     metrics: Metrics,

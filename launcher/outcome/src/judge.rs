@@ -1,4 +1,4 @@
-//! The judge: whether a flight is a pass, why not, and what else a reader must know. Every command asks here.
+//! Judge of a flight: its verdict, the cause of a failure, and reservations for the reader. Every command uses it.
 
 use contract::exit;
 use contract::guard::Refusal;
@@ -16,9 +16,9 @@ use crate::summary::Summary;
 /// Verdict on a flight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// Exit code of `trefoil fly`, by the gravest of what happened.
+    /// Exit code of `trefoil fly`, by the gravest failure.
     pub exit_code: u8,
-    /// Why the flight is no pass, in words that do not depend on how much or when; empty for a pass.
+    /// Cause of the failure, in words that do not depend on sizes and times; empty for a pass.
     pub cause: String,
     /// Time at which the flight left a bound for the first time, or else ended \[s\]; `None` for a pass.
     pub failed_at_s: Option<f64>,
@@ -26,14 +26,14 @@ pub struct Verdict {
     pub end: String,
     /// Reservations that a reader must know, the gravest first; empty when all went well.
     pub reservations: Vec<String>,
-    /// Every bound of the scenario against the flight.
+    /// Bounds of the scenario, each compared with the flight.
     pub bounds: Vec<BoundCheck>,
     /// Words between the end and the reservations in one line.
     joint: &'static str,
 }
 
 impl Verdict {
-    /// Judges the flight of `scenario` that `summary` was gathered of.
+    /// Judges a flight of `scenario` by its `summary` and circumstances.
     pub fn of(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Self {
         let bounds = bounds::check(scenario, &summary.metrics());
         let swaps = FailedSwap::all(scenario, &how.events);

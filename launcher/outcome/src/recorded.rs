@@ -65,7 +65,7 @@ impl Recorded {
     /// Reads a run from its folder, or its `flight.mcap`.
     ///
     /// # Errors
-    /// There is no log to read, its messages or settings are those of another version, or so is run.json.
+    /// There is no log to read, or its messages, its settings or run.json are of another version.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
         Self::read_each(run, TimeSpan::ALL, |_, _| {})
     }
@@ -74,7 +74,7 @@ impl Recorded {
     /// may be longer than the memory. Its events and settings are those of the whole flight.
     ///
     /// # Errors
-    /// As of [`Self::read`].
+    /// As for [`Self::read`].
     pub fn read_each(run: &Path, part: TimeSpan, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
         let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
         let file = path.with_file_name("run.json");
@@ -142,7 +142,7 @@ impl Recorded {
             .then(|| "it ends before the flight did".into())
     }
 
-    /// Lists what run.json tells and the log does not have.
+    /// Lists the differences between the log and run.json.
     fn unlike_summary(&self, run: &RunRecord) -> Vec<String> {
         let records = self.messages.iter().sum::<u64>() + self.log.events.len() as u64;
         let mut why = vec![];

@@ -101,7 +101,7 @@ impl Solves {
 }
 
 impl SolverRecord {
-    /// Describes the solves in one line for people; rare statuses are told only if they occurred.
+    /// Describes the solves in one line for people; rare statuses are named only if they occurred.
     pub fn describe(&self) -> String {
         let Self { explicit, solved, fallback, .. } = self;
         let iterations = if *solved > 0 { format!(" (max {} iterations)", self.iterations.max) } else { String::new() };

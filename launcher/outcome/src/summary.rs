@@ -4,7 +4,7 @@
 //! reference that guidance sent.
 //!
 //! Errors, effort and counts of commands are those of the flight in the air. A vehicle that waits for its take-off, or
-//! has landed, follows nothing, and how long it is recorded there changes none of them:
+//! has landed, follows nothing, so the time that it stands changes none of them:
 //!
 //! ```text
 //! standing    taking off, flying    landing                         standing
@@ -37,8 +37,8 @@ pub struct Summary {
     in_air: InAir,
     /// Time of the touchdown \[s\] and what was gathered before it, while the vehicle is landing.
     before_touch: Option<(f64, Box<InAir>)>,
-    /// Extremes of the true motion and actuators, first touchdown after a flight, and time on the ground, all in the
-    /// metrics of these names; the others are of the flight in the air.
+    /// Metrics of the whole recording: extremes of the true motion and actuators, first touchdown after a flight, and
+    /// time on the ground. Its other fields are not used, because `in_air` has them.
     whole: Metrics,
     /// STATE and TRUTH, until both of a tick have come.
     joined: Samples,

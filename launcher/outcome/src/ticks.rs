@@ -19,7 +19,7 @@ const MOST_AGE_TICKS: usize = 1000;
 /// Newest ticks that [`Joined`] keeps open: late messages of theirs and the age of their command may still come.
 const OPEN_TICKS: u64 = 1024;
 
-/// One tick. `T` holds what is kept of its messages.
+/// One tick. `T` holds the kept parts of its messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Tick<T> {
     pub number: u64,

@@ -136,9 +136,8 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         Ok(self.replayed)
     }
 
-    /// Runs every cycle whose inputs are there. A cycle before `until` waits no longer: it does without a message that
-    /// a fault has lost here and not in the flight. A message that was never sent, because the log lacks it, holds it
-    /// up for good.
+    /// Runs every cycle whose inputs are there. A cycle before `until` also runs without a message that a fault has
+    /// lost here and not in the flight. It never runs without a message that was not sent because the log lacks it.
     fn go_on(&mut self, until: u64) -> anyhow::Result<()> {
         self.courses.resize_with(self.script.processes.len(), ProcessCourse::default);
         for Process { topic, continues, .. } in &self.script.processes {
@@ -169,8 +168,8 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         }
     }
 
-    /// Returns the process that holds the others up, with its next tick and what that waits for: the first that can do
-    /// without a delivery, or else the one that is furthest behind; `None` if later messages may help.
+    /// Returns a process that waits for what no later message brings, with its next tick and the cause: one that waits
+    /// only for a delivery, or else the one that is furthest behind; `None` if later messages may help.
     fn furthest_behind(&self, until: u64) -> Option<(usize, u64, Waits)> {
         let waiting = (0..self.courses.len()).filter_map(|i| Some((i, self.next(i)?.tick, self.waits(i)?)));
         let for_good = waiting.filter(|(_, tick, waits)| match waits {

@@ -74,7 +74,7 @@ fn look_at(recording: &Recording, script: &Script, plant: &Process, tick: u64) -
     }
     let command = read.last()?;
     let next = plant.cycles.get(plant.cycles.partition_point(|cycle| cycle.tick <= tick))?;
-    // Without a clock a command is handed over at once, with the time at which it will come.
+    // Without a clock a command is handed over at once, with the time of its arrival.
     let arrived = next.arrivals.iter().find(|(read, _)| read.key == *command).map(|(_, after_ns)| *after_ns);
     match arrived.filter(|_| next.tick == tick + 1) {
         Some(after_ns) if after_ns < recording.scenario.sample_ns() => None,
@@ -85,7 +85,7 @@ fn look_at(recording: &Recording, script: &Script, plant: &Process, tick: u64) -
     }
 }
 
-/// Describes what happened to the message of a cycle; `None` if it was delivered in time and as it was meant.
+/// Describes what happened to the message of a cycle; `None` if it was delivered in time and unchanged.
 fn harm(recording: &Recording, process: &Process, cycle: &Cycle) -> Option<String> {
     let deadline = Release::of(&recording.scenario).deadline(recording.scenario.deadline_of(process.topic as usize));
     let response_ns = cycle.publish_ns.saturating_sub(cycle.sample_ns);
@@ -134,7 +134,7 @@ fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
 }
 
 /// Drops late answers of a process: those to ticks before `tick` for which it had read later messages, because it was
-/// started or woke up late. With an answer to `tick` in time they would not exist. Their readers read that one instead.
+/// started or woke up late. With an answer to `tick` in time they would not exist; their readers get that answer.
 fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
     let Process { topic, epoch, cycles, .. } = &mut script.processes[i];
     let (topic, epoch) = (*topic, *epoch);

@@ -47,7 +47,7 @@ pub(super) struct ProcessCourse {
     /// Index of its next cycle, and of its next recorded message.
     pub cycle: usize,
     pub recorded: usize,
-    /// Tick of its next cycle and what that waits for, if it never comes.
+    /// Tick of its next cycle and the cause of its wait, if that never ends.
     pub held_up: Option<(u64, Waits)>,
     /// `true` if its last cycle was over before the replay begins, so that the next one begins with the logged memory.
     pub follows: bool,

@@ -1,14 +1,14 @@
-//! `explain`: what each late, lost or missing message of a flight cost.
+//! `explain`: cost of each late, lost or missing message of a flight.
 //!
 //! Every disturbed tick ([`crate::Disturbed`]) is undone in a flight of its own, every burst of consecutive
 //! disturbed ticks in another, and all disturbed ticks together in a last one. The cost of a tick is the figure of the
 //! recorded flight less that of the flight without the tick, and the largest distance between the two courses. The
-//! costs of single ticks do not add up to the cost of all, because the vehicle may recover between two of them or not.
+//! costs of single ticks do not add up to the cost of all, because the vehicle may or may not recover between two.
 //!
 //! | module | holds |
 //! |---|---|
-//! | `work` | how many flights that takes, and how long |
-//! | `cost` | what a flight came to, and the cost: the difference of two |
+//! | `work` | number of flights that `explain` flies, and their duration |
+//! | `cost` | figures of a flight, and the cost: the difference of two flights |
 
 mod cost;
 mod work;
@@ -110,7 +110,7 @@ pub fn explain(
     let scenario = &recording.scenario;
     let Work { disturbed, last_tick, .. } = work;
     let foreign = Topic::ALL.into_iter().find(|topic| recording.is_foreign(*topic, 1));
-    // Without a disturbed tick there is nothing that it would have answered otherwise.
+    // Without a disturbed tick no other answers than those of the log are needed.
     if let Some(topic) = foreign.filter(|_| !disturbed.is_empty()) {
         let (name, exec) = (topic.publisher(), &scenario.node.of(topic).exec);
         anyhow::bail!(

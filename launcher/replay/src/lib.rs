@@ -14,8 +14,8 @@
 //!
 //! A process of another program is not run: its messages are those of the log.
 //!
-//! [`verdict`] judges whether a replay is the same flight; [`explain`] replays with single disturbances undone, for
-//! what each late, lost or missing message cost.
+//! [`verdict`] judges whether a replay is the same flight; [`explain`] replays with single disturbances undone, to
+//! find the cost of each late, lost or missing message.
 
 #![allow(missing_docs)]
 

@@ -1,5 +1,5 @@
-//! Another program in the place of a process. It flies in lockstep in a namespace of its own, where the replay is
-//! everything else. It is started as in a flight (`trefoil swap --exec`), and answers to every sample from tick 0.
+//! Another program in the place of a process. It flies in lockstep in a namespace of its own, where the replay stands
+//! for all other processes. It is started as in a flight (`trefoil swap --exec`), and answers every sample from tick 0.
 //!
 //! The program has no clock and no fault of its own link: all its answers are delivered.
 

@@ -14,7 +14,7 @@ pub type SendRecord = Box<dyn Fn(&Record)>;
 pub fn open(ports: &mut Ports, topic: Topic, epoch: u32) -> Result<SendRecord, SessionError> {
     fn of<M: Message>(ports: &mut Ports, epoch: u32) -> Result<SendRecord, SessionError> {
         let port = ports.sender::<M>(epoch)?;
-        // A send fails if no port listens: that of a worker does, and the end of a program is seen by the wait for it.
+        // A send fails if no port listens. The port of a worker does; the wait for a program notices its end.
         Ok(Box::new(move |record| _ = record.message().map(|message| port.send(message))))
     }
     match topic {

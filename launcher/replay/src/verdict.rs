@@ -1,7 +1,7 @@
 //! Verdict on a replay: one sentence and one exit code, which depend on what was compared.
 //!
-//! A flight is called the same only if its log is all of it, every message of the log was computed again and held
-//! against it, and the hash of the states is that of run.json. What was not compared is named.
+//! A flight is called the same only if its log is all of it, every message of the log was computed again and
+//! compared, and the hash of the states is that of run.json. The verdict names all that was not compared.
 
 use std::collections::BTreeSet;
 

@@ -96,7 +96,7 @@ impl Worker {
     }
 
     /// Runs one cycle under the faults, of those `given` in flight, that the process knew then; `each` gets what it
-    /// sends. A `known` message is not computed but sent again: so ports and faults come to where the flight had them.
+    /// sends. A `known` message is not computed but sent again, so that ports and faults get the state of the flight.
     pub fn run(
         &mut self,
         cycle: &Cycle,

@@ -1,4 +1,4 @@
-//! Results of a campaign: the summary for the terminal, the page and the table, of the shards that are there.
+//! Results of a campaign from its finished shards: the summary for the terminal, the page and the table.
 
 use std::path::Path;
 

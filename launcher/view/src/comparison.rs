@@ -1,6 +1,6 @@
-//! `compare`: several flights side by side. What differs between their settings, what they came to, and when their
-//! nodes worked, as tables for terminal and page; on the page their paths and courses too, laid over each other, with
-//! what happened to each.
+//! `compare`: several flights side by side. Their settings that differ, their metrics and the timing of their nodes, as
+//! tables for terminal and page; on the page also their paths and plots, laid over each other, with the faults and
+//! events of each.
 
 use std::path::{Path, PathBuf};
 
@@ -166,7 +166,7 @@ impl Comparison {
         ]
     }
 
-    /// Title of the metrics; it says so if they are of flights of different lengths, whose extremes do not compare.
+    /// Title of the metrics; it warns if the flights have different lengths, because their extremes do not compare.
     fn lengths(&self) -> String {
         let all: Vec<String> =
             self.flights.iter().map(|flight| format!("{:.2}", flight.recorded.summary.time_s())).collect();

@@ -8,8 +8,8 @@ use toml::Value;
 
 use crate::draw::DASH;
 
-/// Every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps stand in
-/// it one by one. The name of a flight is no setting, nor is the path of a program where the hash of its file is known.
+/// Every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps are listed
+/// one by one. The name of a flight is no setting, nor is the path of a program where the hash of its file is known.
 pub fn differences(scenarios: &[&Scenario]) -> Vec<Vec<String>> {
     let tree = |scenario: &&Scenario| {
         let mut nameless = Scenario { name: String::new(), ..(*scenario).clone() };
@@ -74,7 +74,7 @@ fn words(value: Option<&Value>) -> String {
         None => DASH.into(),
         Some(Value::String(text)) => text.clone(),
         Some(Value::Table(fields)) => {
-            // Target, node and kind of a fault or a swap are told without their keys.
+            // Target, node and kind of a fault or a swap are shown without their keys.
             let of: Vec<_> = ["target", "node", "kind"].iter().filter_map(|name| fields.get(*name)?.as_str()).collect();
             let named = fields.iter().filter(|(_, value)| !value.as_str().is_some_and(|text| of.contains(&text)));
             let named = named.map(|(name, value)| format!("{name} {}", words(Some(value))));

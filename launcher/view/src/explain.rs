@@ -9,7 +9,7 @@ use crate::table::Table;
 
 const COLUMNS: [&str; 7] =
     ["tick", "at [s]", "error integral [mm s]", "courses apart [mm]", "largest error [mm]", "worst tilt [deg]", "what"];
-/// Heading of the column of another flight, and what that is.
+/// Heading of the column of the undisturbed flight, and its explanation.
 const ANOTHER: [&str; 2] = [
     "another flight",
     "Another flight: in-process, with this program's controllers in every node's place, as long as this flight, \
@@ -139,7 +139,7 @@ impl ShownCosts<'_> {
         html + &self.plots()
     }
 
-    /// The costliest, each with and without it; only those that move the course by a visible distance.
+    /// Plots the costliest ticks, each with and without it, if they move the course by a visible distance.
     fn plots(&self) -> String {
         let all = self.explained.bursts.iter().chain(&self.explained.ticks);
         let mut costliest: Vec<&Cost> = all.filter(|cost| cost.max_distance_m >= PLOTTED_M).collect();
@@ -184,7 +184,7 @@ impl ShownCosts<'_> {
         .html()
     }
 
-    /// A page of its own, which says first what the log lacks.
+    /// Makes a page of its own; it begins with a warning if the log has gaps.
     pub fn page(&self, missing: Option<&str>) -> String {
         let title = format!("What disturbed ticks cost: {}", self.explained.name);
         let missing = missing.map_or(String::new(), |why| format!("<p><strong>{}</strong></p>", escape(why)));
@@ -196,7 +196,7 @@ impl ShownCosts<'_> {
     }
 }
 
-/// The figures of a flight that costs are told of.
+/// Figures of a flight from which its costs are computed.
 fn figures(of: &FlightCost) -> Value {
     json!({
         "max_error_m": of.metrics.max_position_error_m,

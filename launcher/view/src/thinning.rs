@@ -15,9 +15,9 @@ pub fn extremes<T>(
     })
 }
 
-/// A series as it comes, of any length, in a bounded number of values: each one of a short series; of a long one the
-/// smallest and the largest of every [`Self::bucket`] values, in the order in which they occurred. Where none is a
-/// number NaN stands twice.
+/// Series of any length, thinned to a bounded number of values as it comes: a short one has all values; a long one has
+/// the smallest and the largest of every [`Self::bucket`] values, in the order in which they occurred, or NaN twice if
+/// none is a number.
 #[derive(Debug, Clone)]
 pub struct Thinned {
     values: Vec<f32>,

@@ -1,4 +1,5 @@
-//! Tests of what is left of the vehicle, against actuators tried one by one; whole flights are in `tests/fallback.rs`.
+//! Tests of the forces and moments that a broken vehicle has left, against a search over the actuators' inputs; whole
+//! flights are in `tests/fallback.rs`.
 
 use airframe::Preset;
 use airframe::mixing::intermediate;

@@ -9,7 +9,7 @@ use crate::tests::{G_MPS2, NOISE, START, check_mean, draw};
 const SAMPLES: u32 = 1000;
 const TIME_S: f64 = 5.0;
 
-/// Truth of a vehicle that stands somehow, and what a unit makes of its sensors.
+/// Truth of a vehicle that stands in a random attitude, and the state and covariance that the unit estimates.
 fn stand(seed: u64) -> (State, State, Covariance) {
     let random = &mut ChaCha8Rng::seed_from_u64(seed);
     let truth = State {

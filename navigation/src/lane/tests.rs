@@ -42,7 +42,7 @@ fn an_imu_that_gives_no_news_hands_over_at_once() {
             match sample {
                 0..1004 | 2210.. => assert_eq!((imu, sound), (usize::from(sample > 1004), IMUS), "sample {sample}"),
                 1006..2190 => assert_eq!((imu, sound), (1, 1), "sample {sample}"),
-                _ => {} // what is stuck has first told something new
+                _ => {} // a stuck IMU has first given one new sample
             }
             check_error(flight, 1.0);
         };

@@ -26,7 +26,7 @@ fn attitude([roll, pitch, yaw]: [f64; 3]) -> Quaternion<f64> {
     UnitQuaternion::from_euler_angles(roll, pitch, yaw).into_inner()
 }
 
-/// Gives `x` the attitude of these Euler angles.
+/// Sets the attitude of `x` to these Euler angles.
 fn turn(x: &mut StateVector, angles_rad: [f64; 3]) {
     x[6..10].copy_from_slice(attitude(angles_rad).coords.as_slice());
 }

@@ -1,4 +1,4 @@
-//! Readings of all sensors, and the memory of slow and of delayed ones. Samples may be left out.
+//! Readings of all sensors, and the past that slow and delayed sensors need. Samples may be left out.
 
 use std::collections::VecDeque;
 
@@ -10,7 +10,7 @@ use crate::memory::Tape;
 pub type Reading = [f64; 3];
 /// Number of sensors.
 pub const SENSORS: usize = 10;
-/// Readings of all sensors, each at the index below. Those that a vehicle has not are 0.
+/// Readings of all sensors, each at the index below. Readings of sensors that the vehicle does not have are 0.
 pub type Readings = [Reading; SENSORS];
 /// Index of the position.
 pub const POSITION: usize = 0;
@@ -18,13 +18,13 @@ pub const POSITION: usize = 0;
 pub const VELOCITY: usize = 1;
 /// Index of the attitude, which the EKF does not measure.
 pub const ATTITUDE: usize = 2;
-/// Indices of the rates of each IMU; those of a vehicle without the EKF are the first.
+/// Indices of the rates of each IMU; a vehicle without the EKF has only the first.
 pub const RATES: [usize; IMUS] = [3, 7];
 /// Indices of the specific force of each IMU.
 pub const ACCELERATION: [usize; IMUS] = [4, 8];
-/// Index of the height; the first number counts.
+/// Index of the height, which is the first number of the reading.
 pub const HEIGHT: usize = 5;
-/// Index of the velocity over the ground; the first two numbers count.
+/// Index of the velocity over the ground, which is the first two numbers of the reading.
 pub const FLOW: usize = 6;
 /// Index of the magnetic field.
 pub const FIELD: usize = 9;

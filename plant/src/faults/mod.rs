@@ -1,6 +1,6 @@
 //! Faults of the plant: sensors, actuators, air and payload.
 //!
-//! The plant has the faults of the sensors, and the tricopter those of the true vehicle.
+//! `Plant` applies the faults of the sensors, and `Tricopter` those of the true vehicle.
 //!
 //! | module | targets | kinds | acts on |
 //! |---|---|---|---|

@@ -161,8 +161,8 @@ impl SensorFault {
             std::array::from_fn(|imu| has(imu).then_some(sensors[imu]))
         };
         let (only, degree) = (|sensor| [Some(sensor), None], 1_f64.to_radians());
-        // Unit of the settings, and default bias and deviation of noise in it: far beyond those of a good sensor,
-        // within those of a bad one.
+        // Unit of the settings, and default bias and noise deviation in that unit: much larger than those of a good
+        // sensor, no larger than those of a bad one.
         let (sensors, unit, sizes) = match fault.target {
             FaultTarget::Position => (only(POSITION), 1.0, [1.0, 0.3]),
             FaultTarget::Velocity => (only(VELOCITY), 1.0, [0.5, 0.2]),
@@ -208,7 +208,8 @@ impl Effect {
         }
     }
 
-    /// Computes the reading of the sensor while the fault is active; `before` has its readings a number of ticks ago.
+    /// Computes the reading of the sensor while the fault is active; `before` returns its reading a number of ticks
+    /// ago.
     fn read(
         &mut self,
         tick: u64,

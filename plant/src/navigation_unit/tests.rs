@@ -67,7 +67,7 @@ fn check_consistency(standing_s: f64, seeds: u64) {
         let mut scenario = with(SensorPreset::Typical);
         scenario.run.seed = seed;
         scenario.plant.sensors.alignment.standing_s = standing_s;
-        // Constants that the filter takes for noise, which these motions, as fast as they are, tell from it.
+        // The receiver's constant errors are noise to the filter, but these fast motions would reveal them as constant.
         scenario.plant.sensors.receiver = Receiver::default();
         fly(&scenario, 300, |plant, measured, actual| {
             if plant.tick == 300 {

@@ -48,7 +48,7 @@ pub struct Scale {
     pub due_ns: u64,
     /// Largest common value of each number.
     largest: [f64; NUMBERS],
-    /// `true` in real time: a response is the time since the sample. Otherwise it is how long faults held it up.
+    /// `true` in real time: a response is the time since the sample. Otherwise it is the delay that faults added.
     pub clocked: bool,
 }
 
@@ -138,7 +138,7 @@ impl Answer {
 
 /// Factor by which older answers lose weight with each new one: about twenty answers count.
 const STAYS: f64 = 0.95;
-/// Fewest answers from which a similarity is told.
+/// Number of answers below which no similarity is computed.
 const FEW: u32 = 10;
 /// Root mean square below which a number is left out, as a share of its largest common value: two good laws may differ
 /// in sign for a while if next to nothing is demanded.
@@ -155,7 +155,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// Takes in the answers of both to one sample.
+    /// Adds the answers of both processes to one sample.
     pub fn note(&mut self, mine: &Answer, theirs: &Answer) {
         self.answers = self.answers.saturating_add(1);
         self.weight = STAYS * self.weight + 1.0;

@@ -23,7 +23,7 @@ struct Injected {
 }
 
 impl FaultInputs {
-    /// Takes the process faults of `scenario`. In real time the process itself acts out `exit` and `hog`: an `exit`
+    /// Takes the process faults of `scenario`. In real time the process itself carries out `exit` and `hog`: an `exit`
     /// only holds off the next start, a `hog` gives no input.
     pub fn new(scenario: &Scenario) -> Self {
         let (simulated, sample_ns) = (scenario.run.mode != Mode::Realtime, scenario.sample_ns());

@@ -495,7 +495,8 @@ impl Role {
         }
     }
 
-    /// Starts another process: the candidate of `swap`, or without one the program that was last active for good.
+    /// Starts another process: the candidate of `swap`; without one, the program of the newest candidate that was kept,
+    /// or that of the run.
     fn spawn(&mut self, now: Now, swap: Option<usize>, out: &mut Vec<Action>) {
         self.newest += 1;
         let origin = swap.or(self.origin);

@@ -26,7 +26,7 @@ use crate::states::{length_m, position_error_m};
 /// Time for which answers are kept until they are judged \[s\]: in real time the launcher may look late.
 const REMEMBERED_S: f64 = 2.0;
 
-/// Candidate under trial, and what is known of its answers.
+/// Candidate under trial, with the statistics of its answers.
 pub struct Trial {
     pub candidate: u32,
     /// Process before the candidate; `None` once it has ended.
@@ -153,7 +153,7 @@ impl Trial {
 
     fn note(&mut self, record: &Record) {
         if record.stamped().is_none_or(|(_, stamp)| stamp.is_faulted() || stamp.is_withheld()) {
-            return; // the message as meant; what was delivered, if anything, is another message
+            return; // the message as computed; the delivered one, if any, is another message
         }
         let Some(answer) = self.scale.read(record) else { return };
         let mut known = std::iter::once(self.candidate).chain(self.old).map(u64::from);
@@ -170,7 +170,7 @@ impl Trial {
         both
     }
 
-    /// Returns what counts against the candidate's answer to `tick`, for people; `None` if it is good.
+    /// Returns the reason why `tick` counts against the candidate, for people; `None` if its answer is good.
     fn against(&mut self, tick: u64, mine: Option<Answer>, theirs: Option<Answer>) -> Option<String> {
         let at = format!("at {:.2} s", tick as f64 * self.sample_s);
         let Some(mine) = mine else { return Some(format!("no answer {at}")) };

@@ -122,7 +122,7 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
     }
 }
 
-/// Requires, if a wind `blows`, a vehicle with drag or another effect of air.
+/// Requires a vehicle with drag or another effect of air if a wind `blows`.
 pub fn check_air(blows: bool, keys: &[&str], plant: &PlantSettings, found: &mut Found) {
     found.require(
         !blows || plant.feels_air(),
@@ -176,7 +176,7 @@ fn check_unit(fault: &Fault, sensors: &SensorsSettings, found: &mut Found) {
     );
 }
 
-/// Requires the IMU that has the fault.
+/// Requires that the faulty IMU exists.
 fn check_imu(fault: &Fault, sensors: &SensorsSettings, found: &mut Found) {
     let Some(imu) = fault.imu else { return };
     let is_of_one = matches!(fault.target, FaultTarget::Rates | FaultTarget::Acceleration);

@@ -28,7 +28,7 @@ const ARM: AllowedRange = (Included(1e-3), Included(1e3));
 const ROTOR_CONSTANT: AllowedRange = (Included(1e-12), Included(1e3));
 /// `SCHED_FIFO` has 1 to 99; the nodes downstream of the plant add up to 3, and the highest belong to the kernel.
 const PRIORITY: AllowedRange = (Included(1.0), Included(95.0));
-/// One sample at the highest rate, to the longest horizon at the lowest.
+/// Horizons from one sample at the highest rate to [`MAX_HORIZON`] samples at the lowest.
 const HORIZON_S: AllowedRange = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
 /// Longest flight \[s\].
 pub const DAY_S: f64 = 86_400.0;
@@ -40,7 +40,7 @@ const POSITION_M: AllowedRange = (Included(-SPACE_M), Included(SPACE_M));
 const CPU: AllowedRange = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key, in which `*` is any name; arrays are checked element by element, tables
-/// key by key. Check, schema and reference pages have their ranges from here; the ranges of a fault depend on its kind,
+/// key by key. Check, schema and reference pages take their ranges from here; the ranges of a fault depend on its kind,
 /// and are in the check of faults.
 const RANGES: &[(&str, AllowedRange)] = &[
     ("mission.heading_deg", ANY),

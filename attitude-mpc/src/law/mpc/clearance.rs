@@ -41,7 +41,7 @@ impl Clearance {
     }
 
     /// Returns whether no move of the plan for `given` = (x; r; d; v) and the `changes` of r reaches a limit; `false`
-    /// also if the bound cannot tell.
+    /// also if the bound does not decide it.
     pub fn is_clear(&self, given: &DVector<f64>, changes: &DVector<f64>) -> bool {
         let n = given.len() - GIVEN;
         let errors: [f64; STATES] = std::array::from_fn(|state| given[state] - given[n + state]);

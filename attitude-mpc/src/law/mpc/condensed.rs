@@ -43,7 +43,7 @@ pub const GIVEN: usize = STATES + INPUTS + INPUTS;
 /// Index of p in state and reference; q and r follow.
 pub const RATES: usize = 4;
 
-/// Added to the diagonal of `Q` in the Riccati equation, because states without weight leave `Q` semidefinite.
+/// Number added to the diagonal of `Q` in the Riccati equation, because states without weight leave `Q` semidefinite.
 const DARE_REGULARISATION: f64 = 1e-9;
 
 /// Smallest accepted pivot of the Hessian's Cholesky factor, as a share of the diagonal element. The shipped profiles
@@ -114,7 +114,7 @@ impl Condensed {
         Self::weighted(&flight.model, scenario, |q| flight.lean_on(q), true)
     }
 
-    /// Condenses with the weight on the states that `change_q` makes of `Q`; `follows` as in [`input_targets`].
+    /// Condenses with `Q` as changed by `change_q`; `follows` as in [`input_targets`].
     fn weighted(
         model: &PredictionModel,
         scenario: &Scenario,

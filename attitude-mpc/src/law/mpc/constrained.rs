@@ -38,7 +38,7 @@ pub struct Constrained {
     pub hurried: bool,
     /// Plan of the solver, 4Nu.
     solved: DVector<f64>,
-    /// Room for another plan, 4Nu.
+    /// Buffer for another plan, 4Nu.
     spare: DVector<f64>,
 }
 

@@ -1,8 +1,8 @@
-//! The law: the unconstrained plan by the model of the tick, and the one inside the limits.
+//! The MPC law: the unconstrained plan by the model of the tick, and the plan inside the limits.
 //!
-//! The memory has no part of the model, so that a process with another model can continue the flight. Both plan from
-//! the same state, disturbance and last demand, so only the difference of the two gains makes the demand jump. Test
-//! `a_controller_of_another_model_continues_the_flight`.
+//! The memory has no part of the model, so that a process with another model can continue the flight. Both processes
+//! plan from the same state, disturbance and last demand, so only the difference of their gains makes the demand jump.
+//! Test `a_controller_of_another_model_continues_the_flight`.
 
 use airframe::linear::INPUTS;
 use contract::message::{Kinematics, SolveStatus};

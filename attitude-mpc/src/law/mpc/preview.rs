@@ -1,4 +1,4 @@
-//! Reference over the horizon, from what REFERENCE tells of later times (`guidance.preview_s`).
+//! Reference over the horizon, from the preview in REFERENCE (`guidance.preview_s`).
 //!
 //! ```text
 //!   moment of the reference     demand acts

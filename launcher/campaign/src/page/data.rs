@@ -105,7 +105,7 @@ impl<'a> CampaignPage<'a> {
         of_controller / self.evidence.all_draws().max(1)
     }
 
-    /// Returns the rows of each case, by controller; `None` if not there. Rows without `meant` are left out.
+    /// Returns the row of each controller, by case; `None` if there is none. Only rows for which `meant` is true count.
     pub fn by_case(&self, meant: impl Fn(usize) -> bool) -> BTreeMap<u64, Vec<Option<usize>>> {
         let mut cases: BTreeMap<u64, Vec<Option<usize>>> = BTreeMap::new();
         for row in (0..self.rows()).filter(|row| meant(*row)) {

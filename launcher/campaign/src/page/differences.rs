@@ -15,7 +15,7 @@ struct Row<'a> {
     metric: &'a str,
     case: Option<&'a str>,
     controller: &'a str,
-    /// Number of pairs of flights that both passed, and of those of which one did not.
+    /// Numbers of pairs of flights of which both passed, and of which one did not.
     pairs: usize,
     left_out: usize,
     /// Mean of the controller, and of the one that it is compared with.

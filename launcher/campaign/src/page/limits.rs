@@ -139,7 +139,7 @@ pub fn sentences(page: &CampaignPage, limit: &Limit) -> String {
     words.replace("  ", " ")
 }
 
-/// Numbers of the searches, for the head of the page: what they flew, and how many met an end of the range.
+/// Numbers for the head of the page: flights of all searches, and searches that met either end of the range.
 pub fn tiles(page: &CampaignPage, limit: &Limit) -> Vec<(String, String)> {
     let rows = || (0..page.rows()).filter(|row| page.passed[*row].is_some());
     let flights: f64 = rows().filter_map(|row| page.flights.column(FLIGHTS)?.number(row)).sum();

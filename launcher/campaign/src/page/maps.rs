@@ -122,7 +122,7 @@ fn one(page: &CampaignPage, controller: usize, [across, up]: [&Binned; 2], is_gr
     map(title, axes, &shares, border)
 }
 
-/// Makes the cells of a map from what is known of each row and column, and the entries of both.
+/// Makes the cells of a map; `cell` gets the value of a row and column, and their entries.
 pub fn cells<T>(
     [across, up]: [&Axis; 2],
     known: &[Vec<T>],

@@ -69,8 +69,8 @@ fn target(promise: &Promise, page: &CampaignPage, group: &Group) -> Target {
     }
 }
 
-/// Holds a share of passed flights against its 95 % interval: the promise is kept if the interval lies above the limit,
-/// broken if the interval lies below, and else undecided. Without an interval the share itself is judged.
+/// Judges a promised share of passed flights by its 95 % interval: the promise is kept if the interval lies above the
+/// limit, broken if the interval lies below, and else undecided. Without an interval the share itself is judged.
 fn share(promise: &Promise, page: &CampaignPage, figure: String, rows: &[usize], is_whole: bool) -> Target {
     let limit = promise.at_least.unwrap_or_default();
     let rate = page.rate_of(rows.iter().copied());
@@ -84,8 +84,8 @@ fn share(promise: &Promise, page: &CampaignPage, figure: String, rows: &[usize],
     target
 }
 
-/// Holds limits against a promise. One beyond an end of the range may be any value there: what it leaves open is
-/// inconclusive.
+/// Judges promised limits. A limit beyond an end of the range may have any value there; the verdict is inconclusive if
+/// it depends on that value.
 fn limit(promise: &Promise, page: &CampaignPage, figure: String, rows: &[usize], is_whole: bool) -> Target {
     let Some(limit) = page.plan.campaign.limit().filter(|_| is_whole) else {
         return Target::at_most(figure, None, promise.at_most.unwrap_or_default(), "");
@@ -163,7 +163,7 @@ fn rows_of(promise: &Promise, page: &CampaignPage, group: &Group) -> Vec<usize> 
     (0..page.rows()).filter(is_it).collect()
 }
 
-/// Returns the number of flights that a whole campaign has of them.
+/// Returns the number of flights of `group` in a complete campaign.
 fn expected(promise: &Promise, page: &CampaignPage, group: &Group) -> u64 {
     let campaign = &page.plan.campaign;
     let controllers = if group.controller.is_some() { 1 } else { page.names.len() as u64 };

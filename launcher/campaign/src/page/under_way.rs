@@ -1,5 +1,5 @@
-//! The page of a campaign that flies: the parts of `campaign.html` that can be made of the flights that are there
-//! without flying any again.
+//! Page of a campaign under way: the parts of `campaign.html` that can be made of the present flights without flying
+//! any again.
 
 use rayon::ThreadPoolBuilder;
 use view::draw::{self, STYLE, escape};

@@ -13,7 +13,7 @@ const AXES: [(&str, [&str; 3]); 5] = [
     ("rates", ["roll", "pitch", "yaw"]),
 ];
 
-/// Heading of a factor: its words, with the key beside them where it says something else.
+/// Heading of a factor: its words, and the key beside them unless the two are equal.
 pub fn heading(key: &str) -> String {
     let told = words(key);
     let beside = if told == key { String::new() } else { format!(" <small><code>{}</code></small>", escape(key)) };

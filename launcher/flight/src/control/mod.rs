@@ -39,7 +39,7 @@ pub enum ControlRequest {
     Swap(Swap),
     /// Injects a fault, which begins `at_s` after the next sample but one.
     Inject { fault: Fault },
-    /// Ends faults; those that have not begun never do.
+    /// Ends faults; a fault that has not begun never begins.
     Clear {
         /// Target whose faults end; `None` ends all.
         target: Option<FaultTarget>,

@@ -1,5 +1,5 @@
 //! Launcher's side of the socket. Nothing here waits or takes long: a look takes at most one request, and a client that
-//! connects and sends nothing gives way to later ones.
+//! connects and sends nothing is disconnected.
 
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -37,15 +37,15 @@ impl Server {
         Ok(Self { listener, clients: vec![], served: false })
     }
 
-    /// Returns the descriptors that become readable when there is something to do; none after a request. The next one
-    /// is taken at the next look at the processes, so that clients do not set the pace of the launcher.
+    /// Returns the descriptors that become readable when a client connects or sends; none after a request. The next
+    /// request is taken at the next look at the processes, so that clients cannot make the launcher look more often.
     pub fn sources(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         let all = [self.listener.as_fd()].into_iter().chain(self.clients.iter().map(|client| client.stream.as_fd()));
         all.filter(|_| !self.served)
     }
 
-    /// Returns a request that has come, and where its answer goes. Clients without a valid one are told so and
-    /// disconnected.
+    /// Returns a request that has arrived, and the [`Reply`] for its answer. A client without a valid request gets an
+    /// error and is disconnected.
     pub fn request(&mut self) -> Option<(ControlRequest, Reply)> {
         self.accept_new();
         self.served = false;
@@ -83,7 +83,7 @@ impl Server {
 }
 
 impl Client {
-    /// Reads the request, or why there is none; `None` while one may still come.
+    /// Reads the request, or returns the reason why there is none; `None` while a request may still arrive.
     fn listen(&mut self) -> Option<Result<ControlRequest, String>> {
         let mut bytes = [0; REQUEST_BYTES];
         match self.stream.read(&mut bytes) {

@@ -22,7 +22,7 @@ pub fn view(domain: &Domain) -> Value {
         view["time_s"] = json!(time_s(domain));
         view["phase"] = json!(phase);
     }
-    // The rest is known to the launcher only, which does not answer while it ends.
+    // Only the launcher knows the other fields, and it does not answer while it ends.
     if let (Some(view), Ok(Value::Object(told))) = (view.as_object_mut(), ask(domain, &ControlRequest::Status)) {
         view.extend(told);
     }

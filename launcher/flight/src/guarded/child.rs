@@ -17,7 +17,7 @@ use crate::libraries;
 use crate::log::{Memory, Record};
 use crate::nodes;
 
-/// Words after which the parent is woken.
+/// Number of words sent after which the parent is woken.
 const WAKE_AFTER_WORDS: usize = 1 << 13;
 /// Longest sleep between two looks.
 const LOOK_NS: u64 = Duration::from_secs(1).as_nanos() as u64;
@@ -31,14 +31,14 @@ struct Sender<'a> {
     unseen: usize,
 }
 
-/// Flies for the parent whose pipes are stdin; returns only for a request that is none.
+/// Flies for the parent whose pipes are stdin; returns only after a panic of the launcher's own code.
 ///
 /// # Errors
-/// Stdin is not such pipes: a user has called this.
+/// Stdin has no such pipes, because a user has called this.
 pub fn serve() -> io::Result<u8> {
     let pipes = SharedPipes::open(io::stdin())?;
     die_of_crashes();
-    // Again, because a program with capabilities loses it when it is started.
+    // Set again, because a program with capabilities loses this setting when it is started.
     set_parent_process_death_signal(Some(Signal::KILL))?;
     // Processes that a library starts and leaves behind are then children of this one, so that they are seen.
     set_child_subreaper(Some(getpid()))?;
@@ -109,7 +109,7 @@ impl Sender<'_> {
         self.send();
     }
 
-    /// Sends all words that wait. A parent that is slow is waited for.
+    /// Sends all words, and waits while the pipe is full.
     fn send(&mut self) {
         let mut sent = 0;
         while sent < self.words.len() {

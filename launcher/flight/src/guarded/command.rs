@@ -1,4 +1,4 @@
-//! A whole command in a child process, with the arguments of this one: a library that it loads may crash there.
+//! Runs a whole command in a child process with the same arguments, where a library that it loads may crash.
 
 use std::process::Command;
 use std::sync::OnceLock;
@@ -12,15 +12,16 @@ use rustix::process::getppid;
 use super::host::in_words;
 use crate::strays::ChildMark;
 
-/// Variable that the child has: the pid of its parent, so that its own children are none.
+/// Variable of the child with the pid of its parent, so that children of the child do not take themselves for one.
 const CHILD_OF: &str = "TREFOIL_CHILD_OF";
-/// Difference between the exit code of the child and that of the command: so a library that calls `exit` is found out.
+/// Added by the child to the exit code of the command, so that a library that calls `exit` is detected.
 const TO_THE_END: u8 = 100;
 
 /// Set in the child before it loads anything: a library may clear the variables.
 static IS_CHILD: OnceLock<()> = OnceLock::new();
 
-/// Runs this command in a child, and says if a library has ended it; returns the exit code, `None` in the child itself.
+/// Runs this command in a child, and prints an error if a library has ended the child. Returns the exit code; `None` in
+/// the child itself.
 ///
 /// # Errors
 /// No child can be started.
@@ -44,7 +45,7 @@ pub fn command() -> io::Result<Option<u8>> {
     Ok(code.or(Some(exit::PROCESS_LOST)))
 }
 
-/// Returns the exit code for this process of a command that came to its end with `code`.
+/// Returns the exit code of this process, child or not, for a command that ended with `code`.
 pub fn exit_code(code: u8) -> u8 {
     if IS_CHILD.get().is_some() { TO_THE_END + code } else { code }
 }

@@ -11,7 +11,7 @@ use settings::{Scenario, to_toml};
 
 use crate::log::{Memory, Record};
 
-/// Kinds of frames after those of messages, which are their [`Record::kind`].
+/// Kinds of frames other than messages, whose kind is their [`Record::kind`].
 const MEMORY: u64 = Record::KINDS as u64;
 const TEXT: u64 = MEMORY + 1;
 /// Bits of the first word below the kind, and below the number of the flight.

@@ -24,7 +24,7 @@ use crate::{libraries, own_program};
 /// Longest time until the end of a child, or of its wait for a flight, is noticed.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Child, alive unless its last flight has cost it.
+/// Child that flies with libraries; dead if the last flight ended it.
 pub struct ChildHost {
     child: Child,
     /// Mark of the processes that come from it.
@@ -32,7 +32,7 @@ pub struct ChildHost {
     pipes: SharedPipes,
     /// Number of the newest flight.
     flight: u16,
-    /// Variables that the child was started with, of all nodes.
+    /// Environment variables of all nodes that the child was started with.
     env: BTreeMap<String, String>,
     /// Libraries that it flies with, and has loaded after its first flight: the file of each, and its hash.
     libraries: BTreeSet<(String, String)>,
@@ -65,8 +65,8 @@ impl ChildHost {
         start().map_err(|why| SessionError::Io { what: "a process to fly libraries in".into(), why })
     }
 
-    /// Returns whether the child has the libraries of `scenario`, and no others, and the environment that they shall
-    /// have.
+    /// Returns whether the child has exactly the libraries of `scenario`, and the environment variables that the
+    /// scenario gives them.
     pub fn suits(&self, scenario: &Scenario) -> bool {
         self.env == libraries::env_of(scenario) && self.libraries == libraries::files(scenario)
     }
@@ -193,7 +193,7 @@ impl Drop for ChildHost {
     }
 }
 
-/// Describes the end of a child, with what follows "library".
+/// Describes the end of a child in words that follow "library".
 pub(super) fn in_words(status: ExitStatus) -> String {
     let name = |signal: i32| match signal {
         4 => "SIGILL".to_owned(),
@@ -218,7 +218,7 @@ fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> Ste
     flown(Ended::Lost(format!("{name} (its library {why})")), events.into_iter().collect())
 }
 
-/// Makes the result of a flight that the child has not told to its end.
+/// Makes the result of a flight whose end the child has not reported.
 fn flown(ended: Ended, events: Vec<Event>) -> SteppedResult {
     let refused = Topic::ALL.map(|topic| (topic.publisher().into(), [0; Refusal::ALL.len()])).into();
     SteppedResult { ended, events, refused, failures: vec![] }

@@ -1,6 +1,6 @@
 //! Flights in one thread, guarded against the libraries that fly in them: a flight with a library is flown by a child
-//! process. A library that crashes, ends its process or never returns costs that flight, which ends as one that has
-//! lost the node.
+//! process. A library that crashes, ends its process or never returns costs that flight, which ends as if the
+//! node were lost.
 //!
 //! ```text
 //! fly(scenario) -- without a library --> here
@@ -45,12 +45,12 @@ use crate::log::{Memory, Record};
 use crate::nodes;
 use host::ChildHost;
 
-/// Most children of a thread that wait; beyond them the one that has waited longest ends.
+/// Largest number of idle children of a thread; with more, the child that has been idle longest is ended.
 const MOST_IDLE: usize = 8;
 
 thread_local! {
-    /// Children of this thread that wait for the next flight, one for each set of libraries: two controllers that
-    /// cannot be in one process are compared in a campaign all the same.
+    /// Children of this thread that wait for the next flight, one for each set of libraries, so that a campaign can
+    /// compare two controllers that cannot be in one process.
     static IDLE: RefCell<Vec<ChildHost>> = const { RefCell::new(vec![]) };
 }
 
@@ -88,8 +88,8 @@ pub fn fly(
     Ok(flown)
 }
 
-/// Returns whether a fault or a swap may change a message. If so, receivers accept or refuse it by its checksum, and
-/// without, a flight of which no message is kept needs no checksums.
+/// Returns whether a fault or a swap may change a message. If so, receivers need checksums to refuse it; if not, a
+/// flight of which no message is kept needs none.
 pub fn changes_messages(scenario: &Scenario) -> bool {
     !scenario.swap.is_empty() || scenario.fault.iter().any(|fault| fault.target.topic().is_some())
 }

@@ -1,4 +1,4 @@
-//! State that a process has from its surroundings, and that a library may change for all later flights in it.
+//! State of a process, such as limits and environment variables, that a library may change for all later flights in it.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -7,7 +7,7 @@ use std::{env, fs};
 
 use rustix::process::{WaitId, WaitIdOptions, waitid};
 
-/// Fields of `/proc/self/status` that stay as they are: users, signals (blocked, ignored, handled), CPUs.
+/// Fields of `/proc/self/status` that change only if a library changes them: users, signals, CPUs.
 const STAY: [&str; 10] =
     ["Umask:", "Uid:", "Gid:", "Groups:", "SigBlk:", "SigIgn:", "SigCgt:", "NoNewPrivs:", "Seccomp:", "Cpus_allowed:"];
 
@@ -23,11 +23,11 @@ pub struct ProcessSurroundings {
 }
 
 impl ProcessSurroundings {
-    /// Reads them; what cannot be read counts as empty.
+    /// Reads the present surroundings; a part that cannot be read is empty.
     pub fn now() -> Self {
         let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
         let stays = |line: &&str| STAY.iter().any(|field| line.starts_with(field));
-        // Fails without children; one that has ended, and that the library has not waited for, is a child too.
+        // Fails without children; one that has ended and was not waited for counts as a child.
         let any = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
         Self {
             status: status.lines().filter(stays).map(str::to_owned).collect(),

@@ -1,4 +1,4 @@
-//! Decay of a perturbation of the hover, and the margins of what is unlike the model of the controller.
+//! Decay of a perturbation of the hover, and the margins of delay and lag.
 //!
 //! The flight begins beside the hover. Its energy is the sum of the squares by which the motion changes from sample to
 //! sample. The perturbation decays if the last third of the flight has less energy than the middle third, and if no
@@ -93,7 +93,7 @@ fn attitude(motion: &Kinematics) -> impl Iterator<Item = f64> {
     motion.attitude_rad.into_iter().chain(motion.rates_radps)
 }
 
-/// Returns whether the perturbation `initial` of the numbers that `of` takes from the motion decays.
+/// Returns whether the perturbation `initial` decays in the numbers that `of` takes from the motion.
 fn decays_from(
     initial: &Initial,
     scenario: &Scenario,

@@ -22,7 +22,8 @@ pub const HELD: Open = open::<Held<4>>;
 
 /// References of the hover, of which number `STEPPED` steps: w, phi, theta, psi, or none.
 struct Held<const STEPPED: usize> {
-    /// Reference before, at and after the step: at it the rates go with the angles, if guidance has it so.
+    /// Reference before, at and after the step. At the step the rate reference matches the change of the angle, if
+    /// `guidance.rate_reference` is `difference`.
     course: [Reference; 3],
 }
 

@@ -21,8 +21,8 @@ use super::{Count, Log, LogWriter, Memory, Record};
 use crate::event::Event;
 
 /// Joins `parts` into one log with all `events`, which replaces the first part; the others are removed. A message that
-/// two parts have recorded is written once: each part adds its new messages in the order of its file. The outcome
-/// counts as dropped how many of the `sent` messages are missing.
+/// two parts have recorded is written once: each part adds its new messages in the order of its file. Of
+/// the `sent` messages those that are missing count as dropped.
 ///
 /// # Errors
 /// Fails if the log cannot be written; then the parts stay as they are.
@@ -96,7 +96,7 @@ pub fn part(first: &Path, epoch: u32) -> PathBuf {
     if epoch == 1 { first.into() } else { first.with_extension(format!("{epoch}.mcap")) }
 }
 
-/// Returns the file to which the launcher writes what recorder `epoch` of the log at `first` left when it died.
+/// Returns the file of the messages that recorder `epoch` of the log at `first` had not written when it died.
 pub fn rest(first: &Path, epoch: u32) -> PathBuf {
     first.with_extension(format!("{epoch}.rest.mcap"))
 }
@@ -265,7 +265,7 @@ struct Recent {
 }
 
 impl Recent {
-    /// Messages that are remembered: more than both of them have.
+    /// Number of messages that are remembered: more than a recorder and the launcher have in those seconds.
     const MOST: usize = 200_000;
 
     /// Counts a message, and returns how often it was seen, this time included.

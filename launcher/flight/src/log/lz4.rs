@@ -14,14 +14,14 @@ use crate::limits::MAX_RECORD_BYTES;
 
 /// Name of the compression in the log.
 const NAME: &str = "lz4";
-/// Length of what stands before the body of a record: opcode and length of the body.
+/// Length of the head of a record: opcode, and length of the body.
 const HEAD: usize = 9;
 
 /// Destination of an MCAP writer that compresses each chunk on its way to the `file`.
 ///
-/// The writer must send chunks that are not compressed. It asks for its position before it notes an offset, and is told
-/// the one in the file; lengths of chunks and checksums, which it cannot know, are put right here. A chunk is written
-/// once it is complete, so that a killed process leaves chunks that can be read.
+/// The writer must send chunks that are not compressed. When it asks for its position, it gets the position in the
+/// file; lengths of chunks and checksums, which it cannot know, are corrected here. A chunk is written once it is
+/// complete, so that a killed process leaves chunks that can be read.
 pub struct Compressor<W> {
     file: W,
     /// Bytes written to the file.

@@ -16,12 +16,12 @@ use runtime::port::PortFailure;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::SharedRole;
 
-/// Index of the launcher, which listens to every topic, behind those of the nodes.
+/// Index of the launcher as a listener, after those of the nodes; it listens to every topic.
 const LAUNCHER: usize = Topic::COUNT;
 
 /// Messages that must be missing or refused before a process counts as cut off.
 const SENT: u32 = 3;
-/// Ticks that a listener must also finish: in the first it may be past its look, in the second it looks once more.
+/// Ticks that a listener must finish after these messages: in the first it may have read its input already.
 const WHOLE_TICKS: u32 = 2;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,7 +54,7 @@ struct Counts {
     received: [u32; Topic::COUNT],
 }
 
-/// Publisher and listener since the listener last received something.
+/// Counts of a publisher and a listener when the listener last received a message.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pair {
     epochs: (u32, u32),

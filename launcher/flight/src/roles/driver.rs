@@ -40,7 +40,8 @@ pub trait Driver {
     /// Adds fault `number`, or changes it to `fault`. Lockstep ignores it: there only the scenario has faults.
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}
 
-    /// Returns why the run cannot go on, or `None`. While a debugger has one of its processes (`is_traced`) it waits.
+    /// Returns why the run cannot go on, or `None`. A ring that does not move is not stuck while a debugger
+    /// traces one of its processes (`is_traced`).
     fn stuck(&mut self, _is_traced: &dyn Fn() -> bool) -> Option<String> {
         None
     }

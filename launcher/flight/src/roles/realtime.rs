@@ -81,7 +81,7 @@ impl RealtimeRoles {
     }
 
     /// Returns the instant of the look after `at`: the first at which a restart is due or a process may count as hung,
-    /// but [`LOOK_AGAIN`] to [`LOOK`] later.
+    /// but at least [`LOOK_AGAIN`] and at most [`LOOK`] after `at`.
     fn next_look(&self, at: Instant) -> Instant {
         let origin_ns = (self.page.origin_ns.get() > 0).then(|| self.lead_in_ns() + GRACE_NS);
         let starts = self.nodes.iter().filter_map(|node| node.role.due_ns());

@@ -6,8 +6,8 @@
 //! recorder 2 -> flight.2.mcap        /
 //! ```
 //!
-//! If a recorder dies, the launcher writes its last moments, and what is sent until the next one records
-//! ([`LogRemainder`]). No node notices.
+//! If a recorder dies, the launcher writes the messages that it had not written, and those sent until the next one
+//! records ([`LogRemainder`]). No node notices.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::io::Read;
@@ -79,7 +79,7 @@ impl Archive {
         self.on(run, tick, RoleInput::Exited(run.children.all[i].epoch));
     }
 
-    /// Supervises the recorder. The flight is worth more than its log, whose loss is told at the end.
+    /// Supervises the recorder. A flight goes on without a log if need be; the loss is reported at its end.
     pub fn look(&mut self, run: &mut FlightRun, tick: u64) {
         self.rest.look();
         let mut inputs = vec![RoleInput::Tick];
@@ -182,9 +182,9 @@ impl Archive {
         log::part(&self.path, epoch)
     }
 
-    /// Joins the files of all recorders, which have ended, and returns the outcome of the log; the `last` recorder has
-    /// told its own, unless it died. `untold` of the `events` did not reach a recorder; the processes have sent `sent`
-    /// messages.
+    /// Joins the files of all recorders, which have ended, and returns the outcome of the log. `last` is the outcome
+    /// that the last recorder printed, `None` if it died. `untold` of the `events` did not reach a recorder; the
+    /// processes have sent `sent` messages.
     fn outcome(
         self,
         last: Option<LogOutcome>,

@@ -1,4 +1,4 @@
-//! Children of the launcher: starts them, signals them, waits for them, and clears away what they leave.
+//! Children of the launcher: starts them, signals them, waits for them, and removes their ports and descendants.
 //!
 //! Each child has a process group of its own. The processes that it starts in turn are in that group: they get the same
 //! signals, and do not outlive it. Nor do processes that leave the group, as code of users may start
@@ -34,9 +34,9 @@ use crate::provenance::status_of;
 use crate::strays::ChildMark;
 use runtime::console::eprint_line;
 
-/// Longest output of a program that its last lines are shown of \[byte\].
+/// Longest output of a program whose last lines are shown \[bytes\]; of a longer one nothing is shown.
 const MOST_OUTPUT_BYTES: u64 = 1 << 20;
-/// Number of its lines that are shown.
+/// Number of last lines of the output that are shown.
 const LAST_LINES: usize = 5;
 
 /// Name of the recorder's process.
@@ -53,8 +53,8 @@ pub struct SpawnRequest<'a> {
     pub program: Option<&'a NodeSettings>,
     /// File with settings of its own, beside the run's.
     pub settings: Option<&'a Path>,
-    /// `true` if it shares the CPU of the flight: not the recorder, and no node whose settings name CPUs. It takes
-    /// those itself, perhaps before this thread goes on.
+    /// `true` if it shares the CPU of the flight: not the recorder, and no node whose settings name CPUs. Such a
+    /// node takes these CPUs itself, perhaps before this thread continues.
     pub shares_cpu: bool,
 }
 
@@ -98,11 +98,11 @@ pub struct Children {
     domain: Domain,
     /// CPU that the nodes are confined to. The recorder, which the ring does not wait for, is not.
     one_cpu: Option<OneCpu>,
-    /// Folder for the output of programs of users; `None` if it goes where that of the launcher goes.
+    /// Folder for the output of programs of users; `None` if it goes to the output of the launcher.
     pub outputs: Option<PathBuf>,
     /// Children that have not been seen to end.
     pub all: Vec<ChildProcess>,
-    /// Number of events that the recorder was told of.
+    /// Number of events that were sent to a recorder.
     pub told: usize,
     cleaners: Vec<JoinHandle<()>>,
 }
@@ -174,7 +174,7 @@ impl Children {
         ended.max_by_key(|(_, how)| how.gravity())
     }
 
-    /// Sends the newest recorder the `events` that no recorder was told of, as many as its pipe takes.
+    /// Sends the newest recorder the `events` that were sent to no recorder yet, as many as its pipe takes.
     pub fn tell(&mut self, events: &[Event]) {
         let Some(pipe) = self.all.iter().rev().find_map(|process| process.child.stdin.as_ref()) else { return };
         self.told += events.iter().skip(self.told).take_while(|event| event::send(pipe, event)).count();
@@ -228,7 +228,7 @@ impl Drop for Children {
     fn drop(&mut self) {
         self.all.iter_mut().filter(|process| !process.awaited).for_each(|process| kill(&mut process.child));
         self.all.iter().filter_map(|process| process.mark.as_ref()).for_each(ChildMark::kill_all);
-        // A cleaner that still works would leave traces in what is wiped next; one that is stuck is not waited for.
+        // A clean-up thread that still works could leave files after the wipe that follows; a stuck one is left behind.
         let deadline = Instant::now() + CLEAN_UP_LIMIT;
         while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(Duration::from_millis(1));

@@ -21,8 +21,8 @@ pub struct LogRemainder {
 }
 
 impl LogRemainder {
-    /// Makes room for what a recorder may not have written when it dies: the content of its queues, which last as long
-    /// as it may hang, and of one flush; twice that, because standbys and faults send messages too.
+    /// Makes room for the messages that a dead recorder may not have written: those of the time that its queues hold,
+    /// and of one flush period; twice that, because standbys and faults send messages too.
     pub fn new(scenario: &Scenario) -> Self {
         let seconds = OBSERVER_S as u64 + FLUSH_PERIOD.as_secs();
         let most = 2 * Record::KINDS * scenario.run.rate_hz as usize * seconds as usize;

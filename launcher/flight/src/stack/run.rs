@@ -1,4 +1,4 @@
-//! Processes of a run and what they share. Carries out the orders of their roles.
+//! Processes of a run and their common state. Carries out the orders of their roles.
 
 use std::sync::Arc;
 
@@ -119,7 +119,7 @@ impl FlightRun {
             && origin.is_some()
             && self.page.role(topic).active() == 0
         {
-            // The program that was swapped in is gone by now: the launcher's own is better than none.
+            // The program of the swap cannot be started: start that of the beginning, so that the node has a process.
             eprint_line(&format!("error: {error:#}; {} goes on as at the beginning", topic.publisher()));
             started = self.start_node(topic, epoch, None);
         }

@@ -1,8 +1,8 @@
 //! Times that the swaps of a flight in real time took.
 //!
-//! A trial begins when the candidate is ready, and ends early if it is rejected or returned, so a swap takes other
-//! times than it was given. The `scenario.toml` of the run's folder has the times that it took; a new order must avoid
-//! them.
+//! A trial begins when the candidate is ready, and ends early if it is rejected or returned, so the times of a
+//! swap differ from those in the settings. The `scenario.toml` of the run's folder has the times that it took; a new
+//! order must not overlap them.
 
 use contract::topic::Topic;
 use settings::{Scenario, Swap};
@@ -10,7 +10,8 @@ use settings::{Scenario, Swap};
 use crate::event::{Event, What};
 use crate::swap_story::SwapStory;
 
-/// Sets each swap to the times that it took by the `events`; one that is still to come moves behind those it waits for.
+/// Sets each swap to the times that it took by the `events`. A swap that would overlap an earlier one of its node is
+/// moved behind that one.
 pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     let (sample_s, rate_hz) = (scenario.sample_s(), f64::from(scenario.run.rate_hz));
     let swaps = &mut scenario.swap;

@@ -32,7 +32,7 @@ pub const CONTROLLERS: [(&str, Law, SolverName); 6] = [
     ("geometric", Law::Geometric, SolverName::Clarabel),
     ("indi", Law::Indi, SolverName::Clarabel),
 ];
-/// Name of the sequence that stands for all of them.
+/// Name in place of a sequence for all sequences together.
 pub const ALL: &str = "all";
 /// Shortest watch of the canary \[ns\].
 const CANARY_NS: u64 = 1_000_000;

@@ -22,8 +22,8 @@ const NODES: [(Topic, &str); 3] = [
     (Topic::Controls, "attitude.law=\"lqr\""),
     (Topic::Actuators, "mixer.projection=true"),
 ];
-/// Faults of the wrong candidates: of the topic or of the process, with the times after which they begin \[s\]. An exit
-/// takes no time, so it comes once more for a candidate that had not started yet; the others last, and would add up.
+/// Faults of the wrong candidates: target, kind, and the delays after which they begin \[s\]. An exit is momentary, so
+/// a second one follows for a candidate that started after the first. The other faults last, and two would add up.
 const WAYS: [(FaultTargetOf, &str, &[f64]); 5] = [
     (Topic::name, "kind=\"garbage\"", &[0.0]),
     (Topic::name, "kind=\"drop\", probability=1.0", &[0.0]),
@@ -31,7 +31,7 @@ const WAYS: [(FaultTargetOf, &str, &[f64]); 5] = [
     (Topic::publisher, "kind=\"slow\", ms=30.0", &[0.0]),
     (Topic::publisher, "kind=\"exit\"", &[0.0, 0.25]),
 ];
-/// Returns the target of a fault, for the publisher of a topic.
+/// Function that returns the target of a fault for a topic: the topic itself, or its publisher.
 type FaultTargetOf = fn(Topic) -> &'static str;
 /// Number of good candidates of each node.
 const ROUNDS: usize = 20;

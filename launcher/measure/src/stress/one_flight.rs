@@ -39,7 +39,7 @@ const NOTICED: Duration = Duration::from_millis(50);
 /// Longest time for start, report and end of a flight on a loaded machine.
 const AROUND: Duration = Duration::from_secs(60);
 
-/// Flight, and what became of it.
+/// Flight and its outcome.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct StressFlight {
     /// Number among the flights of its length; with the seed it determines the kills, with the duration the orders.
@@ -58,8 +58,8 @@ pub struct StressFlight {
     pub position_error_m: Option<f64>,
     /// Largest true roll or pitch \[deg\].
     pub tilt_deg: f64,
-    /// Number of ticks of a flight with candidates on which a node lacked an input or did not send exactly one message,
-    /// and of more such ticks during which a canary was delayed.
+    /// Numbers of ticks of a flight with candidates on which a node lacked an input or did not send exactly one
+    /// message: those without a delayed canary, and those with one.
     pub lost_ticks: usize,
     pub explained_ticks: usize,
     /// Reason why a candidate that was late cannot be judged.

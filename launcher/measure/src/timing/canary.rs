@@ -26,7 +26,7 @@ const PRIORITY: u32 = 90;
 
 pub struct Canary {
     peers: Vec<RingPeers>,
-    /// `true` if they were given `SCHED_FIFO`.
+    /// `true` if the canaries were given `SCHED_FIFO`.
     pub fifo: bool,
 }
 

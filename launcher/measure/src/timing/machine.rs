@@ -75,7 +75,8 @@ pub const CYCLICTEST: &str = "cyclictest";
 pub struct Stress(Child);
 
 impl Stress {
-    /// Starts it; `None` if it is not installed. It ends after `limit_s` in case this process is killed.
+    /// Starts `stress-ng`; `None` if it is not installed. It ends by itself after `limit_s`, in case this process is
+    /// killed.
     pub fn start(limit_s: f64) -> Option<Self> {
         let limit = format!("{}", limit_s.ceil());
         let mut command = Command::new("stress-ng");

@@ -30,11 +30,11 @@ const LOOP_PRIORITY: u32 = 80;
 /// Number of rounds, and duration of each measurement.
 pub struct Rounds {
     pub rounds: usize,
-    /// Bare loop and cyclictest, each.
+    /// Duration of the bare loop, and of cyclictest \[s\].
     pub loop_s: f64,
-    /// Stack and the raw rings compared with it, each.
+    /// Duration of the stack, and of the raw rings compared with it \[s\].
     pub ring_s: f64,
-    /// Flight of either scheduling class, idle.
+    /// Duration of an idle flight of either scheduling class \[s\].
     pub idle_s: f64,
     pub load_s: f64,
     pub rate_s: f64,

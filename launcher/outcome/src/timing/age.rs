@@ -1,6 +1,6 @@
 //! The age at the actuator: how old the sample behind a command is when the command takes effect.
 //!
-//! Per command applied, the age is the one that the plant reports. Per slot held, the age grows by a period for every
+//! For each command applied, the plant reports the age. For each slot held, the age grows by a period for every
 //! slot without a new command; without this count, a command that never came would leave no trace. Slot `k` lies
 //! between the samples `k` and `k + 1`.
 

@@ -20,7 +20,7 @@ pub struct TimedCycle {
     pub release_ns: u64,
     pub start_ns: u64,
     pub publish_ns: u64,
-    /// Instant at which it had sent the message before; 0 if that is not known.
+    /// Instant at which the node had sent its message before; 0 if that is not known.
     pub free_ns: u64,
     /// Periods without a cycle just before this one.
     pub slips: u64,

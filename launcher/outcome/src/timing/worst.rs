@@ -7,7 +7,7 @@
 //! that the node was silent before) and its execution. A node whose input came late has no late part of its own, so the
 //! part named is where the delay arose.
 //!
-//! Known causes ([`crate::happenings`]) come before inferred ones. The first rule that applies is told:
+//! Known causes ([`crate::happenings`]) come before inferred ones. The first rule that applies gives the cause:
 //!
 //! | part | condition, between the stall before the tick and its last answer | likely cause |
 //! |---|---|---|

@@ -74,7 +74,7 @@ impl Series {
         Self { label: label.into(), column, flight, colour, dash }
     }
 
-    /// Series of what was asked for.
+    /// Series of a reference, as a broken line.
     pub fn wanted(label: &str, column: &'static str, flight: usize) -> Self {
         Self { label: label.into(), column, flight, colour: "ink", dash: &[5, 4] }
     }
@@ -130,8 +130,8 @@ pub fn column(values: impl IntoIterator<Item = f32>) -> Value {
     BASE64_STANDARD.encode(bytes).into()
 }
 
-/// Merges what happened to flights, each with its name, for one time axis. What happened to several alike stands once,
-/// with their names unless it happened to all; what happened to one has its colour too.
+/// Merges what happened to flights, each with its name, for one time axis. What happened to several alike is shown
+/// once, with their names unless it happened to all; what happened to one has the colour of that flight too.
 pub fn happened(flights: &[(&str, &Happenings)]) -> Value {
     let (titles, told): (Vec<&str>, Vec<Value>) =
         flights.iter().map(|(title, happened)| (*title, json!(happened))).unzip();

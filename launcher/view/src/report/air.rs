@@ -1,5 +1,5 @@
-//! Wind of a flight and its estimate: the wind at each sample, and the acceleration that the disturbance observer of
-//! guidance looks for beside the one that it finds.
+//! Wind of a flight: the wind at each sample, and the true acceleration that the disturbance observer of guidance
+//! estimates.
 
 use airframe::Trim;
 use contract::message::Truth;
@@ -11,7 +11,7 @@ use settings::{ProgramKind, Scenario};
 
 /// Computes the wind of a flight again, tick by tick.
 pub struct Wind {
-    /// `None` if the vehicle was not this program's, whose air is not known.
+    /// `None` if the plant was another program, whose air is not known.
     air: Option<Air>,
     roll_trim_rad: f64,
     g_mps2: f64,

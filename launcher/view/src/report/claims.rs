@@ -1,4 +1,4 @@
-//! The paper's claims about its simulation results, held against a run.
+//! The paper's claims about its simulation results, compared with a run.
 //!
 //! The paper makes its claims for one flight: the whole minute of the `survey` trajectory, flown by the paper's
 //! controllers and vehicle in calm. For any other flight of that trajectory with the paper's profile the page has the

@@ -1,4 +1,4 @@
-//! Settings of the flight that differ from the defaults of its profile. What the line `preset` of a table sets is
+//! Settings of the flight that differ from the defaults of its profile. Those set by a `preset` are
 //! folded away.
 
 use flight::event::name;

@@ -84,8 +84,8 @@ impl Figures {
     }
 }
 
-/// Writes `report.html` of a run beside its log, or `report-FROM-TO.html` of a part of it; returns where, and what of
-/// the log is missing, for people. `costs` finds what disturbed ticks cost, of the whole.
+/// Writes `report.html` of a run beside its log, or `report-FROM-TO.html` of a part of it; returns the path, and a
+/// text for people if the log has gaps. `costs` finds the costs of disturbed ticks, for a whole flight only.
 pub fn write(
     run: &Path,
     part: TimeSpan,

@@ -58,13 +58,13 @@ pub fn result(run: &RunRecord) -> (&'static str, String) {
     }
 }
 
-/// Says what the record tells of the end, beyond what `result` says already.
+/// Returns the end of the flight by its record, without the words that `result` has already.
 pub fn ended(run: &RunRecord, result: &str) -> String {
     escape(run.ended.strip_prefix(result).unwrap_or(&run.ended).trim_start_matches([':', ' ']))
 }
 
-/// Warns of what is missing of the log, and of what else a reader must know: see
-/// [`outcome::judge::Verdict::reservations`].
+/// Returns warnings for the page: on a damaged log, and the reservations of the verdict
+/// ([`outcome::judge::Verdict::reservations`]).
 pub fn warnings(run: &RunRecord) -> [String; 2] {
     let warning = |about: &str, words: &str| match words {
         "" => String::new(),
@@ -129,7 +129,7 @@ pub fn hover(run: &RunRecord) -> String {
     list(hover.rows().into_iter().map(|(name, value)| (name.to_owned(), escape(&value))))
 }
 
-/// Returns whether anything gives the state hash of the flight again: in real time only a replay can.
+/// Returns whether the state hash of the flight can be repeated: in real time only a replay can do so.
 fn repeats(run: &RunRecord) -> bool {
     run.mode != Mode::Realtime || run.replays
 }

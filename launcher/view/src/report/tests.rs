@@ -527,7 +527,7 @@ fn check_speaks_of_no_claim(page: &str) {
     assert!(!data(page)["lines"]["error"].to_string().contains("paper"));
 }
 
-/// The page has what was measured of the claims, and judges none.
+/// Checks that every claim is `not applicable`, and that no line of the figures is the paper's.
 fn check_judges_no_claim(page: &str) {
     assert_eq!(page.matches("not applicable").count(), 5);
     assert!(!data(page)["lines"]["error"].to_string().contains("paper"));

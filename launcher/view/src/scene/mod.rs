@@ -51,7 +51,7 @@ impl SceneChannel {
     pub const ALL: [Self; 7] =
         [Self::Frames, Self::Arrows, Self::Path, Self::Log, Self::FixedFrames, Self::Vehicle, Self::Course];
 
-    /// Returns all of them as the channels of a log.
+    /// Returns all channels of a scene as channels of a log.
     pub fn of_log() -> [log::Channel; Self::ALL.len()] {
         let channel = |channel: Self| log::Channel {
             topic: channel.topic().into(),

@@ -46,7 +46,7 @@ fn faulty(faults: &[Fault]) -> Vec<Truth> {
     fly(|scenario| scenario.fault = faults.to_vec())
 }
 
-/// Positions of one actuator along that flight.
+/// Positions of one actuator along the flight of [`faulty`].
 fn track(faults: &[Fault], actuator: usize) -> Vec<f64> {
     faulty(faults).iter().map(|truth| bytemuck::cast::<Actuation, [f64; 4]>(truth.actuators.into())[actuator]).collect()
 }

@@ -15,11 +15,11 @@ use super::crash::end_at_once;
 
 /// Length of the page \[byte\]; the kernel rounds it up to a whole page.
 const PAGE_BYTES: usize = size_of::<AtomicU64>();
-/// Words of a copy at its end.
+/// Message that a copy prints before it ends.
 const WORDS: &str = "this is a copy that a library or program has made of its process (fork, daemon); only the process \
 itself may go on, and the copy ends\n";
 
-/// Called in a copy, before it ends.
+/// Function that a copy calls before it ends.
 static TOLD: OnceLock<Box<dyn Fn() + Send + Sync>> = OnceLock::new();
 
 /// Process in which a value of this type was made.

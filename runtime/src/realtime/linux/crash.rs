@@ -28,7 +28,7 @@ which ends it (SIGABRT)\n",
     ),
 ];
 
-/// Beginning of what a crash prints: `error: `, and the node of this process, if it runs one.
+/// Beginning of the message of a crash: `error: `, and the node of this process, if it runs one.
 static BEGINNING: OnceLock<String> = OnceLock::new();
 
 /// Lets a crash name `node` as the node of this process.

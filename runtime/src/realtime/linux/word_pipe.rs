@@ -21,9 +21,9 @@ pub struct WordPipe {
     written: AtomicU64,
     /// Words read since the beginning.
     read: AtomicU64,
-    /// Rung by the writer, when the reader shall look.
+    /// Doorbell that the writer rings to wake the reader.
     words_came: Doorbell,
-    /// Rung by the reader, after it has read.
+    /// Doorbell that the reader rings after it has read.
     room_came: Doorbell,
     words: [AtomicU64; WORDS],
 }

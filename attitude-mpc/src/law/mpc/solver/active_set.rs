@@ -108,7 +108,7 @@ impl ActiveSetSolver {
         self.packed().unwrap_or_default()
     }
 
-    /// Working set as in a snapshot; `None` if it has more members than that has room for.
+    /// Working set as in a snapshot; `None` if it has more members than a snapshot has room for.
     fn packed(&self) -> Option<WarmStart> {
         let members = &self.solver.working_set().members;
         let mut start = WarmStart { count: members.len() as u64, ..WarmStart::default() };

@@ -1,7 +1,7 @@
 //! Some ticks of a recorded flight as a trace that the viewer Perfetto opens (<https://ui.perfetto.dev>).
 //!
 //! A flight in process has no times, and so no trace. In lockstep the ring runs as fast as it can, so the trace shows
-//! which process waited for which, not how late any of them was.
+//! which process waited for which, not how late a process was.
 
 mod events;
 
