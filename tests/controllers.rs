@@ -133,7 +133,7 @@ fn a_library_is_swapped_in_and_ours_after_it_with_no_tick_lost() {
     swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library, &hover, ["lockstep", "inprocess"]);
 }
 
-/// Flies the library with `trap` in `mode`; returns exit code, what the launcher said, and what failed.
+/// Flies the library with `trap` in `mode`; returns its outcome.
 fn trapped(folder: &Path, trap: u32, mode: &str) -> Outcome {
     let library = library(folder, &format!("trap{trap}"), &[&format!("-DTRAP={trap}")]);
     hover(mode, &[&exec(&library), "supervision.restart_ms=[0.0]", "supervision.wall_limit_s=2.0"])

@@ -123,7 +123,7 @@ fn a_library_that_crashes_exits_or_hangs_costs_its_flights_and_the_table_stays_t
     assert_eq!(again.status.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", said(&again));
 }
 
-/// Flights of controllers that reach beyond their flight, and of one that crashes in each of its own.
+/// Controllers and their traps: a plain one, some that reach beyond their flight, and one that crashes in every flight.
 const BEYOND: [(&str, u32); 9] = [
     ("plain", 0),
     ("forks", 17),

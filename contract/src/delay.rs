@@ -17,7 +17,7 @@
 //! each command from its effect on, also between two samples.
 //!
 //! A process without a memory assumes that all of its earlier outputs were those of the command in force, and that the
-//! delay is the first age that it sees. A mixer or a plant that begins anew only changes the command in force.
+//! delay is the first age that it sees. A restart of the mixer or the plant only changes the command in force.
 
 use crate::actuation::Actuation;
 use bytemuck::{Pod, Zeroable};

@@ -38,7 +38,7 @@ impl Rest {
 
     /// Adds `elapsed_ns` if the vehicle was at rest without thrust during that time; starts again from zero otherwise.
     pub fn observe(&mut self, is_at_rest: bool, elapsed_ns: u64) {
-        // The count stops at the limit, so that it stays below the 2^62 of a snapshot.
+        // The count stops at the limit, so that it stays below 2^62, as a snapshot requires.
         self.for_ns = if is_at_rest { self.for_ns.saturating_add(elapsed_ns).min(LANDED_AFTER_NS) } else { 0 };
     }
 

@@ -79,7 +79,7 @@ impl FunctionTable {
         }
         let setup = Setup::new(scenario, topic)?;
         let mut why = [0 as c_char; ERROR_BYTES];
-        // SAFETY: `setup` and `why` outlive the call, and `why` has more bytes than it says.
+        // SAFETY: `setup` and `why` outlive the call, and `why` is one byte longer than told.
         let node = unsafe { create(setup.as_ptr(), why.as_mut_ptr(), ERROR_BYTES - 1) };
         if node.is_null() {
             // SAFETY: the last byte of `why` was not given away, so a zero ends the text.

@@ -23,7 +23,7 @@ const MAX_SPECIFIC_FORCE_MPS2: f64 = 157.0;
 /// Range of the gyros, 2000 deg/s \[rad/s\].
 const MAX_RATES_RADPS: f64 = 34.9;
 
-/// Age of its last new sample above which an IMU is ill \[s\]: an error of the attitude of a degree at 50 deg/s.
+/// Age of an IMU's last new sample above which the IMU is ill \[s\]; at 50 deg/s the attitude then errs by a degree.
 const STALE_S: f64 = 0.02;
 /// Time for which an IMU must give new samples until it is well again \[s\]: longer than the delay of every sensor.
 const WELL_AFTER_S: f64 = 1.0;
@@ -31,8 +31,9 @@ const WELL_AFTER_S: f64 = 1.0;
 const HYSTERESIS: f64 = 0.2;
 /// Time constant with which differences are forgotten \[s\].
 const FORGET_S: f64 = 2.0;
-/// Differences over time above which a better lane flies, and a worse one begins anew \[s\].
+/// Integral of the difference by which a lane must be better to replace the lane in use \[s\].
 const CHANGE_S: f64 = 0.1;
+/// Integral of the difference at which a worse lane begins anew from the lane in use \[s\].
 const ANEW_S: f64 = 1.0;
 
 /// IMU with its filter.
@@ -46,7 +47,7 @@ pub(crate) struct ImuLane {
     stale_s: f64,
     /// Time for which the IMU has been well, up to [`WELL_AFTER_S`] \[s\].
     well_s: f64,
-    /// Integral of how much worse it is than the lane that flies \[s\].
+    /// Integral of the surprise of this lane less that of the lane in use \[s\].
     worse_s: f64,
 }
 

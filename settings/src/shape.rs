@@ -58,8 +58,8 @@ fn example() -> &'static Table {
     &EXAMPLE
 }
 
-/// Makes an example of what `schema` allows: its default or its own example, or any value. A table that needs keys has
-/// these alone.
+/// Makes an example of what `schema` allows: its default or its own example, or any value. A table with required
+/// keys has only those.
 fn example_of(schema: &Json) -> Value {
     let is_full = |value: &&Json| value.as_array().is_none_or(|all| !all.is_empty());
     let given = schema.get("default").filter(is_full).or_else(|| schema["examples"].get(0));

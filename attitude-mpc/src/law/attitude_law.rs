@@ -81,7 +81,7 @@ pub trait AttitudeLaw {
     }
 }
 
-/// Sample, as an estimate needs it.
+/// Inputs of [`AttitudeLaw::estimate`] at a sample.
 pub struct EstimateInput<'a> {
     /// Number of the sample.
     pub tick: u64,
@@ -97,9 +97,9 @@ pub struct EstimateInput<'a> {
 pub struct Aim<'a> {
     /// Number of the sample.
     pub tick: u64,
-    /// State at which the demand takes effect, n.
+    /// Predicted state when the demand takes effect, n.
     pub start: &'a DVector<f64>,
-    /// Reference, with the heading next to that of `start`.
+    /// Reference; its heading has the full turns that bring it nearest to that of `start`.
     pub reference: [f64; STATES],
     /// Roll from trim and pitch of the sample \[rad\], at which guidance made the reference.
     pub attitude_rad: [f64; 2],

@@ -125,7 +125,8 @@ impl Limit {
         (0..=parts).map(|part| (part * steps + parts / 2) / parts).collect()
     }
 
-    /// Searches the limit; `passes` flies a value given by its steps. `None` as soon as it returns `None`.
+    /// Searches the limit; `passes` flies a value given by its steps. Ends with `None` as soon as `passes`
+    /// returns `None`.
     pub fn search(&self, mut passes: impl FnMut(u64) -> Option<bool>) -> Option<FoundLimit> {
         let grid = self.grid();
         let passed = grid.iter().map(|step| passes(*step)).collect::<Option<Vec<bool>>>()?;

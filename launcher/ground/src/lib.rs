@@ -7,7 +7,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`address`] | where the ground station is, as people write it |
+//! | [`address`] | address of the ground station, such as `udpout:127.0.0.1:14550` |
 //! | `link` | MAVLink frames in datagrams |
 //! | `vehicle` | the newest messages of the flight, and the MAVLink messages made of them |
 //! | [`home`] | the place on the earth that the flight's origin stands for |
@@ -41,10 +41,10 @@ use parameters::MavlinkParameters;
 use streams::Streams;
 use vehicle::MavlinkVehicle;
 
-/// Largest number of datagrams that are read after one look at the flight; the kernel keeps some more, and drops those
-/// of a flood.
+/// Largest number of datagrams that are read after one look at the flight; further ones wait in the socket's buffer,
+/// and the kernel drops them when it is full.
 const DATAGRAMS: usize = 32;
-/// Number of answers after one look from which on no more datagrams are read: a list of parameters has 65.
+/// Number of answers after one look from which on no more datagrams are read: about two lists of all parameters.
 const ANSWERS: usize = 130;
 
 /// Shows the flight of `namespace` to the ground station at `address`, until the flight ends or an interrupt. Calls

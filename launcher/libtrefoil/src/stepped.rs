@@ -270,6 +270,6 @@ pub unsafe extern "C" fn trefoil_flight_error(flight: *const TrefoilFlight) -> *
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trefoil_flight_close(flight: *mut TrefoilFlight) {
-    // SAFETY: it is a box that `trefoil_flight_open` gave away.
+    // SAFETY: `flight` is NULL or a box from `trefoil_flight_open`.
     unsafe { free(flight) };
 }

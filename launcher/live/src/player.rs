@@ -165,13 +165,13 @@ impl Player {
     }
 }
 
-/// Parts of the recording that the hub has, as numbers of entries up to the position.
+/// State last sent to the hub: numbers of entries of the recording up to the position, and the position.
 #[derive(Default)]
 struct Shown {
     rows: usize,
     timing: usize,
     status: usize,
-    /// `None` before the first time.
+    /// `None` until they were sent once.
     happened: Option<usize>,
     position: Value,
     phase: &'static str,

@@ -192,14 +192,15 @@ impl RunRecord {
         Happenings::new(&self.faults, &self.events).with_phases(self.phases.as_deref().unwrap_or_default())
     }
 
-    /// Returns the settings of the run, with the orders given in flight; `None` if it does not tell them.
+    /// Returns the settings of the run, with the orders given in flight; `None` if run.json has none, or none that
+    /// can be read.
     pub fn scenario(&self) -> Option<Scenario> {
         settings::from_merged(&self.provenance.as_ref()?.scenario, "run.json").ok()
     }
 }
 
 /// Returns whether a replay of the flight gives the same state hash: the log has every message, and no solve was
-/// stopped where the clock may have stopped it. A limit of iterations stops a replay at the same one.
+/// stopped if the clock may have stopped it. A limit of iterations stops the solve of a replay at the same iteration.
 fn replays(summary: &Summary, how: &Circumstances, scenario: &Scenario) -> bool {
     let is_whole = how.log.as_ref().is_some_and(|log| log.dropped == 0 && log.error.is_none());
     let swapped = scenario.swap.iter().filter_map(|swap| candidate(scenario, swap).ok());

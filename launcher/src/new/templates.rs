@@ -44,9 +44,9 @@ pub enum TemplateNode {
 pub struct Template {
     pub language: Language,
     pub node: TemplateNode,
-    /// Folders of its files; a file takes the place of one with its name in a folder before, and in `common`.
+    /// Folders of its files, read after `common`; a file replaces one of the same path in an earlier folder.
     folders: &'static [&'static str],
-    /// Files that are made of the model, by their paths.
+    /// Generated files: the path, and the function that makes the text.
     made: &'static [(&'static str, Make)],
 }
 
@@ -90,7 +90,7 @@ impl Template {
         &TEMPLATES
     }
 
-    /// Writes all files for the node that is called `node`: texts by their paths in the folder.
+    /// Returns the texts of all files for the node named `node`, by their paths in the folder.
     pub fn files(&self, node: &str, model: &HoverModel) -> BTreeMap<String, String> {
         let mut files = BTreeMap::new();
         for folder in ["common"].iter().chain(self.folders) {

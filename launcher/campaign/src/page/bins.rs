@@ -135,8 +135,8 @@ fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, Vec<Op
     (Axis::of_parts(title, &edges), bins)
 }
 
-/// Returns first edge, width and number of the most parts with round edges that cover a range; `None` if all such parts
-/// reach beyond it by more than 15 %.
+/// Divides a range into as many parts with round edges as possible, at most `most`; returns the first edge, the width
+/// and the number of the parts. `None` if every such division is more than 15 % longer than the range.
 fn round_parts(low: f64, high: f64, most: usize) -> Option<(f64, f64, usize)> {
     let magnitude = libm::pow(10.0, libm::log10((high - low) / most as f64).floor());
     let widths = [1.0, 2.0, 2.5, 4.0, 5.0, 10.0, 20.0].map(|digits| digits * magnitude);
@@ -148,7 +148,7 @@ fn round_parts(low: f64, high: f64, most: usize) -> Option<(f64, f64, usize)> {
     fit.max_by(|one, other| one.2.cmp(&other.2).then(other.1.total_cmp(&one.1)))
 }
 
-/// Formats edges with equal numbers of decimals, as few as keep each within 1/40 of a part of its value.
+/// Formats edges with equal numbers of decimals: the fewest for which no edge is rounded by more than `part / 40`.
 fn alike(edges: &[f64], part: f64) -> Vec<String> {
     let words = |decimals: usize| edges.iter().map(move |edge| format!("{:.decimals$}", edge + 0.0));
     let is_near = |decimals: &usize| {

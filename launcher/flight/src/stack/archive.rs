@@ -204,7 +204,7 @@ impl Archive {
         if files.len() == 1 {
             let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
             let last = last.unwrap_or_else(lost);
-            // Messages that never reached it leave no gap that it could have counted.
+            // The recorder counts gaps only, and sees none where messages never reached it.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);
             return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }

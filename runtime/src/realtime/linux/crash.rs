@@ -55,7 +55,8 @@ pub fn tell_of_crashes() {
 /// Undoes [`tell_of_crashes`]: a crash ends this process by its signal, which the parent sees, and dumps no core.
 pub fn die_of_crashes() {
     for (signal, _) in CRASHES {
-        // SAFETY: sets the default action of a signal, which no other thread changes. Fails for no existing signal.
+        // SAFETY: sets the default action of a signal, which no other thread changes. Fails only for a signal
+        // that does not exist.
         unsafe { libc::signal(signal, libc::SIG_DFL) };
     }
     // Lowering one's own limit needs no privilege.
