@@ -13,18 +13,17 @@ use rustix::process::{Resource, Rlimit};
 const CRASHES: [(libc::c_int, &str); 3] = [
     (
         libc::SIGBUS,
-        "a file of the run in shared memory, or a library, was cut short while this process used it, which ends it \
-(SIGBUS)\n",
+        "this process ends (SIGBUS): a file of the run in shared memory, or a library, was cut short while in use\n",
     ),
     (
         libc::SIGSEGV,
-        "memory of this process or of the run was damaged, a library in it has a defect, or its stack is too small \
-(`ulimit -s`), which ends it (SIGSEGV)\n",
+        "this process ends (SIGSEGV): its memory or that of the run was damaged, a library in it has a defect, or its \
+stack is too small (`ulimit -s`)\n",
     ),
     (
         libc::SIGABRT,
-        "this process was out of memory (`ulimit -d`, `ulimit -v`), a library in it gave up, or it found its own state or that of the run damaged, \
-which ends it (SIGABRT)\n",
+        "this process ends (SIGABRT): it was out of memory (`ulimit -d`, `ulimit -v`), a library in it aborted, or its state \
+or that of the run was found damaged\n",
     ),
 ];
 
