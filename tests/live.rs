@@ -20,7 +20,7 @@ use crate::pages;
 use crate::processes::{children_of, kill, niceness};
 
 /// Settings of a flight on a loaded machine.
-const CALM: [&str; 3] = ["--no-log", "--set", "supervision.hang_ms=5000"];
+const HANG: &[&str] = &["--set", "supervision.hang_ms=5000"];
 /// Setting without which a vehicle does not feel the wind.
 const DRAG: &str = "plant.drag_linear_nspm=[0.2, 0.2, 0.1]";
 const TOKEN: &str = "0123456789abcdef";
@@ -38,11 +38,12 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a free port").port()
 }
 
-/// A flight with its page.
+/// A flight with its page, which has joined it.
 fn with_page(namespace: &str, port: u16, settings: &[&str]) -> Flight {
     let address = format!("127.0.0.1:{port}");
-    let flight = Flight::start(namespace, &[&["--web", &address, "--token", TOKEN], &CALM[..], settings].concat());
-    wait_until("the stack flies", || status(namespace)["time_s"].as_f64() > Some(0.2));
+    let flight = flying(namespace, &[&["--web", &address, "--token", TOKEN], HANG, settings].concat());
+    // The page tries at a low priority, so under load it joins after the command line.
+    frame(&mut open(port, PAGE, &[]).expect("it opens"), is("flight"));
     flight
 }
 
@@ -192,7 +193,6 @@ fn a_page_shows_its_flight_and_says_when_it_ends() {
 fn buttons_do_what_the_command_line_does_and_say_so() {
     let (ns, port) = (namespace(), free_port());
     let flight = with_page(&ns, port, &["--set", "run.duration_s=3600.0", "--set", DRAG]);
-    wait_until("the page has joined", || order(port, &json!({ "command": "clear" }))["ok"] == true);
     let injected = order(port, &json!({ "command": "inject", "target": "wind", "kind": "step", "for": "inf" }));
     assert_eq!(injected["line"], format!("trefoil inject --namespace={ns} --for=inf wind step"));
     let said = |answer: &Value| answer["said"].as_str().expect("text").to_owned();
@@ -328,8 +328,7 @@ fn another_user_neither_reads_nor_commands_the_flight_of_a_page_on_loopback() {
     }
     let (ns, port) = (namespace(), free_port());
     let address = format!("127.0.0.1:{port}");
-    let flight =
-        flying(&ns, &["--web", &address, "--set", "run.duration_s=3600.0", "--set", "supervision.hang_ms=5000"]);
+    let flight = flying(&ns, &[&["--web", &address, "--set", "run.duration_s=3600.0"], HANG].concat());
     let words: Vec<&str> = AS_NOBODY.split(' ').collect();
     let mut attack = Command::new(words[0]);
     attack.args(&words[1..]).args(["timeout", "60", "bash", "-c", &ATTACK.replace("PORT", &port.to_string())]);
@@ -365,7 +364,8 @@ fn a_frame_that_is_too_long_ends_its_connection_before_it_is_read() {
 fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends_soon() {
     for (signal, told) in [("-STOP", "did not end and was killed"), ("-KILL", "failed (signal: 9")] {
         let (ns, port) = (namespace(), free_port());
-        let flight = with_page(&ns, port, &["--set", "run.duration_s=3.0"]);
+        let page = ["--web", &format!("127.0.0.1:{port}"), "--token", TOKEN];
+        let flight = flying(&ns, &[&page, HANG, &["--set", "run.duration_s=3.0"]].concat());
         let pages = children_of(flight.child.id(), "serve-page");
         assert!(pages.len() == 1 && niceness(pages[0]) == 10, "{pages:?}");
         kill(signal, &pages);
@@ -384,7 +384,7 @@ fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends_soon() 
 #[test]
 fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_flight_nothing() {
     let (ns, port) = (namespace(), free_port());
-    let flight = flying(&ns, &["--set", "run.duration_s=3600.0", "--set", "supervision.hang_ms=5000"]);
+    let flight = flying(&ns, &[&["--set", "run.duration_s=3600.0"], HANG].concat());
     let server = Server::start(&ns, port);
     let sleeping = open(port, PAGE, &[]).expect("it opens");
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
@@ -473,8 +473,8 @@ fn foxglove_gets_the_channels_of_the_log_with_their_bytes() {
 fn foxglove_gets_the_vehicle_and_its_scene_as_the_export_has_them() {
     let (ns, port) = (namespace(), free_port());
     let address = format!("127.0.0.1:{port}");
-    let settings = ["--set", "run.duration_s=8.0", "--set", "supervision.hang_ms=5000"];
-    let flight = Flight::start(&ns, &[&["--web", &address, "--token", TOKEN], &settings[..]].concat());
+    let page = ["--web", &address, "--token", TOKEN, "--set", "run.duration_s=8.0"];
+    let flight = Flight::start(&ns, &[&page, HANG].concat());
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
     let mut socket = open(port, FOXGLOVE, &[spoken]).expect("it is spoken");
