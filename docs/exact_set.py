@@ -20,7 +20,7 @@ TILT_MAX, TILT_TRIM = math.radians(60), REFERENCE["trim"]["mu"]
 
 
 def front_set():
-    """The border of rotor 1's set in (u1, u2): along the arc, then back along the idle cut, which bars the far edge."""
+    """Returns the border of rotor 1's set in (u1, u2): the arc of highest speed, then back along the idle cut."""
     cut_meets_arc = TILT_TRIM - math.acos(IDLE / LIMIT)
     low, high = max(-TILT_MAX, cut_meets_arc), TILT_MAX
     arc = [polar(LIMIT, low + i * (high - low) / 60) for i in range(61)]
@@ -32,13 +32,13 @@ def polar(radius, tilt):
 
 
 def moments(u1, u2):
-    """Pitching and yawing moment [N m] as deviations from trim, the rear rotors at trim."""
+    """Returns pitching and yawing moment [N m] as deviations from trim, with the rear rotors at trim."""
     du = [u1 - TRIM[0], u2 - TRIM[1], 0.0, 0.0]
     return tuple(sum(m * d for m, d in zip(M[row], du)) for row in (1, 3))
 
 
 def extreme(row, sign):
-    """The largest `sign` times a conventional input over the whole set, as deviation from trim."""
+    """Returns the largest (`sign` 1) or smallest (-1) conventional input over the whole set, as deviation from trim."""
     c = [sign * m for m in M[row]]
     front = max(c[0] * u1 + c[1] * u2 for u1, u2 in front_set())
     rear_limit = (2 * REFERENCE["trim"]["Om2"]) ** 2
@@ -47,7 +47,7 @@ def extreme(row, sign):
 
 
 class Panel:
-    """Axes with a title; data to pixels."""
+    """Axes with a title, which map data to pixels."""
 
     def __init__(self, left, x_range, y_range, titles):
         self.left, self.x_range, self.y_range, self.out = left, x_range, y_range, []

@@ -1,10 +1,10 @@
 """Searches the front of each attitude law: error, delay margin, lag margin, error with mismatch, and effort.
 
 `search` tunes one law together with its guidance by SMS-EMOA (Beume, Naujoks and Emmerich, European Journal of
-Operational Research 181, 2007) and keeps the tries that no other try beats. `judge` flies those of all searches on
-draws of another seed. `report` prints the hypervolume of each law and, flown on draws of a third seed, the tunings that
-the rule of docs/tried.md takes; `laws` prints the best of each law as TOML. `trefoil` flies, or the program that
-TREFOIL names. docs/results/laws.md has what was found.
+Operational Research 181, 2007) and keeps tries that no other try dominates. `judge` flies the kept tries of all
+searches on draws of another seed. `report` prints the hypervolume of each law, and the tunings that the rule of
+docs/tried.md takes, flown on draws of a third seed. `laws` prints the best tuning of each law as TOML. The program
+`trefoil` flies, or the one that TREFOIL names. docs/results/laws.md has the results.
 
     python3 -m venv front && front/bin/pip install pymoo==0.6.2 moocore==0.3.2 pyarrow
     for k in 1 2 3 4 5; do for law in mpc lqr pid geometric indi lqr1; do front/bin/python docs/front.py search $law $k
@@ -34,7 +34,7 @@ from scipy import stats
 CAMPAIGNS = pathlib.Path(__file__).parents[1] / "campaigns"
 TREFOIL = os.environ.get("TREFOIL", "trefoil")
 RUNS = pathlib.Path("runs/front")
-NMPC = pathlib.Path(os.environ.get("NMPC", "nmpc/controller.so")).absolute()  # of `trefoil new nmpc --lang acados`
+NMPC = pathlib.Path(os.environ.get("NMPC", "nmpc/controller.so")).absolute()  # by `trefoil new nmpc --lang acados`
 
 # Each group of settings is scaled by one factor; a search begins at the values here.
 GUIDANCE = [
@@ -45,8 +45,8 @@ GUIDANCE = [
 ]
 LAG = [{"attitude.actuator_lag_model_s": 0.035}]
 ESTIMATE = [{"attitude.disturbance_gain": 0.02}]
-# The weights of the demands stay as they are, for effort is measured with them. A common factor of all weights changes
-# nothing, and each demand acts on states of its own, so that the weights of the states suffice.
+# The weights of the demands stay as they are, because effort is measured with them. A common factor of all weights
+# changes nothing, and each demand acts on states of its own, so that the weights of the states suffice.
 COST = [
     {"attitude.mpc.q.0": 100.0},
     {"attitude.mpc.q.1": 1000.0, "attitude.mpc.q.2": 1000.0},
@@ -56,7 +56,7 @@ COST = [
 
 
 def gains(law):
-    """Gains of a law without a model, with poles at 6 rad/s."""
+    """Returns the gains of a law without a model, with poles at 6 rad/s."""
     table = f"attitude.{law}"
     return [
         {f"{table}.kp.0": 6.0, f"{table}.ki.0": 9.0},
@@ -96,30 +96,30 @@ LAWS = {
         {"guidance.lead_s": 0.05},
     ],
 }
-# The NMPC predicts over one sample and has no estimate; lqr1 is the linear law that knows as much.
+# The NMPC predicts over one sample and has no disturbance estimate; lqr1 is the linear law with the same limits.
 FIXED = {
     "lqr1": {"attitude.law": "lqr", "attitude.delay_compensation": True, "attitude.disturbance_gain": 0.0},
     "nmpc": {"node.attitude-mpc.exec": str(NMPC)},
 }
 WIDEST = 8.0  # largest factor, and the inverse of the smallest
-SPREAD = 0.5  # of the logarithms of the factors of the first tries
+SPREAD = 0.5  # standard deviation of the logarithms of the factors of the first tries
 TRIES, GENERATION = 168, 24
 JUDGED = 16  # tries of each front that are judged: those that add most hypervolume
 
-# What is minimised, with the best and the worst value between which it counts. Where a ratio matters it is a logarithm.
+# Objectives to minimise, with the best and the worst value that count. Objectives whose ratio matters are logarithms.
 OBJECTIVES = {
     "error": (np.log(0.005), np.log(0.1)),  # RMS of the position error [m]
-    "delay": (-350.0, 0.0),  # margin, negative [ms]
-    "lag": (-305.0, 0.0),  # the same of the rotors' lag [ms]
+    "delay": (-350.0, 0.0),  # delay margin, negative [ms]
+    "lag": (-305.0, 0.0),  # lag margin, negative [ms]
     "mismatch": (np.log(0.03), np.log(0.5)),  # mean of e / (1 m + e), where e is the RMS error [m]; 1 for a lost flight
     "effort": (np.log(0.1), np.log(10.0)),  # mean of u'Ru
 }
 BEST, WORST = np.array(list(OBJECTIVES.values())).T
-MARGINS_MS = 170.0, 120.0  # of the rule of docs/tried.md
+MARGINS_MS = 170.0, 120.0  # delay margin and lag margin in the rule of docs/tried.md
 
 
 def toml_of(name, settings):
-    """A controller as TOML; an array is given whole."""
+    """Returns a controller as TOML; an array is written with all its elements."""
     lines, arrays = [], {}
     for key, value in settings.items():
         array, _, element = key.rpartition(".")
@@ -128,16 +128,16 @@ def toml_of(name, settings):
         else:
             lines.append(f"{key} = {json.dumps(value)}")
     if "attitude.mpc.q" in arrays:
-        arrays["attitude.mpc.q"][6] = 0.0  # of r, as by default
+        arrays["attitude.mpc.q"][6] = 0.0  # weight of r, as by default
     lines += [f"{key} = {[elements[i] for i in sorted(elements)]}" for key, elements in arrays.items()]
     return "\n".join([f"[controller.{name}]", *lines, ""])
 
 
 def flown(campaign, controllers, replaced):
-    """Rows of the table of a campaign with these controllers, in which `replaced` has other values of keys."""
+    """Flies a campaign with these controllers and with the values of `replaced`; returns the rows of its table."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        text = (CAMPAIGNS / f"{campaign}.toml").read_text().split("\n[compare]")[0]  # it names the shipped laws
+        text = (CAMPAIGNS / f"{campaign}.toml").read_text().split("\n[compare]")[0]  # this table names the shipped laws
         for key, value in replaced.items():
             text, times = re.subn(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
             assert times == 1, f"{campaign} has `{key}` {times} times"
@@ -152,7 +152,7 @@ def flown(campaign, controllers, replaced):
 
 
 def measured(controllers, draws):
-    """Objectives of each controller, and the number of flights with mismatch that it lost; one row each."""
+    """Returns the objectives of each controller, one row each, and the number of mismatch flights that each lost."""
     text = "\n".join(toml_of(f"t{i}", settings) for i, settings in enumerate(controllers))
     tables = {name: flown(f"front-{name}", text, draws[name]) for name in ("legs", "delay", "lag", "mixed")}
 
@@ -176,7 +176,7 @@ def measured(controllers, draws):
 
 
 class Tuning(Problem):
-    """The settings of a law, as logarithms of factors."""
+    """Tuning of the settings of a law, whose variables are the logarithms of the factors."""
 
     def __init__(self, law, number):
         super().__init__(n_var=len(LAWS[law]), n_obj=len(OBJECTIVES), xl=-np.log(WIDEST), xu=np.log(WIDEST))
@@ -200,14 +200,15 @@ class Tuning(Problem):
 
 
 def volume(objectives, of=range(len(OBJECTIVES))):
-    """Hypervolume of a front in the objectives `of`, as a share of the box between the best and the worst values."""
+    """Returns the hypervolume of a front in the objectives `of`, as a share of the box from best to worst values."""
     shares = np.clip((np.array(objectives) - BEST) / (WORST - BEST), 0.0, 1.0)[:, list(of)]
     return moocore.hypervolume(shares, ref=np.ones(shares.shape[1]))
 
 
 def search(law, number, budget=TRIES):
     problem = Tuning(law, number)
-    first = np.random.default_rng(number).normal(0.0, SPREAD, (GENERATION, problem.n_var))
+    generation = min(GENERATION, budget)
+    first = np.random.default_rng(number).normal(0.0, SPREAD, (generation, problem.n_var))
     first[0] = 0.0
     tries = {}
 
@@ -215,8 +216,8 @@ def search(law, number, budget=TRIES):
         tries.update(zip(map(tuple, algorithm.pop.get("X")), algorithm.pop.get("F")))
         print(law, number, len(tries), "tries,", round(volume(np.array(list(tries.values()))), 3), flush=True)
 
-    algorithm = SMSEMOA(pop_size=GENERATION, sampling=np.clip(first, problem.xl, problem.xu))
-    minimize(problem, algorithm, ("n_gen", budget // GENERATION), seed=number, callback=remember)
+    algorithm = SMSEMOA(pop_size=generation, sampling=np.clip(first, problem.xl, problem.xu))
+    minimize(problem, algorithm, ("n_gen", budget // generation), seed=number, callback=remember)
     x, objectives = np.array(list(tries)), np.array(list(tries.values()))
     front = np.flatnonzero(moocore.is_nondominated(objectives))
     chosen = []
@@ -243,7 +244,7 @@ def judge(seed):
 
 
 def taken(front):
-    """Index of the tuning that the rule takes: fewest lost flights, then the margins, then the errors."""
+    """Returns the index of the tuning that the rule takes: fewest lost flights, then the margins, then the errors."""
 
     def worth(i):
         error, delay, lag, mismatch, _ = front["objectives"][i]
@@ -254,14 +255,14 @@ def taken(front):
 
 
 def interval(values):
-    """Mean and the ends of its 95 % interval (Student)."""
+    """Returns the mean and the ends of its 95 % interval (Student); the ends are NaN for one value."""
     mean, n = np.mean(values), len(values)
     reach = stats.t.ppf(0.975, n - 1) * np.std(values, ddof=1) / np.sqrt(n) if n > 1 else np.nan
     return mean, mean - reach, mean + reach
 
 
 def best_of(chosen, law):
-    """The search of a law whose tuning the rule takes, and the index of that tuning."""
+    """Returns the search of a law whose tuning the rule takes, and the index of that tuning."""
     fronts = {name: front for name, front in chosen.items() if name.startswith(f"{law}-")}
     each = {name: taken(front) for name, front in fronts.items()}
     of_each = {"lost": [fronts[name]["lost"][i] for name, i in each.items()]}
@@ -270,7 +271,7 @@ def best_of(chosen, law):
 
 
 def report(choice, other):
-    """Prints the fronts by the draws of `choice`; the tunings that the rule takes there fly those of `other`."""
+    """Prints the fronts on the draws of `choice`, and flies the tunings that the rule takes on the draws of `other`."""
     fronts = json.loads((RUNS / f"judged-{choice}.json").read_text())
     laws = [law for law in LAWS if any(name.startswith(f"{law}-") for name in fronts)]
 
@@ -303,7 +304,7 @@ def report(choice, other):
     objectives, lost = measured(list(tunings.values()), draws_of(other))
     best = {best_of(fronts, law)[0] for law in laws}
     for name, (error, delay, lag, mismatch, effort), of in zip(tunings, objectives, lost):
-        print(f"{name:11}{'*' if name in best else ' '}{np.exp(error):8.4f}{-delay:10.0f}{-lag:8.0f}"
+        print(f"{name + '*' * (name in best):12}{np.exp(error):8.4f}{-delay:10.0f}{-lag:8.0f}"
               f"{np.exp(mismatch):10.3f}{np.exp(effort):8.2f}{of:12}")
 
 

@@ -23,7 +23,10 @@ def chapters(items):
 
 
 def linked(chapter, pages):
-    """The content of a chapter with its links as the book needs them; `pages` are those of the book, from the top."""
+    """Returns the content of a chapter with its links as the book needs them.
+
+    `pages` has the book's pages, by their paths from the top of the repository.
+    """
     here = chapter["path"]
     folder = "" if here in AT_TOP else posixpath.dirname(posixpath.join("docs", here))
 
@@ -42,7 +45,7 @@ def linked(chapter, pages):
             return f"[{text}]({url}/{path}{anchor})"
         return text if posixpath.basename(path) in text else f"{text} (`{path}`)"
 
-    # Not in blocks of code.
+    # Links in blocks of code stay as they are.
     parts = re.split(r"(^```.*?^```)", chapter["content"], flags=re.MULTILINE | re.DOTALL)
     return "".join(part if part.startswith("```") else LINK.sub(replaced, part) for part in parts)
 

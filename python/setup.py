@@ -1,6 +1,6 @@
 """Builds libtrefoil and the launcher by cargo, and puts them into the package.
 
-TREFOIL_BUILT names a folder that has both already; cargo then builds nothing.
+TREFOIL_BUILT names a folder that already has both files; cargo then builds nothing.
 """
 
 import os

@@ -19,7 +19,7 @@ fn legs_of_80_m_in_10_s_keep_their_altitude() {
     assert!(worst_m < 0.4, "{worst_m} m; 9.21 with a limit on w in place of one on the climb");
 }
 
-/// RMS of the position error of `scenarios/NAME` with `settings`.
+/// Returns the RMS position error of `scenarios/NAME`, flown with `settings` \[m\].
 fn rms_m(name: &str, settings: &[&str]) -> f64 {
     let path = top().join("scenarios").join(name);
     let mut arguments = vec![path.to_str().expect("a path in UTF-8"), "--mode", "inprocess", "--no-log"];

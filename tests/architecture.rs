@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::harness::top;
 use sources::{Crate, Source};
 
-/// Crates, lowest layer first. A crate depends only on crates of the lines above its own.
+/// Crates, lowest layer first. A crate depends only on crates of earlier entries.
 #[rustfmt::skip]
 const ORDER: [&[&str]; 21] = [
     &["qp"], &["contract"], &["airframe"], &["curves"], &["settings"], &["navigation"], &["runtime"], &NODES, &["ring"], &["foreign", "trefoil-fmu", "trefoil-browser"],
@@ -20,7 +20,7 @@ const ORDER: [&[&str]; 21] = [
     &["campaign"], &["measure", "live"], &["launcher"],
 ];
 
-/// The packages of the workspace, as `cargo metadata` describes them.
+/// Returns the packages of the workspace, as `cargo metadata` describes them.
 fn packages() -> Vec<Value> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     let arguments = ["metadata", "--no-deps", "--offline", "--format-version", "1"];
@@ -30,7 +30,7 @@ fn packages() -> Vec<Value> {
     metadata["packages"].as_array().expect("packages").clone()
 }
 
-/// Returns the normal dependencies of each package, which it links.
+/// Returns the normal dependencies of each package, which are linked into it.
 fn links() -> BTreeMap<String, BTreeSet<String>> {
     let word = |value: &Value| value.as_str().expect("a name").to_owned();
     let normal = |package: &Value| {
@@ -43,7 +43,7 @@ fn links() -> BTreeMap<String, BTreeSet<String>> {
     packages().iter().map(|package| (word(&package["name"]), normal(package))).collect()
 }
 
-/// The libraries and programs of all packages, parsed.
+/// Returns the libraries and programs of all packages, parsed.
 fn crates() -> Vec<Crate> {
     let targets = packages().into_iter().flat_map(|package| package["targets"].as_array().expect("targets").clone());
     let built =

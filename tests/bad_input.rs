@@ -118,7 +118,7 @@ fn an_earlier_run_in_the_folder_is_kept() {
 }
 
 #[test]
-fn what_was_meant_is_offered_and_what_is_refused_is_not() {
+fn an_error_of_input_says_what_to_write_instead() {
     let said = |arguments: &[&str]| {
         let output = crate::harness::launcher().args(arguments).output().expect("the launcher runs");
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

@@ -18,7 +18,7 @@ fn book() -> Option<PathBuf> {
     book
 }
 
-/// The hash of a shipped scenario in docs/hashes.md.
+/// Returns the hash of a shipped scenario in docs/hashes.md.
 fn hash(scenario: &str) -> String {
     let page = std::fs::read_to_string(top().join("docs/hashes.md")).expect("docs/hashes.md is readable");
     let row = page.lines().find_map(|row| row.strip_prefix(&format!("| `scenarios/{scenario}.toml` | `")));

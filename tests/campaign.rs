@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::harness::{launcher, python_with, top};
 
-/// Twenty-four short flights of two controllers: listed, drawn, with noise and faults; some are passed, some are not.
+/// Twenty-four short flights of two controllers: listed, drawn, with noise and faults; some pass, some fail.
 const CAMPAIGN: &str = r#"
 name = "small"
 samples = 6
@@ -57,7 +57,7 @@ impl Place {
         self.folder.path().join(name)
     }
 
-    /// `trefoil campaign small.toml`, or one of its commands, with results in `out`.
+    /// Returns `trefoil campaign small.toml`, or one of its commands, with results in `out`.
     fn command(&self, before: &[&str], arguments: &[&str], out: &str) -> Command {
         let mut command = launcher();
         command.arg("campaign").args(before).arg(self.at("small.toml")).args(arguments).arg("--out").arg(self.at(out));
@@ -73,7 +73,7 @@ impl Place {
         self.command(before, arguments, out).output().expect("the launcher runs")
     }
 
-    /// The table of all flights, as the bytes of its file.
+    /// Returns the table of all flights, as the bytes of its file.
     pub fn table(&self, out: &str) -> Vec<u8> {
         fs::read(self.at(out).join("flights.parquet")).expect("flights.parquet")
     }
@@ -193,7 +193,7 @@ fn shards_that_cannot_be_counted_are_named_and_nothing_is_lost() {
     check(&place.fly(&[], "out"), 0, &["18 of 24 flights are there already"]);
     assert_eq!(place.table("out"), whole);
 
-    // Of another program.
+    // A folder with shards of another program is refused.
     let layout = place.at("out").join("layout.toml");
     let text = fs::read_to_string(&layout).expect("a layout");
     fs::write(&layout, text.replace("program = \"", "program = \"0.0.1, ")).expect("can be written");
@@ -211,11 +211,7 @@ fn two_campaigns_do_not_fly_into_one_folder() {
     check(&shard, 2, &["another campaign is flying into it"]);
     drop(lock);
     fs::write(place.at("small.toml"), CAMPAIGN.replace("1.2", "1.3")).expect("can be written");
-    check(
-        &place.fly(&[], "out"),
-        2,
-        &["another campaign, or this one by another name or before it was changed", "--out"],
-    );
+    check(&place.fly(&[], "out"), 2, &["another campaign, or an earlier or renamed version of this one", "--out"]);
     check(&place.fly(&["--shard", "3"], "occupied/by/nobody"), 0, &[]);
 }
 
@@ -239,7 +235,7 @@ fn a_full_disk_loses_one_shard_at_most() {
 #[test]
 fn one_flight_again_is_the_flight_of_the_table() {
     let place = Place::new(CAMPAIGN);
-    check(&place.fly(&["--only", "4"], "out"), 0, &[]); // before the others
+    check(&place.fly(&["--only", "4"], "out"), 0, &[]); // before the other flights
     check(&place.fly(&[], "out"), 0, &[]);
     let (table, _) = campaign::table::FlightTable::from_parquet(place.table("out"), 24).expect("the table");
     for number in [3, 20] {
@@ -470,7 +466,7 @@ fn a_scheduler_that_is_not_there_or_whose_tasks_fail_is_told() {
     let bin = place.at("bin");
     fs::create_dir(&bin).expect("can be made");
     fake_slurm(&bin);
-    fs::write(bin.join("lost"), "").expect("can be written"); // none
+    fs::write(bin.join("lost"), "").expect("can be written"); // no task is lost
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").expect("a PATH"));
     let arguments = ["--slurm", "--program", "echo no trefoil on this node; false"];
     let output = place.command(&[], &arguments, "failing").env("PATH", path).output().expect("runs");

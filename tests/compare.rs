@@ -48,7 +48,7 @@ fn flights_of_any_length_rate_and_mode_are_laid_side_by_side_and_over_each_other
     ] {
         assert!(html.contains(&told), "{told}");
     }
-    let linked = html.replacen("https://github.com/leeoniya/uPlot", "", 1).contains("http"); // but for its licence
+    let linked = html.replacen("https://github.com/leeoniya/uPlot", "", 1).contains("http"); // uPlot's licence
     assert!(said.contains(&format!("written to {out}")) && !linked, "{said}");
 }
 

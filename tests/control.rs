@@ -8,7 +8,7 @@ use settings::{Fault, FaultKind, FaultTarget, from_merged};
 
 use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};
 
-/// Answer of `status --json` for a stack.
+/// Returns the answer of `status --json` for a stack; null if it does not fly.
 pub fn status(namespace: &str) -> Value {
     let output = launcher().args(["status", "--json"]).output().expect("status runs");
     let stacks: Value = serde_json::from_slice(&output.stdout).expect("status prints JSON");
@@ -25,7 +25,7 @@ pub fn tell(namespace: &str, words: &[&str]) -> Result<String, String> {
     }
 }
 
-/// A flight that is under way.
+/// Starts a flight, and waits until it is under way.
 pub fn flying(namespace: &str, settings: &[&str]) -> Flight {
     let flight = Flight::start(namespace, &[&["--no-log"], settings].concat());
     wait_until("the stack flies", || status(namespace)["time_s"].as_f64() > Some(0.2));
@@ -100,7 +100,7 @@ fn a_flight_is_broken_and_mended_from_outside() {
     assert!(done(&["clear"]).contains("payload mass"));
     let nothing = done(&["clear", "wind"]);
     let named = format!("in 'hover-gusts' in namespace '{ns}', process {}, flying for ", flight.child.id());
-    assert!(nothing.starts_with("nothing is broken\n") && nothing.contains(&named), "{nothing}");
+    assert!(nothing.starts_with("no fault was active\n") && nothing.contains(&named), "{nothing}");
     for (words, expected) in [
         (["inject", "mpc", "kill"], "mpc cannot have kill"),
         (["inject", "rudder", "kill"], "unknown variant `rudder`, expected one of `plant`"),

@@ -100,7 +100,7 @@ fn a_flight_of_a_library_without_a_disturbed_tick_is_explained_without_loading_i
 }
 
 /// Checks that 20 swaps between our core of `node` and `program` lose no tick in a flight of `scenario` in each of the
-/// `modes`. Those of the `settings` that begin with `node.` belong to the program.
+/// `modes`. The `settings` that begin with `node.` belong to the program.
 pub fn swapped_in_and_out(scenario: &str, node: &str, program: &Path, settings: &[&str], modes: [&str; 2]) {
     let (times, bounds) = ("standby_s=0.1, watch_s=0.1", "bounds={ difference=1e3, similarity=-1 }");
     let of_program: Vec<&&str> = settings.iter().filter(|set| set.starts_with("node.")).collect();
@@ -126,7 +126,7 @@ pub fn swapped_in_and_out(scenario: &str, node: &str, program: &Path, settings: 
 }
 
 #[test]
-fn a_library_is_swapped_in_and_ours_after_it_with_no_tick_lost() {
+fn a_swap_to_a_library_and_back_loses_no_tick() {
     let folder = tempfile::tempdir().unwrap();
     let library = library(folder.path(), "pd", &[]);
     let hover = ["mission.trajectory=hover"];
@@ -351,7 +351,7 @@ fn a_library_without_a_memory_or_that_refuses_it_is_restarted_cold() {
     assert!(said.contains("the same bits"), "{said}");
     let (code, said) = replay(&flights[1].out, &["--program", &named, "--from", "11s"]);
     assert_eq!(code, Some(0), "{said}");
-    assert!(!said.contains("begun with what the nodes remembered"), "{said}");
+    assert!(!said.contains("begun with the snapshots"), "{said}");
 }
 
 /// Returns whether run.json reports copies of the attitude controller, and their number.
@@ -384,10 +384,10 @@ fn a_copy_that_a_library_makes_of_its_process_answers_to_nothing() {
             assert!(said.contains("the same bits") && said.contains(&flown.state_hash()), "{said}");
         }
     }
-    // The parent has ended, so its process has died, and the copy is no stand-in for it.
+    // The parent has ended, so the node's process has died, and the copy does not replace it.
     let (daemon, ended) = (trapped(folder.path(), 18, "lockstep"), trapped(folder.path(), 6, "lockstep"));
     assert_eq!((daemon.code(), daemon.state_hash()), (Some(0), ended.state_hash()), "{}", daemon.stderr);
-    // The launcher kills what a dead process leaves, so the copy may end before it has counted itself.
+    // The launcher kills the processes that a dead process leaves, so the copy may end before it has counted itself.
     assert!(
         daemon.run()["reservations"].to_string().contains("attitude-mpc failed in flight"),
         "{}",
@@ -501,7 +501,7 @@ fn a_program_that_never_joins_is_named_in_the_last_line() {
     assert!(last.contains(&format!("`{}` of attitude-mpc has not joined the run", program.display())), "{last}");
 }
 
-/// Inertia in the order of the demand, for the functions of these tests.
+/// Mass and moments of inertia in the order of the demand, for the functions of these tests.
 const P: &str = "node.attitude-mpc.settings.p=[1.1, 0.01271, 0.0239, 0.01273]";
 
 /// Checks that a library flies as `node` in `scenario`, is continued after a kill, and is replayed, with the same bits

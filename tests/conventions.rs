@@ -51,7 +51,7 @@ fn every_shipped_file_and_every_record_fits_its_schema_and_an_unknown_key_does_n
         assert_eq!(beside, printed(&["schema", "scenario"]));
     }
     let flown = fly(&["faults/swap-law", "--mode", "inprocess", "--set", "run.duration_s=30.0"]);
-    scenarios.push(flown.out.join("scenario.toml")); // every setting
+    scenarios.push(flown.out.join("scenario.toml")); // it has every setting
     assert!(scenarios.len() > 25);
     assert_eq!(errors(&python, "scenario", &scenarios), "");
     assert_eq!(errors(&python, "campaign", &files_in(&top().join("campaigns"))), "");

@@ -37,7 +37,7 @@ fn skipped_messages_never_arrive() {
 
 #[test]
 fn held_messages_repeat_the_last_timely_one() {
-    // None is timely but by the first, which has nothing before it: the flight is one long first command.
+    // No command is in time. The first one is sent late, because there is none to repeat, and then repeated.
     let outcome = fly(&[IMPOSSIBLE, "node.mixer.late=hold", "mission.trajectory=hover"]);
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     assert!(outcome.run()["timing"]["age_at_actuator"]["n"].as_u64().is_some_and(|n| n > 50));

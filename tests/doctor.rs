@@ -74,7 +74,7 @@ fn what_is_foretold_is_what_a_flight_gets_and_its_first_lines_say_so() {
         for found in [found_class, found_memory] {
             let note =
                 format!("note: {}: {}", found["check"].as_str().unwrap_or("?"), found["found"].as_str().unwrap_or("?"));
-            // The sizes in brackets are those of another process, of nearly the same size.
+            // The sizes in brackets are left out: the flight's process differs slightly in size from the doctor's.
             let note = note.split(" MB may be locked").next().unwrap_or(&note);
             assert_eq!(said.contains(note), found["level"] == "bad", "{note}: {said}");
         }

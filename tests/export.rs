@@ -103,7 +103,7 @@ fn export_run(out: &Path, to: &str, more: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
 }
 
-/// Lines of a CSV file without quotes, as cells.
+/// Reads the lines of a CSV file without quotes, as cells.
 fn cells(path: &Path) -> Vec<Vec<String>> {
     let text = std::fs::read_to_string(path).expect("a table");
     text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()

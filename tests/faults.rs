@@ -8,7 +8,7 @@ use crate::harness::{Flight, Outcome, fly, namespace, shared_memory_of};
 const HOVER: &str = "scenarios/faults/hover-gusts.toml";
 const NODES: [&str; 3] = ["guidance", "attitude-mpc", "mixer"];
 
-/// The hover in gusts with one fault from 1 s on for 0.3 s.
+/// Flies the hover in gusts with one fault, from 1 s on for 0.3 s.
 fn faulty(target: &str, kind: &str, mode: &str) -> Outcome {
     let fault = format!("fault=[{{at_s=1.0, for_s=0.3, target=\"{target}\", kind=\"{kind}\"}}]");
     fly(&[HOVER, "--mode", mode, "--no-log", "--set", "run.duration_s=3.0", "--set", &fault])
@@ -24,7 +24,7 @@ fn check_same(target: &str, kind: &str) -> Outcome {
     lockstep
 }
 
-/// Node, epoch and event, without the time, which in real time differs from flight to flight.
+/// Returns node, epoch and kind of each event, without the time, which in real time differs from flight to flight.
 fn events(run: &Value) -> Vec<(String, u64, String)> {
     let word = |value: &Value| value.as_str().expect("a word").to_owned();
     let all = run["events"].as_array().expect("events").iter();
@@ -42,7 +42,7 @@ fn a_killed_node_is_replaced_on_the_same_tick_in_every_mode() {
         assert_eq!(events(&run), expected(node, &[(1, "died"), (2, "started"), (2, "took-over")]));
         let fault = &run["faults"][0];
         let times = ["injected_at_s", "detected_after_s", "recovered_after_s"].map(|key| fault[key].as_f64());
-        // The fault keeps another from being started for 0.3 s, and it is ready 25 ms later.
+        // The fault holds the restart off for 0.3 s, and the next process is ready 25 ms later.
         assert_eq!(times, [Some(1.0), Some(0.0), Some(0.33)], "{node}");
     }
 }
@@ -78,7 +78,7 @@ fn a_plant_that_dies_ends_the_flight_in_every_mode() {
 fn every_fault_of_a_topic_is_the_same_flight_in_every_mode() {
     let kinds = ["drop", "burst", "delay", "duplicate", "reorder", "corrupt", "garbage", "stale", "rate"];
     for (i, kind) in kinds.into_iter().enumerate() {
-        let topic = Topic::ALL[1 + i % 3].name().to_lowercase(); // a hover without STATE is another matter
+        let topic = Topic::ALL[1 + i % 3].name().to_lowercase(); // not STATE, without which the hover is lost
         let fault = check_same(&topic, kind).run()["faults"][0].clone();
         assert!(fault["injected_at_s"].as_f64() >= Some(1.0), "{fault}");
     }
@@ -103,13 +103,14 @@ fn check_replaced(events: &[(String, u64, String)], node: &str, first: &str) {
     assert!(of_node.iter().any(|(epoch, what)| *epoch > 1 && *what == "took-over"), "{events:?}");
 }
 
-/// Held off for so long that samples are missed, and not at all: then the next process may answer to the next sample.
+/// The restart is held off for so long that samples are missed, or not at all: then the next process may answer the
+/// next sample.
 #[test]
 fn a_kill_in_real_time_is_detected_and_survived() {
     for (node, held_off) in NODES.into_iter().flat_map(|node| ["for_s=0.1, ", ""].map(|held_off| (node, held_off))) {
         let ns = namespace();
         let fault = format!("fault=[{{at_s=1.0, {held_off}target=\"{node}\", kind=\"kill\"}}]");
-        // On a loaded machine too the kill is the first that happens to the process.
+        // No process counts as hung before the kill, on a loaded machine either.
         let patient = "supervision.hang_ms=5000";
         let settings = ["--mode", "realtime", "--set", "run.duration_s=4.0", "--set", &fault, "--set", patient];
         let outcome = Flight::start(&ns, &settings).finish();
@@ -127,12 +128,12 @@ fn a_kill_in_real_time_is_detected_and_survived() {
 fn a_node_is_replaced_by_the_same_events_in_lockstep_and_in_real_time() {
     for kind in ["kill", "stop"] {
         let fault = format!("fault=[{{at_s=1.0, for_s=0.3, target=\"mixer\", kind=\"{kind}\"}}]");
-        let settings = ["run.duration_s=3.0", &fault, "supervision.hang_ms=150.0"]; // longer than a loaded machine takes
+        let settings = ["run.duration_s=3.0", &fault, "supervision.hang_ms=150.0"]; // more than a loaded machine's delays
         let set = settings.map(|setting| ["--set", setting]).concat();
         let of_mixer = |mode| {
             let run = fly(&[&[HOVER, "--mode", mode, "--no-log"], &set[..]].concat()).run();
             let events = events(&run).into_iter();
-            events.filter(|event| event.0 == "mixer").take(3).collect::<Vec<_>>() // a loaded machine may add others
+            events.filter(|event| event.0 == "mixer").take(3).collect::<Vec<_>>() // a loaded machine may add events
         };
         assert_eq!(of_mixer("lockstep"), of_mixer("realtime"), "{kind}");
     }
@@ -149,7 +150,7 @@ fn a_plant_that_ends_by_itself_ends_the_flight() {
 
 #[test]
 fn a_process_that_goes_wrong_by_itself_in_real_time_is_replaced() {
-    // On a loaded machine too the exit is the first that happens to the process.
+    // No process counts as hung before the exit, on a loaded machine either.
     for (kind, first, hang_ms) in [("exit", "died", 5000.0), ("hog", "hung", 150.0)] {
         let ns = namespace();
         let fault = format!("fault=[{{at_s=1.0, for_s=0.5, target=\"attitude-mpc\", kind=\"{kind}\"}}]");

@@ -17,7 +17,7 @@ const WATCHDOG: Duration = Duration::from_secs(60);
 
 const CAMPAIGN: &str = "seeds = 6\n[settings]\nrun.duration_s = 0.2\nplant.noise.position_m = 0.002\n";
 
-/// A folder `top/out` with a campaign that was flown, and `top/elsewhere` with what must not be touched.
+/// A folder `top/out` with a campaign that was flown, and `top/elsewhere` with a file that must not be touched.
 struct Place {
     top: tempfile::TempDir,
 }
@@ -63,7 +63,7 @@ fn finished(command: &mut Command) -> Output {
     finished_within(WATCHDOG, command)
 }
 
-/// Runs a command with a limit of its own. Its output is less than a pipe holds.
+/// Runs a command to its end, within `limit`. The command's output must be less than a pipe holds.
 pub fn finished_within(limit: Duration, command: &mut Command) -> Output {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null()).spawn();
     ended_within(limit, child.expect("the launcher starts"))
@@ -228,7 +228,7 @@ fn names_do_not_control_the_terminal() {
     assert!([&again, &none].iter().all(|output| said(output).contains(r"\u{1b}]0;folder\u{7}")));
 }
 
-/// A command of that name in a folder for PATH.
+/// Writes a command called `name` into a folder for PATH.
 fn put_command(folder: &Path, name: &str, script: &str) {
     write_script(&folder.join(name), script);
 }
@@ -275,7 +275,7 @@ fn programs_of_other_sources_are_told_apart() {
     let place = Place::flown();
     let other = place.at("other-launcher");
     let same = fs::read(env!("CARGO_BIN_EXE_trefoil")).expect("can be read");
-    let bytes = place.at("other-bytes"); // the same program, of other bytes
+    let bytes = place.at("other-bytes"); // the same program with other bytes
     fs::write(&bytes, [&same[..], b"\0"].concat()).expect("can be written");
     fs::set_permissions(&bytes, fs::Permissions::from_mode(0o755)).expect("it is ours");
     copy_program(&bytes, &other);

@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::controllers::{library, with_dependency};
 use crate::harness::{ended, launcher, namespace, processes_with, wait_until};
 
-/// Sixty flights, some of which three of the four controllers end. Which ones follows from the vehicle's mass.
+/// Sixty flights of four controllers, three of which end some of their flights, chosen by the vehicle's mass.
 const CAMPAIGN: &str = r#"
 name = "foreign"
 samples = 15
@@ -51,7 +51,7 @@ impl Place {
         self.0.path().join(name)
     }
 
-    /// Compiles the controller with a trap that shuts in this share of the flights.
+    /// Compiles the controller with a trap that takes effect in this share of the flights.
     fn library(&self, name: &str, trap: u32, share: f64) -> PathBuf {
         library(self.0.path(), name, &[&format!("-DTRAP={trap}"), &format!("-DTRAP_SHARE={share}")])
     }
@@ -200,7 +200,7 @@ fn another_file_under_the_same_name_is_refused() {
     assert_eq!(place.fly(&[], "out").status.code(), Some(0));
     library(&place.at(""), "lib", &["-O1"]);
     for arguments in [&[][..], &["--only", "0"], &["--collect"]] {
-        refused(&place.fly(arguments, "out"), "another campaign, or this one by another name or before it was changed");
+        refused(&place.fly(arguments, "out"), "another campaign, or an earlier or renamed version of this one");
     }
     let merged = place.at("out/campaign.toml");
     let of_the_folder = launcher().arg("campaign").arg(merged).args(["--only", "0"]).output().unwrap();
@@ -242,7 +242,7 @@ fn a_controller_of_the_command_line_flies_beside_those_of_the_file() {
         "samples = 2\nsettings.run.duration_s = 1.2\nvary.plant.airframe.mass_kg = { uniform = [1.05, 1.15] }\n\
          [[promise]]\nfigure = 'lost'\npassed = 'all'\n",
     );
-    let mine = place.library("mine", 2, 1.0); // it crashes: a promise on all controllers is one on those of the file
+    let mine = place.library("mine", 2, 1.0); // it crashes: a promise covers only controllers of the file
     let argument = |name: &str, file: &Path| format!("{name}={}", file.display());
     let flown = place.fly(&["--controller", &argument("mine", &mine), "--controller", &argument("too", &mine)], "out");
     assert_eq!(flown.status.code(), Some(0), "{}", said(&flown));

@@ -1,7 +1,7 @@
 //! Any scenario, snapshot or run folder gives an error or a result, never a panic.
 //!
-//! Few cases by default; `PROPTEST_CASES=100000 cargo test -p trefoil --test stack fuzz::` looks longer; in the dev
-//! profile, where overflow panics.
+//! Few cases are tried by default; `PROPTEST_CASES=100000 cargo test --workspace --test stack fuzz::` tries more, in
+//! the dev profile, where an overflow panics.
 
 mod flights;
 mod folder;
@@ -31,7 +31,7 @@ fn cases(few: u32) -> ProptestConfig {
     if std::env::var_os("PROPTEST_CASES").is_some() { default } else { ProptestConfig { cases: few, ..default } }
 }
 
-/// Edits of bytes; places are shares of their length.
+/// Edit of bytes; places are shares of the length of all bytes.
 #[derive(Debug, Clone)]
 enum Edit {
     Flip(f64, u8),
@@ -81,7 +81,7 @@ fn edits() -> impl Strategy<Value = Vec<Edit>> {
     vec(edit, 1..4)
 }
 
-/// `bytes` after all `edits`.
+/// Returns `bytes` after all `edits`.
 fn edited(mut bytes: Vec<u8>, edits: &[Edit]) -> Vec<u8> {
     for edit in edits {
         let all = bytes.len();
@@ -101,7 +101,7 @@ fn edited(mut bytes: Vec<u8>, edits: &[Edit]) -> Vec<u8> {
     bytes
 }
 
-/// The scenarios that come with the stack.
+/// Shipped scenarios.
 static SHIPPED: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for path in std::fs::read_dir(folder).expect("a folder").flatten().map(|entry| entry.path()) {
@@ -114,7 +114,8 @@ static SHIPPED: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     files.iter().map(|path| std::fs::read(path).expect("a readable scenario")).collect()
 });
 
-/// Loads a file with this content; if it is accepted, it can be written, read and flown.
+/// Loads a file with this content. If the scenario is accepted, checks that it is the same after writing and reading,
+/// and that its nodes can be built.
 fn check_scenario(content: &[u8], overrides: &[String]) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("scenario.toml");

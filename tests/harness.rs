@@ -14,7 +14,7 @@ use serde_json::Value;
 /// Longest wall-clock time of a flight of the tests.
 const WATCHDOG: Duration = Duration::from_secs(120);
 
-/// Remains of a run of the launcher.
+/// Result of a run of the launcher: exit status, messages, and the folder of the run.
 pub struct Outcome {
     pub status: ExitStatus,
     pub stderr: String,
@@ -27,7 +27,7 @@ impl Outcome {
         self.status.code()
     }
 
-    /// run.json of the flight.
+    /// Returns run.json of the flight.
     pub fn run(&self) -> Value {
         let text = std::fs::read_to_string(self.out.join("run.json"))
             .unwrap_or_else(|e| panic!("no run.json: {e}; the launcher said: {}", self.stderr));
@@ -90,7 +90,7 @@ pub fn python_with(packages: &[&str]) -> Option<PathBuf> {
     let python = venv.join("bin/python");
     std::fs::create_dir_all(&folder).expect("a folder of cargo");
     let lock = File::create(folder.join("lock")).expect("a file");
-    lock.lock().expect("a lock"); // until this returns
+    lock.lock().expect("a lock"); // held until this function returns
     if whole.exists() && Command::new(&python).arg("--version").output().is_ok() {
         return Some(python);
     }
@@ -109,13 +109,13 @@ pub fn python_with(packages: &[&str]) -> Option<PathBuf> {
     Some(python)
 }
 
-/// A namespace that no other flight on this machine has.
+/// Returns a namespace that no other flight on this machine has.
 pub fn namespace() -> String {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     format!("test-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
 }
 
-/// The repository's top folder.
+/// Returns the repository's top folder.
 pub fn top() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository").to_owned()
 }
@@ -125,7 +125,7 @@ pub fn fly(arguments: &[&str]) -> Outcome {
     Flight::start(&namespace(), arguments).finish()
 }
 
-/// A flight under way. Dropping it kills it.
+/// Flight under way. Drop kills its launcher.
 pub struct Flight {
     pub child: Child,
     pub out: PathBuf,
@@ -176,12 +176,12 @@ pub fn land(flight: Flight) -> Value {
 
 impl Drop for Flight {
     fn drop(&mut self) {
-        let _ = self.child.kill(); // has ended, in all tests that pass
+        let _ = self.child.kill(); // it has ended already, in tests that pass
         let _ = self.child.wait();
     }
 }
 
-/// The launcher's binary as built for these tests.
+/// Returns a command of the launcher's binary, as built for these tests, in the top folder.
 pub fn launcher() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trefoil"));
     command.current_dir(top());
@@ -236,9 +236,9 @@ pub fn shared_memory_of(namespace: &str) -> Vec<String> {
     [domain.folder.clone()].into_iter().chain(files).map(|path| path.display().to_string()).collect()
 }
 
-/// Namespaces with `part` in their names that have anything in shared memory, alive or left behind.
+/// Lists the namespaces with `part` in their names that have a folder in shared memory, alive or left behind.
 pub fn in_memory(part: &str) -> Vec<String> {
     let folder = format!("/dev/shm/trefoil-{}", rustix::process::geteuid().as_raw());
-    let all = std::fs::read_dir(folder).into_iter().flatten().flatten(); // no folder: nothing in memory
+    let all = std::fs::read_dir(folder).into_iter().flatten().flatten(); // without this folder nothing is in memory
     all.map(|entry| entry.file_name().to_string_lossy().into_owned()).filter(|name| name.contains(part)).collect()
 }

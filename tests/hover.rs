@@ -10,9 +10,9 @@ use settings::{Initial, Scenario, load};
 
 use crate::harness::{fly, launcher, top};
 
-/// Duration of a flight beside the hover \[s\].
+/// Duration of a flight that starts beside the hover \[s\].
 const FLIGHT_S: f64 = 60.0;
-/// Largest difference between a computed margin and that of flights \[ms\].
+/// Largest difference between a computed margin and the margin of flights \[ms\].
 const GRID_MS: f64 = 10.0;
 /// Settings whose margins do not follow the default profile.
 const PID: [&str; 4] =
@@ -132,7 +132,7 @@ fn a_vehicle_that_the_controllers_do_not_know_is_no_unstable_one() {
     }
 }
 
-/// Standard output of `trefoil check` with `arguments`.
+/// Returns the standard output of `trefoil check` with `arguments`.
 fn checked(arguments: &[&str]) -> String {
     let output = launcher().arg("check").args(arguments).output().expect("the launcher runs");
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));

@@ -9,7 +9,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::control::{status, tell};
 use crate::harness::{copy_program, launcher, namespace, shared_memory_of, skip, wait_until};
 
-/// `trefoil fly` into `out`, started by `wrapper`; `None` if `wrapper` cannot be run here.
+/// Returns the command `trefoil fly` into `out`, started by `wrapper`; `None` if `wrapper` cannot be run here.
 fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile::TempDir) -> Option<Command> {
     if !Command::new(wrapper[0]).args(&wrapper[1..]).arg("true").status().is_ok_and(|status| status.success()) {
         skip(&format!("{wrapper:?} cannot be run"));
@@ -22,8 +22,8 @@ fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile:
     Some(command)
 }
 
-/// Sends `signal` to a real-time flight started by `wrapper`; returns its exit code, 128 more than the signal if one
-/// ended it. `None` if `wrapper` cannot be run here.
+/// Sends `signal` to a real-time flight started by `wrapper`. Returns the exit code, or 128 plus the number of the
+/// signal that ended the flight; `None` if `wrapper` cannot be run here.
 fn signalled(wrapper: &[&str], signal: Signal) -> Option<i32> {
     let (ns, out) = (namespace(), tempfile::tempdir().expect("a temporary folder"));
     let mut flight = fly_by(wrapper, &ns, &["--no-log", "--set", "run.duration_s=2.0"], &out)?.spawn().expect("starts");

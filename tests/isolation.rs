@@ -16,7 +16,7 @@ use serde_json::Value;
 use crate::harness::{Flight, NOBODY, fly, has_root, land, launcher, namespace, shared_memory_of, skip, wait_until};
 use crate::processes::{processes_named, processes_of, start_flying};
 
-/// Details of the events `what` of the host.
+/// Returns the details of all events `what`.
 fn incidents(run: &Value, what: &str) -> Vec<String> {
     let all = run["events"].as_array().expect("events").iter().filter(|event| event["what"] == what);
     all.map(|event| event["why"].as_str().expect("a detail").to_owned()).collect()
@@ -92,7 +92,7 @@ fn a_second_process_for_a_node_is_turned_away() {
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
 }
 
-/// Sends a TRUTH for each of 100 ticks by which the vehicle is far off.
+/// Sends a forged TRUTH for each of 100 ticks, with the vehicle far off its course.
 fn forge_truths(namespace: &str) {
     let domain = Domain::find(namespace).expect("it flies");
     let page = ControlPage::open(&domain.file("page")).expect("a page");
@@ -170,7 +170,7 @@ fn remove_segments_of(namespace: &str, node: &str) {
     for path in shared_memory_of(namespace) {
         let name = PathBuf::from(&path).file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         if runtime::port::makers(&name).next().is_some_and(|maker| of_it.contains(&(maker as i32))) {
-            let _ = fs::remove_file(path); // it may have left with a port
+            let _ = fs::remove_file(path); // a port that closed may have removed it
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The inverse of the geometric law, in the plant's own dynamics, and INDI by a second implementation.
+//! Laws against other code: the geometric law inverts the plant's own dynamics, and INDI equals a second
+//! implementation.
 
 use std::process::Command;
 
@@ -100,4 +101,47 @@ fn sensed_actuators_need_no_model_of_their_lag() {
         fly(&["--mode", "inprocess", "--no-log"].into_iter().chain(set).collect::<Vec<_>>()).code()
     };
     assert_eq!([code("sensed"), code("modelled")], [Some(0), Some(1)]);
+}
+
+/// Every law must have the settings that docs/front.py searches for it, and the script's four commands must accept each
+/// other's results.
+#[test]
+fn the_search_of_the_fronts_flies_every_law() {
+    let script = std::fs::read_to_string(top().join("docs/front.py")).expect("a script");
+    let packages = script.split_once("front/bin/pip install ").and_then(|(_, rest)| rest.lines().next());
+    let packages: Vec<&str> = packages.expect("the packages that it needs").split(' ').collect();
+    let Some(python) = python_with(&packages) else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let front = |arguments: &[&str]| {
+        let mut command = Command::new(&python);
+        command.arg(top().join("docs/front.py")).args(arguments).current_dir(folder.path());
+        let output = command.env("TREFOIL", launcher().get_program()).output().expect("python runs");
+        let [told, failed] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+        assert!(output.status.success(), "{arguments:?}: {told}{failed}");
+        told
+    };
+    let laws = ["mpc", "lqr", "pid", "geometric", "indi", "lqr1"];
+    for law in laws {
+        let told = front(&["search", law, "1", "2"]);
+        assert!(told.starts_with(&format!("{law} 1 2 tries, ")), "{told}");
+    }
+    front(&["judge", "41"]);
+    let told = front(&["report", "41", "83"]);
+    let (volumes, tunings) = told.split_once("differences of the means").expect("two tables");
+    let tunings = tunings.split_once("lost of 60\n").expect("the last table").1;
+    let row = |table: &str, name: &str| -> Vec<String> {
+        let row = table.lines().find(|line| line.split(' ').next() == Some(name));
+        row.unwrap_or_else(|| panic!("{name} has no row: {told}")).split_whitespace().map(str::to_owned).collect()
+    };
+    for law in laws {
+        let volume: f64 = row(volumes, law)[1].parse().expect("a number");
+        assert!((0.0..1.0).contains(&volume), "{told}");
+        let error_m: f64 = row(tunings, &format!("{law}-1*"))[1].parse().expect("a number");
+        // The starting tunings fly the legs within 5 cm.
+        assert!((0.003..0.05).contains(&error_m), "{told}");
+    }
+    let printed = front(&["laws", "41"]);
+    let printed: toml::Table = printed.parse().expect("TOML");
+    let controllers = printed["controller"].as_table().expect("a table");
+    assert!(controllers.keys().map(String::as_str).eq(["geometric", "indi", "lqr", "lqr1", "mpc", "pid"]), "{printed}");
 }

@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::controllers::{needs_dependency, with_dependency};
 use crate::harness::{Outcome, fly, launcher, python_with, top};
 
-/// Folder of libtrefoil as built for these tests, linked from a file of the usual name.
+/// Links libtrefoil, as built for these tests, into `folder` under its usual name; returns the folder.
 pub fn library_folder(folder: &Path) -> PathBuf {
     let built = Path::new(env!("CARGO_BIN_EXE_trefoil")).parent().expect("a folder").to_owned();
     let library =
@@ -163,12 +163,12 @@ fn a_stepped_flight_refuses_a_library_whose_dependency_its_program_has_from_anot
     }
 }
 
-/// Folder with the Python package of this repository as built for these tests, installed once for all that want it.
+/// Returns the folder of this repository's Python package, as built for these tests and installed once for all of them.
 fn installed_package(python: &Path) -> &'static Path {
     static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| Path::new(env!("CARGO_TARGET_TMPDIR")).join("python/trefoil"));
     static INSTALLED: Once = Once::new();
     INSTALLED.call_once(|| {
-        let _ = std::fs::remove_dir_all(&*FOLDER); // there is none before the first run
+        let _ = std::fs::remove_dir_all(&*FOLDER); // it does not exist before the first run
         let built = FOLDER.join("built");
         std::fs::create_dir_all(&built).expect("a folder of cargo");
         library_folder(&built);
@@ -183,7 +183,7 @@ fn installed_package(python: &Path) -> &'static Path {
 }
 
 /// Makes a venv in `folder` that has these packages and the Python package of this repository; returns its Python.
-/// `None`, and a note, without the package index.
+/// Without the package index returns `None` and prints a note.
 pub fn python_with_trefoil(packages: &[&str], folder: &Path) -> Option<PathBuf> {
     let python = python_with(&[&["setuptools>=77", "wheel", "numpy"], packages].concat())?;
     let venv = folder.join("venv");

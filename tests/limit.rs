@@ -1,4 +1,4 @@
-//! `[limit]` of a campaign: a row is a search, equal in every way to fly it, with the flights of `fly`.
+//! `[limit]` of a campaign: each row is a search, which is the same however it is flown, and has the flights of `fly`.
 
 use std::fs;
 use std::path::Path;
@@ -9,8 +9,8 @@ use campaign::table::FlightTable;
 use crate::campaign::Place;
 use crate::harness::fly;
 
-/// Rolls from which two controllers catch the vehicle, at rest and at a speed at which its bound is broken anyway. A
-/// whole turn is no roll: it passes beyond the first failure.
+/// Largest rolls from which two controllers catch the vehicle, at rest and at a speed that breaks the bound at any
+/// roll. A roll of 360 degrees is none: it passes, beyond the first failure.
 const CAMPAIGN: &str = r#"
 name = "limits"
 samples = 3
@@ -112,7 +112,7 @@ fn the_flights_at_a_limit_are_those_of_the_launcher() {
     assert_eq!(at_limit.run()["metrics"]["max_position_error_m"].as_f64(), Some(number("max_position_error_m")));
 }
 
-/// Searches one limit of a hover of half a second; returns what the command says.
+/// Searches one limit of a hover of half a second; returns the output of the command.
 fn searched(settings: &str, limit: &str, arguments: &[&str], code: i32) -> String {
     let text = format!(
         "[settings]\nrun.duration_s = 0.5\nmission.trajectory = 'hover'\nbounds.max_position_error_m = 0.02\n{settings}\n[limit]\n{limit}\n"
@@ -157,7 +157,7 @@ fn a_promise_on_limits_is_held_against_what_is_known() {
     }
 }
 
-/// Writes the run.json of a flight in lockstep, changed into that of one in `mode` with known times.
+/// Writes the run.json of a flight in lockstep, changed to say that it was flown in `mode` with known times.
 fn realtime_run(folder: &Path, mode: &str) {
     let mut run = fly(&["--mode", "lockstep", "--no-log", "--set", "run.duration_s=0.1"]).run();
     run["mode"] = mode.into();

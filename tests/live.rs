@@ -38,16 +38,16 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a free port").port()
 }
 
-/// A flight with its page, which has joined it.
+/// Starts a flight with its page; returns when the page has joined.
 fn with_page(namespace: &str, port: u16, settings: &[&str]) -> Flight {
     let address = format!("127.0.0.1:{port}");
     let flight = flying(namespace, &[&["--web", &address, "--token", TOKEN], HANG, settings].concat());
-    // The page tries at a low priority, so under load it joins after the command line.
+    // The page's process has a low priority, so under load it joins after the command line.
     frame(&mut open(port, PAGE, &[]).expect("it opens"), is("flight"));
     flight
 }
 
-/// `trefoil web` for a namespace. Dropping it kills it.
+/// Running `trefoil web` for a namespace. Drop kills it.
 struct Server(Child);
 
 impl Server {
@@ -59,7 +59,7 @@ impl Server {
         server
     }
 
-    /// Starts the server at `host` without a given token; returns the token that it prints too.
+    /// Starts the server at `host` without a given token; returns it with the token that it prints.
     fn with_own_token(namespace: &str, host: &str, port: u16) -> (Self, String) {
         let mut command = launcher();
         command.args(["web", "--namespace", namespace, &format!("{host}:{port}")]).stderr(Stdio::piped());
@@ -106,7 +106,7 @@ fn order(port: u16, order: &Value) -> Value {
     serde_json::from_str(answer.split_once("\r\n\r\n").expect("a body").1).expect("JSON")
 }
 
-/// Opens a websocket, with `headers` besides those that it needs.
+/// Opens a websocket, with `headers` besides the required ones.
 fn open(port: u16, path: &str, headers: &[(&'static str, &str)]) -> Result<Socket, Box<tungstenite::Error>> {
     let mut request = format!("ws://127.0.0.1:{port}{path}").into_client_request().expect("an address");
     for (name, value) in headers {
@@ -267,7 +267,7 @@ fn the_token_moves_from_the_address_into_a_cookie_that_opens_everything() {
     for path in ["/ws", "/foxglove"] {
         let headers = [("cookie", cookie.as_str()), ("origin", &own), spoken];
         open(port, path, &headers[..if path == "/ws" { 2 } else { 3 }]).expect("the cookie opens it");
-        // To a browser all ports of a host are one site, so it sends the cookie along for a page of any of them.
+        // To a browser all ports of a host are one site, so it also sends the cookie for a page of another port.
         for origin in ["https://evil.example", "null", "http://127.0.0.1:1"] {
             assert_eq!(refused(port, path, &[("cookie", &cookie), ("origin", origin), spoken]), 403, "{path} {origin}");
         }
@@ -299,9 +299,9 @@ fn with_the_token_too_another_website_and_a_name_that_is_not_of_loopback_are_ref
     drop(server);
 }
 
-/// Reads the page, opens its websocket and sends orders: ten times each with an end at once, in connections that are
-/// open before, so that some have ended when the server looks at them, and ten times waiting for the answer, whose
-/// first line it prints. `PORT` is the port.
+/// Script that reads the page, opens its websocket and sends orders. Makes each attempt ten times in connections that
+/// it closes at once, so that some have ended when the server looks at them, and ten times waiting for the answer,
+/// whose first line it prints. `PORT` is the port.
 const ATTACK: &str = r#"
 look() { printf 'GET %s HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n%b\r\n' "$1" "$2" >&3; }
 order() {
@@ -349,7 +349,7 @@ fn a_frame_that_is_too_long_ends_its_connection_before_it_is_read() {
     for path in [PAGE, FOXGLOVE] {
         let spoken: &[_] = if path == FOXGLOVE { &[spoken] } else { &[] };
         let mut socket = open(port, path, spoken).expect("it opens");
-        // Binary, masked, of 15 MB; the payload never comes.
+        // Header of a binary, masked frame of 15 MB, whose payload never comes.
         let header = [&[0x82, 0xff][..], &15_000_000_u64.to_be_bytes(), &[0; 4]].concat();
         socket.get_mut().write_all(&header).expect("it is sent");
         let mut rest = vec![];
@@ -372,7 +372,7 @@ fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends_soon() 
         wait_until("the flight is over", || status(&ns).is_null());
         let over = Instant::now();
         let outcome = flight.finish();
-        // A second for the page; it was six.
+        // The launcher waits a second for the page.
         assert!(over.elapsed() < Duration::from_secs(4), "{:?}", over.elapsed());
         let run = outcome.run();
         assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &json!(0)), "{}", outcome.stderr);
@@ -399,11 +399,11 @@ fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_fli
         frame(browser, is("rows"));
     }
     // A browser that reloads gets the last minute again.
-    frame(&mut browsers.pop().expect("twenty"), is("rows")); // the second
+    frame(&mut browsers.pop().expect("twenty"), is("rows")); // its second frame of rows
     let mut again = open(port, PAGE, &[]).expect("it opens");
     let rows = frame(&mut again, is("rows"));
     assert!(rows["rows"].as_array().map(Vec::len) > Some(1), "the rows since the page joined");
-    drop(server); // by SIGKILL, in the middle of it
+    drop(server); // by SIGKILL, while it serves
     // The place of the killed server is free, and the ring was not disturbed.
     let server = Server::start(&ns, port);
     let mut socket = open(port, PAGE, &[]).expect("it opens");
@@ -453,7 +453,7 @@ fn foxglove_gets_the_channels_of_the_log_with_their_bytes() {
             let (header, message) = bytes.split_at(13);
             assert_eq!(header[..5], [1, 7, 0, 0, 0]);
             let log_time_ns = u64::from_le_bytes(header[5..].try_into().expect("eight bytes"));
-            // Field 1 of State is the stamp, with its length, whose field 1 is the tick.
+            // Field 1 of State is the stamp, after its length; field 1 of the stamp is the tick.
             let (_, length) = varint(&message[1..]);
             let stamp = &message[1 + length..];
             assert_eq!((message[0], stamp[0], varint(&stamp[1..]).0 * 10_000_000), (0x0a, 0x08, log_time_ns));
@@ -489,7 +489,7 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_export_has_them() {
         .collect();
     let known: Vec<&str> = channels.iter().map(|(topic, _)| topic.as_str()).collect();
     assert_eq!(known, SceneChannel::ALL.map(SceneChannel::topic));
-    // The number of a subscription is the place of its topic.
+    // The number of a subscription is the index of its topic.
     let all = channels.iter().enumerate().map(|(id, (_, channel))| json!({ "id": id, "channelId": channel }));
     let subscribe = json!({ "op": "subscribe", "subscriptions": all.collect::<Vec<_>>() });
     socket.send(Message::text(subscribe.to_string())).expect("it is sent");
@@ -534,9 +534,9 @@ fn foxglove_gets_the_vehicle_and_its_scene_as_the_export_has_them() {
     assert!(counts[0] > 50 && counts[1] > 25 && counts[2] >= 1, "{counts:?}");
 }
 
-/// Returns a message of a view topic, and of a path its poses apart: a reader that came later has not seen the first
-/// ones. Of the frames only `body` and `rotor_1`, the first two, because another reader of the ring may have seen the
-/// next reference already.
+/// Returns the parts of a view message on which two readers must agree. A path has its poses apart, because a reader
+/// that came later lacks the first ones. Frames are cut to `body` and `rotor_1`, the first two, because another reader
+/// of the ring may have seen the next reference already.
 fn comparable(topic: &str, message: &[u8]) -> (Vec<u8>, Vec<u8>) {
     let after = |from: usize| {
         let (length, width) = varint(&message[from + 1..]);
@@ -560,7 +560,7 @@ fn varint(bytes: &[u8]) -> (u64, usize) {
     (number, length)
 }
 
-/// `trefoil replay --web` of a run. Dropping it kills it.
+/// Running `trefoil replay --web` of a run. Drop kills it.
 struct Replay {
     child: Child,
     port: u16,
@@ -593,12 +593,12 @@ impl Replay {
 
 impl Drop for Replay {
     fn drop(&mut self) {
-        let _ = self.child.kill(); // has ended, in all tests that pass
+        let _ = self.child.kill(); // it has ended already, in tests that pass
         let _ = self.child.wait();
     }
 }
 
-/// A flight in lockstep in which the mixer is killed and guidance replaced.
+/// Flies in lockstep, while the mixer is killed and guidance replaced.
 fn eventful() -> Outcome {
     fly(&[
         "--mode",
@@ -743,7 +743,7 @@ const CAMPAIGN: &str = "[settings]\nrun.duration_s = 3.0\nbounds.max_position_er
                         plant.airframe.mass_kg = { uniform = [0.9, 1.4] }\nrun.command_delay_ms = { uniform = [0.0, 30.0] }\n\
                         [controller.mpc]\nattitude.law = \"mpc\"\n[controller.pid]\nattitude.law = \"pid\"\n";
 
-/// `trefoil campaign` of a number of samples in a folder of its own, with more arguments.
+/// Returns the command `trefoil campaign` with `samples` samples, results in `out`, and `more` arguments.
 fn campaign(folder: &Path, out: &str, samples: u32, more: &[&str]) -> Command {
     let file = folder.join("shown.toml");
     std::fs::write(&file, format!("samples = {samples}\n{CAMPAIGN}")).expect("written");
@@ -753,7 +753,7 @@ fn campaign(folder: &Path, out: &str, samples: u32, more: &[&str]) -> Command {
     command
 }
 
-/// Returns how many flights the title of a campaign's page counts.
+/// Returns the number of flights in the title of a campaign's page.
 fn counted(page: &str) -> u64 {
     let title = page.split_once("<title>Campaign shown, ").and_then(|(_, rest)| rest.split_once(" of 120 flights<"));
     title.and_then(|(count, _)| count.parse().ok()).unwrap_or_else(|| panic!("no title: {}", &page[..300]))

@@ -1,4 +1,4 @@
-//! Bit for bit: in process = lockstep = lockstep again.
+//! A flight is the same, bit for bit, in process, in lockstep, and in lockstep again.
 
 use crate::harness::fly;
 

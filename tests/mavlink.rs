@@ -49,12 +49,12 @@ impl Station {
 
 impl Drop for Station {
     fn drop(&mut self) {
-        let _ = self.child.kill(); // has ended, in all tests that pass
+        let _ = self.child.kill(); // it has ended already, in tests that pass
         let _ = self.child.wait();
     }
 }
 
-/// Messages of one kind.
+/// Returns the messages of one kind.
 fn of<'a>(came: &'a [Value], kind: &str) -> Vec<&'a Value> {
     came.iter().filter(|message| message["mavpackettype"] == kind).collect()
 }
@@ -206,7 +206,7 @@ fn a_station_that_is_not_there_costs_the_flight_nothing() {
 
 /// `PARAM_REQUEST_LIST` of a ground station to the vehicle: the request with the most answers.
 const LIST: [u8; 14] = [0xfd, 2, 0, 0, 0, 0xff, 0xbe, 21, 0, 0, 1, 1, 0x88, 0xc0];
-/// Most datagrams of a flood to one port.
+/// Largest number of datagrams of a flood to one port.
 const FLOOD: usize = 20_000_000;
 
 /// Sends `datagram` to each of the `ports`, again and again, until `is_over`.
@@ -214,7 +214,7 @@ fn flood(ports: [u16; 2], datagram: &[u8], is_over: &AtomicBool) {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     for _ in 0..FLOOD {
         for port in ports {
-            let _ = socket.send_to(datagram, ("127.0.0.1", port)); // refused once its process has ended
+            let _ = socket.send_to(datagram, ("127.0.0.1", port)); // fails once the port's process has ended
         }
         if is_over.load(Ordering::Relaxed) {
             return;
@@ -236,7 +236,7 @@ fn a_flood_of_requests_neither_holds_up_the_end_of_a_flight_nor_an_interrupt() {
         let is_over = AtomicBool::new(false);
         let outcome = std::thread::scope(|scope| {
             scope.spawn(|| flood(ports, datagram, &is_over));
-            let _over = Over(&is_over); // also after a failure
+            let _over = Over(&is_over); // sets the flag after a failure too
             let mut command = launcher();
             command.args(["mavlink", "--namespace", &ns, &later]).stdout(Stdio::piped());
             let mut watching = command.spawn().expect("it starts");

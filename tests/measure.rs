@@ -53,7 +53,7 @@ fn every_target_has_a_verdict() {
         let target = targets.iter().find(|t| t["figure"].as_str().is_some_and(|f| f.starts_with(figure)));
         target.unwrap_or_else(|| panic!("no target '{figure}'"))["verdict"].as_str().expect("a verdict").to_owned()
     };
-    // Targets that do not depend on the machine are met.
+    // Targets that do not depend on the machine must be met.
     for figure in ["clarabel, steps without an optimum", "active-set, steps without an optimum"] {
         assert_eq!(verdict(figure), "ok", "{figure}: {printed}");
     }
@@ -115,8 +115,8 @@ fn what_cannot_be_measured_is_told() {
     check(&QUICK, &file, &["occupied", "--out"]);
 }
 
-/// `trefoil measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its
-/// namespaces, and how it ended.
+/// Runs `trefoil measure` with `arguments`. Returns the JSON that it printed and wrote to `folder`, the beginning of
+/// its namespaces, and its output.
 fn measured(arguments: &[&str], folder: &Path) -> (Value, String, Output) {
     let mut command = launcher();
     command.arg("measure").args(arguments).args(["--json", "--out"]).arg(folder);

@@ -1,5 +1,5 @@
-//! The estimator in whole flights: its errors are as large as it says, with every error of the shipped sensors. And its
-//! filter against a second implementation.
+//! The estimator in whole flights: its errors are as large as it expects, with every error of the shipped sensors. Its
+//! filter equals a second implementation.
 
 use std::fmt::Write as _;
 use std::process::Command;
@@ -16,10 +16,10 @@ use settings::{SensorPreset, SensorsSettings};
 
 use crate::harness::{fly, python_with, top};
 
-/// Numbers of an error: position and velocity NED, attitude as turns about the body axes.
+/// Number of components of an error: position and velocity in NED, attitude as turns about the body axes.
 const ERRORS: usize = 9;
 
-/// Error of the estimate in a sample, and the deviations that the unit expects.
+/// Returns the error of the estimate in a sample, and the standard deviations that the unit expects.
 fn error(state: &State, truth: &Truth) -> [(f64, f64); ERRORS] {
     let parts = |motion: &Kinematics| {
         let [roll, pitch, yaw] = motion.attitude_rad;
@@ -66,14 +66,14 @@ fn val_errors_stay_inside_three_deviations_with_the_shipped_sensors() {
     }
 }
 
-/// Times at which the errors of the long hover are weighed \[s\]; the last one ends the flight.
+/// Times at which the errors of the long hover are checked \[s\]; the last one ends the flight.
 const CHECKS_S: [u64; 4] = [30, 60, 300, 600];
 /// Parts of the error, each with its first state and the number of its states.
 const PARTS: [(&str, usize, usize); 4] =
     [("all", 0, ERRORS), ("position", POSITION, 3), ("velocity", VELOCITY, 3), ("attitude", ATTITUDE, 3)];
 
-/// NEES = e' P^-1 e of the error e of each part at each check, and NIS = y' S^-1 y of the last innovation y of each
-/// source, after ten minutes of hover in the gusts of `dryden`.
+/// Hovers for ten minutes in the gusts of `dryden`. Returns NEES = e' P^-1 e of the error e of each part at each check,
+/// and NIS = y' S^-1 y of the last innovation y of each source.
 fn ten_minutes(preset: SensorPreset, seed: u64) -> ([[f64; PARTS.len()]; CHECKS_S.len()], [f64; Source::ALL.len()]) {
     let gusts = std::fs::read_to_string(top().join("scenarios/dryden.toml")).expect("the file is readable");
     let hover = ["run.mode='inprocess'", "run.duration_s=600", "mission.trajectory='hover'"];
@@ -103,8 +103,8 @@ fn ten_minutes(preset: SensorPreset, seed: u64) -> ([[f64; PARTS.len()]; CHECKS_
 }
 
 /// The mean over 100 seeds is within 4 standard deviations of a chi-square mean: Bar-Shalom, Li and Kirubarajan,
-/// *Estimation with applications to tracking and navigation* (2001), section 5.4. One number of each seed counts,
-/// because those of a flight go together.
+/// *Estimation with applications to tracking and navigation* (2001), section 5.4. Each mean takes one number of each
+/// seed, because the numbers of one flight are correlated.
 #[test]
 #[allow(clippy::disallowed_macros, reason = "a developer reads the means")]
 #[ignore = "200 flights of ten minutes: cargo test --release --test stack ten_minutes -- --ignored --nocapture"]
@@ -140,8 +140,8 @@ fn without_the_kalman_filter_nothing_is_said_of_the_errors() {
     assert!(!log.states.is_empty() && log.states.iter().all(|state| state.navigation == Navigation::default()));
 }
 
-/// Flies `dryden` with `typical` and these faults, and returns the largest position error \[m\], the largest speed
-/// \[m/s\], and the last sample.
+/// Flies `dryden` with the sensors `typical` and these faults, and returns the largest position error \[m\], the
+/// largest speed \[m/s\], and the last sample.
 fn flown_with(faults: &str) -> (f64, f64, State) {
     let faults = format!("fault=[{faults}]");
     let set = ["plant.sensors.preset=typical", "bounds.max_position_error_m=inf", "run.duration_s=40", &faults];
@@ -215,9 +215,9 @@ const START: InitialErrors = InitialErrors {
 const SAMPLE_S: f64 = 0.005;
 const DELAY: usize = 20;
 
-/// Sample `k` of a vehicle that turns in its place from `attitude` on, which becomes that of the end of the sample. The
-/// receiver is silent from 6 to 10 s, and has it 3 m away then, and once before; the field turns at 12 s, and the
-/// height jumps at 13 s.
+/// Makes sample `k` of a vehicle that turns in its place from `attitude` on, and sets `attitude` to the attitude at the
+/// end of the sample. The receiver is silent from 6 to 10 s, and shows a position 3 m off from then on, and once
+/// before; the field turns at 12 s, and the height jumps at 13 s.
 fn turning(k: u32, attitude: &mut UnitQuaternion<f64>, random: &mut ChaCha8Rng) -> (Imu, Aiding) {
     let t_s = f64::from(k) * SAMPLE_S;
     let mut noisy = |size: f64, value: Vector3<f64>| value.map(|value| value + size * (random.random::<f64>() - 0.5));

@@ -23,7 +23,8 @@ fn made(dir: &Path, goals: &[&str], python: Option<&Path>) {
 }
 
 /// Writes the template of `lang` for `node`, builds and tests it, and flies it in every mode and in swaps. `settings`
-/// are those of the node in its scenario, which another `exec` does not have. Returns its folder, `mine` in another.
+/// are the node's settings in the template's scenario, which another `exec` does not have. Returns a temporary folder,
+/// in which `mine` has the template.
 fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) -> Option<tempfile::TempDir> {
     if Command::new("make").arg("--version").output().is_err() {
         skip("make is not here");

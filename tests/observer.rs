@@ -77,7 +77,7 @@ fn a_flight_takes_a_few_observers_and_a_place_is_free_when_one_leaves() {
     assert!(refused.contains("has 4 observers already"), "{refused}");
     all.pop();
     all.push(join(&ns));
-    // A node can be replaced beside them.
+    // A node can be replaced while observers look.
     tell(&ns, &["inject", "mixer", "kill"]).expect("it flies");
     let mut epochs = vec![];
     wait_until("the next mixer is heard", || {

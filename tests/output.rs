@@ -12,7 +12,8 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::control::{flying, status};
 use crate::harness::{Flight, fly, launcher, namespace, skip, wait_until};
 
-/// A flight in lockstep that prints to stderr in flight, because the program of its swap cannot be started.
+/// Returns the command of a flight in lockstep that prints to stderr in flight, because the program of its swap cannot
+/// be started.
 fn talking(folder: &Path) -> Command {
     let program = folder.join("program");
     fs::write(&program, "#!/nonexistent/interpreter\n").expect("written");

@@ -20,7 +20,7 @@ const SCRIPTS: [&str; 8] = [
     "campaign.mjs",
 ];
 
-/// Folder with the scripts of `tests/pages/` and their packages, installed once for all tests; `None`, and a
+/// Returns a folder with the scripts of `tests/pages/` and their packages, installed once for all tests; `None`, and a
 /// note, if that fails.
 pub fn browser() -> Option<&'static Path> {
     static MADE: OnceLock<Result<PathBuf, String>> = OnceLock::new();
@@ -55,7 +55,7 @@ pub fn look_at(pages: &[&Path]) {
     assert!(output.status.success(), "{pages:?}:\n{told}{failed}");
 }
 
-/// A page with one of every fault that is looked for.
+/// Page with one fault of every kind that is looked for.
 const FAULTY: &str = "<!doctype html><html><title>x</title><body style=\"width:600px\"><main><h1>x</h1>
     <p style=\"width:30px;overflow-wrap:anywhere\">123456789</p>
     <p style=\"width:40px;overflow:hidden;white-space:nowrap\">much longer than that</p>
@@ -135,7 +135,7 @@ at_s = 9.0
 node = "mixer"
 "#;
 
-/// Runs the launcher; it must succeed.
+/// Runs the launcher, which must succeed.
 fn run(arguments: &[&str], files: &[&Path]) {
     let output = launcher().args(arguments).args(files).output().expect("the launcher starts");
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));

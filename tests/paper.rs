@@ -17,7 +17,7 @@ fn case_file(name: &str) -> String {
     format!("tests/reference/cases/{squeezed}.toml")
 }
 
-/// Largest altitude errors from 10 to 50 s and in the rest of a flight, from its log \[m\].
+/// Returns the largest altitude errors from 10 to 50 s and in the rest of a flight, from its log \[m\].
 fn altitude_errors_m(flown: &Outcome) -> [f64; 2] {
     let mut gathered = None;
     let read = Recorded::read_each(&flown.out, TimeSpan::ALL, |scenario, record| {

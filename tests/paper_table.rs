@@ -5,12 +5,12 @@ use settings::Scenario;
 
 use crate::harness::top;
 
-/// Digits after the point.
+/// Returns the number of digits after the point.
 fn digits(printed: &str) -> usize {
     printed.split_once('.').map_or(0, |(_, digits)| digits.len())
 }
 
-/// Computes the figure of a row of the page on the airframe.
+/// Computes the figure of the row `row` of the page for the airframe of `scenario`.
 fn of_the_airframe(row: &str, scenario: &Scenario) -> f64 {
     let vehicle = &scenario.airframe;
     let Parameters { g_mps2, mass_kg, iyy_kgm2, kf, km, .. } = *vehicle;

@@ -58,8 +58,7 @@ fn a_flight_in_real_time_with_a_vehicle_in_c_is_replayed_bit_for_bit_if_the_user
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("not computed: plant 1"), "{said}");
     let named = format!("plant={}", library.display());
-    for (arguments, words) in [(&[][..], "the same bits"), (&["--from", "11s"], "begun with what the nodes remembered")]
-    {
+    for (arguments, words) in [(&[][..], "the same bits"), (&["--from", "11s"], "begun with the snapshots")] {
         let (code, said) = replay(&flown.out, &[&["--program", &named], arguments].concat());
         assert_eq!(code, Some(0), "{said}");
         assert!(said.contains(words) && !said.contains("not computed"), "{said}");
@@ -87,7 +86,7 @@ fn a_vehicle_of_casadi_flies_in_every_mode_as_it_was_generated() {
     let (code, said) = replay(&flights[2].out, &["--program", &format!("plant={}", library.display())]);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("the same bits") && said.contains(&flights[2].state_hash()), "{said}");
-    // The same equations and midpoint rule as in plant.c, so the two courses differ by the steps only.
+    // plant.c has the same equations and midpoint rule, so the two courses differ by the steps only.
     let in_c = survey(&vehicle(folder.path(), "plant", &[]), "inprocess", &settings[1..]);
     let errors = [&flights[0], &in_c].map(|flown| flown.run()["metrics"]["max_position_error_m"].as_f64().unwrap());
     assert!((errors[0] - errors[1]).abs() < 1e-4, "{errors:?}");
@@ -124,7 +123,7 @@ fn a_vehicle_without_a_memory_is_replayed_from_the_beginning() {
     let named = format!("plant={}", library.display());
     let (code, said) = replay(&flown.out, &["--program", &named, "--from", "11s"]);
     assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("no difference") && !said.contains("begun with what the nodes remembered"), "{said}");
+    assert!(said.contains("no difference") && !said.contains("begun with the snapshots"), "{said}");
 }
 
 #[test]

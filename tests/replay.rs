@@ -172,7 +172,7 @@ fn a_replay_begins_with_what_the_nodes_remembered_and_so_flies_what_comes_after_
                 assert!(said.contains(part), "{mode} {more:?} should say {part}: {said}");
             }
         };
-        let begun = "begun with what the nodes remembered at 10.00 s";
+        let begun = "begun with the snapshots at 10.00 s";
         check(&["--from", "10.2s"], 0, &["no difference in what was compared\n", "10.20 to 12.50 s of 12.50 s", begun]);
         check(&["--from", "11s", "--node", "mixer"], 0, &["no difference in what was compared\n", begun]);
         check(&["--from", "10s"], 0, &["10.00 to 12.50 s of 12.50 s"]); // that is before it

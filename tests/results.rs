@@ -1,14 +1,15 @@
 //! The pages of docs/results: each block of commands prints what the page says.
 //!
 //! A fenced block marked `console` has commands (`$ `), which run in bash one after the other, with what they print.
-//! `trefoil` is the program just built, or `LAUNCHER`, a path. Blocks marked `console slow` are flown if `RESULTS` in
-//! the environment names the page, or is `all`. `REWRITE=1` writes what the blocks print, and the commit, into the
-//! pages; without `RESULTS` it flies all of them.
+//! `trefoil` is the program just built, or `LAUNCHER`, a path. `RESULTS` in the environment names the pages to fly, or
+//! is `all`; blocks marked `console slow` are flown only with it or with `REWRITE=1`, which writes what the blocks
+//! print, and the commit, into the pages. Blocks marked `console once` print times, which no two runs share: they are
+//! flown only with both, by the name of their page, and compared with nothing.
 
 use std::env;
 use std::fs;
 use std::os::unix::fs::symlink;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::thread;
 
@@ -16,6 +17,7 @@ use crate::harness::{launcher, top};
 
 const BEGIN: &str = "```console";
 const SLOW: &str = "```console slow";
+const ONCE: &str = "```console once";
 const END: &str = "```";
 /// Words before the commit that flew a page.
 const COMMIT: &str = "Flown by commit ";
@@ -30,6 +32,11 @@ fn pages() -> Vec<(PathBuf, String)> {
         (path, text)
     };
     pages.into_iter().map(read).collect()
+}
+
+/// Name by which `RESULTS` asks for a page.
+fn name(path: &Path) -> &str {
+    path.file_stem().and_then(|name| name.to_str()).expect("a plain name")
 }
 
 /// Commands of a block; a line that ends with a backslash goes on.
@@ -101,12 +108,18 @@ fn with_commit(page: &str) -> String {
 }
 
 /// Flies the selected blocks of a page again; returns the difference, or rewrites the page.
-fn check((path, page): &(PathBuf, String)) -> Option<String> {
-    let wanted = env::var("RESULTS").unwrap_or_default();
-    let name = path.file_stem().and_then(|name| name.to_str()).expect("a plain name");
+fn check((path, page): &(PathBuf, String), wanted: &str) -> Option<String> {
     let rewrites = env::var_os("REWRITE").is_some();
-    let flies_slow = wanted.split(',').any(|word| word == name || word == "all") || rewrites && wanted.is_empty();
-    let new = again(page, |first| flies_slow || first != SLOW);
+    let is_named = wanted.split(',').any(|word| word == name(path));
+    if !(wanted.is_empty() || wanted == "all" || is_named) {
+        return None;
+    }
+    let flies = |first: &str| match first {
+        ONCE => rewrites && is_named,
+        SLOW => rewrites || !wanted.is_empty(),
+        _ => true,
+    };
+    let new = again(page, flies);
     let place = path.strip_prefix(top()).map_or("", |path| path.to_str().unwrap_or_default());
     match (new == *page, rewrites) {
         (true, _) => None,
@@ -122,10 +135,16 @@ fn check((path, page): &(PathBuf, String)) -> Option<String> {
 fn every_command_of_the_results_prints_what_its_page_says() {
     let pages = pages();
     assert!(pages.iter().any(|(_, page)| page.contains(BEGIN)), "the pages have commands");
+    let wanted = env::var("RESULTS").unwrap_or_default();
+    for word in wanted.split(',').filter(|word| !["", "all"].contains(word)) {
+        assert!(pages.iter().any(|(path, _)| name(path) == word), "RESULTS: there is no page docs/results/{word}.md");
+    }
     let differences: Vec<String> = thread::scope(|scope| {
         let two = [0, 1].map(|one| {
-            let pages = &pages;
-            scope.spawn(move || pages.iter().skip(one).step_by(2).filter_map(check).collect::<Vec<_>>())
+            let (pages, wanted) = (&pages, &wanted);
+            scope.spawn(move || {
+                pages.iter().skip(one).step_by(2).filter_map(|page| check(page, wanted)).collect::<Vec<_>>()
+            })
         });
         two.into_iter().flat_map(|flown| flown.join().expect("flights end")).collect()
     });

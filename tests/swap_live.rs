@@ -62,7 +62,7 @@ fn own_controller() -> String {
 }
 
 #[test]
-fn what_was_swapped_by_hand_can_be_flown_again() {
+fn a_flight_with_a_swap_by_hand_is_replayed() {
     let ns = namespace();
     let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=6.0"]);
     let said = swapped(&ns, &["attitude-mpc", "--set", "attitude.law=lqr", "--bounds", PATIENT], 0);

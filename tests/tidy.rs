@@ -342,22 +342,6 @@ fn numbers(text: &str) -> impl Iterator<Item = &str> {
     all.filter(|number| !number.is_empty())
 }
 
-/// Two runs of one command give two results: a figure among the results is that of the page which has the whole table.
-#[test]
-fn the_results_have_the_figures_of_the_page_on_faults() {
-    let [results, page] = ["docs/results.md", "docs/results/faults.md"]
-        .map(|name| std::fs::read_to_string(top().join(name)).expect("a readable page"));
-    let known: Vec<&str> = numbers(&page).collect();
-    for (command, least) in [("faults", 1), ("stress", 2)] {
-        let rows = results.lines().filter(|row| row.contains(&format!("| `measure {command}` |")));
-        for row in rows.clone() {
-            let unknown: Vec<&str> = numbers(row).filter(|number| !known.contains(number)).collect();
-            assert!(unknown.is_empty(), "{unknown:?} not in docs/results/faults.md: {row}");
-        }
-        assert!(rows.count() >= least, "{command}");
-    }
-}
-
 /// A feature of `mcap` or `parquet` would bring them back.
 #[test]
 fn nothing_compresses_by_a_library_in_c() {

@@ -57,7 +57,7 @@ pub struct ActuatorLaw {
     pub limits: ActuatorLimits,
     /// Time constant of the rotors \[s\]; 0 means no lag. [`advance`](Self::advance) accepts 0, `rate` does not.
     pub rotor_lag_s: f64,
-    /// Time constant of the tilt servo \[s\]; 0 as for the rotors.
+    /// Time constant of the tilt servo \[s\]; 0 means no lag, for [`advance`](Self::advance) only.
     pub servo_lag_s: f64,
     /// Rate limit of the rotors \[rotor speed unit / s\].
     pub rotor_rate_limit: f64,

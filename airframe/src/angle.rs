@@ -12,7 +12,8 @@ pub fn difference(to_rad: f64, from_rad: f64) -> f64 {
     wrapped(to_rad - from_rad)
 }
 
-/// Shifts `angle_rad` by whole turns to within half a turn of `at_rad`. An angle that is there already keeps its bits.
+/// Shifts `angle_rad` by whole turns to within half a turn of `at_rad`. An angle already in this range keeps its
+/// bits.
 pub fn nearest(angle_rad: f64, at_rad: f64) -> f64 {
     angle_rad - TAU * ((angle_rad - at_rad) / TAU - 0.5).ceil()
 }

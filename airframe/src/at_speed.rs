@@ -1,4 +1,5 @@
-//! Linear model of attitude and vertical velocity at any flight condition; [`linear`](crate::linear) has that of hover.
+//! Linear model of attitude and vertical velocity at any flight condition; [`linear`](crate::linear) has the hover
+//! model.
 //!
 //! ```text
 //! dx/dt = A x + B (u + o)
@@ -15,7 +16,7 @@
 //! nothing to `o`. Gravity and the products of rates are linearised.
 //!
 //! At speed, `w` changes when the vehicle pitches, although its velocity over ground does not. `lean` has the
-//! coefficients of that change: `dw = -(v dphi - u cos phi dtheta)`. It is the integral of `q u - p v` in (11).
+//! coefficients of that change: `dw = -(v dphi - u cos phi dtheta)`, the integral of `q u - p v` in (11).
 
 use nalgebra::Vector4;
 
@@ -23,11 +24,11 @@ use crate::level_flight::{Drag, LevelFlight};
 use crate::linear::Continuous;
 use crate::{Parameters, Trim};
 
-/// Largest roll and pitch of a point \[rad\]: beyond them (8) becomes singular.
+/// Largest roll and pitch of a point \[rad\]: (8) is singular at a pitch of pi / 2.
 const MAX_ANGLE_RAD: f64 = 1.2;
-/// Largest velocity along an axis of a point \[m/s\].
+/// Largest velocity of a point along a body axis \[m/s\].
 const MAX_VELOCITY_MPS: f64 = 50.0;
-/// Largest rate of a point \[rad/s\], from (51).
+/// Largest body rate of a point \[rad/s\], from (51).
 const MAX_RATE_RADPS: f64 = std::f64::consts::TAU;
 
 /// Point at which the equations of motion are linearised.
@@ -77,20 +78,20 @@ impl AtSpeed {
         a[(0, 0)] = -drag.per_velocity(speed)[2] / m;
         a[(0, 1)] = -g * sin_phi * cos_theta;
         a[(0, 2)] = -g * cos_phi * sin_theta;
-        a[(0, 4)] = -v; // as in (11), linearised
+        a[(0, 4)] = -v; // (11), linearised
         a[(0, 5)] = u;
-        a[(1, 4)] = 1.0; // as in (8), linearised
+        a[(1, 4)] = 1.0; // (8), linearised
         a[(1, 5)] = sin_phi * libm::tan(theta);
         a[(1, 6)] = cos_phi * libm::tan(theta);
         a[(2, 5)] = cos_phi;
         a[(2, 6)] = -sin_phi;
         a[(3, 5)] = sin_phi / cos_theta;
         a[(3, 6)] = cos_phi / cos_theta;
-        a[(4, 5)] = (iyy - izz) / ixx * r; // as in (12), linearised
+        a[(4, 5)] = (iyy - izz) / ixx * r; // (12), linearised
         a[(4, 6)] = (iyy - izz) / ixx * q;
-        a[(5, 4)] = (izz - ixx) / iyy * r; // as in (13), linearised
+        a[(5, 4)] = (izz - ixx) / iyy * r; // (13), linearised
         a[(5, 6)] = (izz - ixx) / iyy * p;
-        a[(6, 4)] = (ixx - iyy) / izz * q; // as in (14), linearised
+        a[(6, 4)] = (ixx - iyy) / izz * q; // (14), linearised
         a[(6, 5)] = (ixx - iyy) / izz * p;
 
         let gravity = g * (cos_phi * cos_theta - libm::cos(trim.roll_rad));

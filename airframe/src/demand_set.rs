@@ -1,8 +1,8 @@
-//! Convex set of demands, as slacks that must not become negative. The controller's moves and the mixer's command obey
-//! it.
+//! Convex set of demands, as slacks that must not become negative. The controller's moves and the mixer's command stay
+//! inside this set.
 //!
 //! Every limit of the [envelope](crate::envelope) is a row `s = offset + slope . u` with `s >= 0`, except the highest
-//! speed of rotor 1: that is a disc, two rows whose slack is `1 - |(s1, s2)|`. Slacks are in shares of `Omega1max^2`,
+//! speed of rotor 1, a disc: two rows whose slack is `1 - |(s1, s2)|`. Slacks are in shares of `Omega1max^2`,
 //! except those of a box, which are in shares of its width.
 
 use nalgebra::Vector4;

@@ -1,8 +1,8 @@
 //! Exact actuator set: the conventional inputs that the limits of rotors and servo allow.
 //!
 //! The paper leaves this open, because it finds no one-to-one relation between actuator limits and conventional inputs.
-//! There is one: `u_delta = M u` is linear and invertible, and in `u = (Omega1^2 sin mu, Omega1^2 cos mu, Omega2^2,
-//! Omega3^2)` the limits are convex:
+//! A relation exists: `u_delta = M u` is linear and invertible, and in `u = (Omega1^2 sin mu, Omega1^2 cos mu,
+//! Omega2^2, Omega3^2)` the limits are convex:
 //!
 //! ```text
 //! |(u1, u2)| <= Omega1max^2                       second-order cone
@@ -89,7 +89,7 @@ impl Envelope {
         let (mut low, mut high) = (-wedge, wedge);
         let mut best = f64::NEG_INFINITY;
         if idle > 0.0 {
-            let reach = libm::acos(idle / radius); // the cut meets the arc this far from its own direction
+            let reach = libm::acos(idle / radius); // angle from the cut's direction to its end on the arc
             low = low.max(self.cut_tilt_rad - reach);
             high = high.min(self.cut_tilt_rad + reach);
             for edge in [-wedge, wedge] {

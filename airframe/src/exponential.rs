@@ -4,14 +4,14 @@
 //! e^A = (e^(A / 2^s))^(2^s),      e^X = I + X (I + X/2 (I + X/3 (...)))      for |X| <= 1/2 in the 1-norm
 //! ```
 //!
-//! nalgebra's exponential comes with matrix kernels that each processor chooses, and whose last bits differ.
+//! nalgebra's exponential comes with matrix kernels that are chosen by processor and differ in their last bits.
 
 use nalgebra::SMatrix;
 
-/// Terms of the series: the first one left out is below `2^-55` of the sum.
+/// Number of terms of the series: the first omitted term is below `2^-55` of the sum.
 const TERMS: u32 = 14;
 
-/// Computes `e^a`; the result is not finite if an element of `a` is not, or if it overflows. Allocates nothing.
+/// Computes `e^a`, without allocation. The result is not finite if an element of `a` is not finite, or on overflow.
 pub fn exponential<const N: usize>(a: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
     let norm = a.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
     let halvings = libm::frexp(2.0 * norm).1.max(0);

@@ -5,8 +5,8 @@ const ROUNDING: f64 = 1e-12;
 
 /// Returns whether a body of positive mass can have the symmetric inertia tensor `j` \[kg m2\]; `false` for NaN.
 ///
-/// The condition is that the largest principal moment is at most the sum of the other two; for a plate it is equal. An
-/// equivalent condition needs no principal axes: for the matrix of second moments `P = 1/2 tr(J) I - J`, whose
+/// The condition is that the largest principal moment is at most the sum of the other two; for a plate both are equal.
+/// An equivalent condition needs no principal axes: for the matrix of second moments `P = 1/2 tr(J) I - J`, whose
 /// principal values are the integrals of `x^2 dm` and so on, no principal minor is negative (Wensing, Kim and Slotine,
 /// IEEE RA-L 3(1), 2018). `J` must also be invertible, which excludes a rod along an axis.
 pub fn is_possible(j: [[f64; 3]; 3]) -> bool {

@@ -36,7 +36,7 @@ pub struct Drag {
 }
 
 impl Drag {
-    /// Drag over velocity along each body axis \[N s/m\], at a speed \[m/s\].
+    /// Ratio of drag to velocity along each body axis \[N s/m\], at a speed \[m/s\].
     pub fn per_velocity(&self, speed_mps: f64) -> Vector3<f64> {
         Vector3::from(self.linear_nspm).add_scalar(self.quadratic_ns2pm2 * speed_mps)
     }
@@ -56,7 +56,8 @@ pub struct LevelFlight {
 }
 
 impl LevelFlight {
-    /// Solves level flight ahead and to the right \[m/s\] in still air; `None` if no attitude is found that holds it.
+    /// Solves level flight at the velocities ahead and to the right \[m/s\], in still air; `None` if Newton's method
+    /// finds no attitude that holds the flight.
     pub fn solve(
         vehicle: &Parameters,
         tilt_reaction: bool,

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | [`angle`] | wrapping of headings | |
 //! | [`parameters`] | mass, inertia, arms, rotor constants | Table I |
-//! | [`inertia`] | whether a body can have an inertia tensor | |
+//! | [`inertia`] | check that a body can have an inertia tensor | |
 //! | [`trim`] | hover equilibrium in closed form | (23)-(30) |
 //! | [`mixing`] | conventional inputs to squared rotor speeds and back | (33)-(38) |
 //! | [`linear`] | the controller's model and its discretisation | (48) |
@@ -22,8 +22,8 @@
 //! the paper prints "RPM" beside constants that only make sense in another unit, so the unit is called
 //! *rotor speed unit* here and never converted (see [`parameters`]).
 //!
-//! This crate has no processes or files, and depends on no other crate of the stack except `qp` and `contract`, of
-//! which it uses [`Actuation`](contract::actuation::Actuation) alone.
+//! This crate has no processes or files. It depends on no other crate of the stack except `qp`, and `contract` for
+//! [`Actuation`](contract::actuation::Actuation) alone.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 

@@ -19,7 +19,7 @@ use crate::{MixingMatrix, Parameters, Trim};
 pub const STATES: usize = 7;
 /// Inputs of (48): col, lon, lat, ped.
 pub const INPUTS: usize = 4;
-/// States with the actuator lag: those of (48) and the inputs behind the lag.
+/// Number of states with the actuator lag: the states of (48), and the inputs behind the lag.
 pub const LAGGED: usize = STATES + INPUTS;
 
 /// `A` and `B` of (48), continuous time.
@@ -91,8 +91,8 @@ impl Continuous {
 /// T = (sin mu, cos mu; cos mu, -sin mu)      d(u1, u2) = T (d(Omega1^2), Omega1^2 d mu)
 /// ```
 ///
-/// `M` is that of (38), `u1` and `u2` are those of (37): along its thrust, rotor 1 has the lag of the rotors; across
-/// its thrust, it has the lag of the servo. With equal lags `L` is diagonal.
+/// `M` is from (38), `u1` and `u2` are from (37): along its thrust, rotor 1 has the lag of the rotors; across its
+/// thrust, rotor 1 has the lag of the servo. With equal lags `L` is diagonal.
 pub fn lag_rates([rotor_lag_s, servo_lag_s]: [f64; 2], mixing: &MixingMatrix, actuation: &Actuation) -> Matrix4<f64> {
     let mut rates = Matrix4::from_diagonal_element(1.0 / rotor_lag_s);
     if rotor_lag_s == servo_lag_s {

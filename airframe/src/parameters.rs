@@ -28,7 +28,7 @@ pub enum Preset {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Parameters {
-    /// Vehicle whose numbers are used where none are given.
+    /// Vehicle whose numbers are used for the keys that are absent.
     pub preset: Preset,
     /// Acceleration of gravity \[m/s2\]. 9.81 gives Table II, whose digits are truncated, not rounded.
     pub g_mps2: f64,

@@ -1,4 +1,4 @@
-//! Projection of a demand that the actuators cannot produce onto the nearest one that they can.
+//! Projection of a demand that the actuators cannot produce onto the nearest demand that they can produce.
 //!
 //! ```text
 //! minimise (v - u)' W (v - u)   over the demands v of the set;   u is the demand, clipped to its attainable range
@@ -25,7 +25,7 @@ use qp::{ActiveSet, Termination};
 pub const WEIGHTS: [f64; 4] = [0.1, 100.0, 100.0, 10.0];
 /// Largest number of iterations of the solver; 300 000 random demands took 14 at most.
 const MAX_ITERATIONS: u32 = 100;
-/// Distance to the border, in shares of `Omega1max^2`, below which a demand is not inside: rounding could clip it.
+/// Distance to the border, in shares of `Omega1max^2`, below which a demand counts as outside: rounding could clip it.
 const ROUNDING: f64 = 1e-12;
 /// Distance of the result from the border, as a share of the way to hover; far more than [`ROUNDING`].
 const HAIR: f64 = 1e-9;

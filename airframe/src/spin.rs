@@ -23,11 +23,11 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use crate::Parameters;
 use crate::exponential::exponential;
 
-/// Spin rate as a multiple of the slowest one: the tilt is then 15.4 degrees, for every vehicle.
+/// Spin rate as a multiple of the slowest spin rate: the tilt is then 15.4 degrees, for every vehicle.
 const RATE_RATIO: f64 = 1.25;
-/// Fastest spin that is used \[rad/s\]: a fifth of a turn in three time constants of a rotor.
+/// Fastest spin that is used \[rad/s\]: a fifth of a turn in the time constant of a rotor, 30 ms.
 const MAX_RATE_RADPS: f64 = 40.0;
-/// Largest share of the highest rear thrust that the spin may need, so that some is left for control.
+/// Largest share of the highest rear thrust that the spin may need, so that thrust is left for control.
 const MAX_THRUST_SHARE: f64 = 0.8;
 
 /// States of the linear model: two tilts of `n`, p, q, r, the sink rate, and the speeds of rotors 2 and 3.
@@ -60,7 +60,7 @@ impl Spin {
         let down = Vector3::new(-lean * (ixx - izz).signum(), 0.0, (1.0 - lean * lean).sqrt());
         let rotor_speed = (m * g / (2.0 * down.z * kf)).sqrt();
         let has_margin = rotor_speed * rotor_speed <= MAX_THRUST_SHARE * max_rotor_speed * max_rotor_speed;
-        let is_slow = rate_radps <= MAX_RATE_RADPS; // false for equal moments of inertia, too
+        let is_slow = rate_radps <= MAX_RATE_RADPS; // false for equal moments of inertia too: the rate is then infinite
         (has_margin && is_slow).then_some(Self { down, rates_radps: down * rate_radps, rotor_speed })
     }
 
@@ -81,7 +81,7 @@ impl Spin {
     /// Linear model over one sample, `x[k+1] = Ad x[k] + Bd u[k]`, with the first-order lag `lag_s` of the rotors.
     pub fn discretise(&self, vehicle: &Parameters, lag_s: f64, sample_s: f64) -> (DMatrix<f64>, DMatrix<f64>) {
         let inertia = vehicle.moments_kgm2();
-        let slope = 2.0 * vehicle.kf * self.rotor_speed; // of a thrust over its rotor's speed
+        let slope = 2.0 * vehicle.kf * self.rotor_speed; // derivative of a thrust by its rotor's speed
         let thrust_n = 2.0 * vehicle.kf * self.rotor_speed * self.rotor_speed;
         let (leans, own) = (self.leans(), inertia.component_mul(&self.rates_radps));
 
@@ -110,7 +110,7 @@ impl Spin {
         (part(0, STATES), part(STATES, INPUTS))
     }
 
-    /// Two unit vectors across `n`: the directions in which it can lean.
+    /// Two unit vectors across `n`: the directions in which `n` can lean.
     fn leans(&self) -> SMatrix<f64, 3, 2> {
         SMatrix::from_columns(&[Vector3::new(-self.down.z, 0.0, self.down.x), Vector3::y()])
     }

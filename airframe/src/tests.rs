@@ -99,7 +99,7 @@ fn val_trim() {
             assert_close(&[got], &[expected]);
         }
     }
-    // Table II, whose digits are truncated.
+    // The digits of Table II are truncated.
     let table = Trim::solve(&vehicle, false).actuation.rotor_speed.map(f64::floor);
     assert_close(&table, &[1441.0, 1338.0, 1338.0]);
 }
@@ -233,7 +233,7 @@ fn the_second_vehicle_has_the_mass_and_inertia_of_its_parts() {
     let (rho, d) = (1.225, 0.254_f64);
     assert!((vehicle.kf / (0.11 * rho * d.powi(4) / TAU.powi(2)) - 1.0).abs() < 0.01);
     assert!((vehicle.km / (0.045 * rho * d.powi(5) / TAU.powi(3)) - 1.0).abs() < 0.01);
-    // Mass, place x, y, z, and own moments of inertia.
+    // Each part: mass [kg], place x, y, z [m], moments of inertia about its own centre [kg m2].
     let end = |angle_deg: f64, kg: f64| (kg, 0.25 * angle_deg.to_radians().cos(), 0.25 * angle_deg.to_radians().sin());
     let mut parts = vec![
         (

@@ -19,8 +19,8 @@ use contract::actuation::Actuation;
 
 use crate::Parameters;
 
-/// Least idle speed, as a share of the speed of rotor 1 at hover. It replaces a slower lower limit, because a
-/// controller takes a command of zero for a cut.
+/// Least idle speed, as a share of the speed of rotor 1 at hover. A slower limit is raised to this speed, because a
+/// motor controller takes a command of zero for a cut.
 const IDLE_SHARE: f64 = 0.1;
 
 /// Hover equilibrium: attitude and actuator positions without acceleration.

@@ -6,10 +6,10 @@
 //! ```
 //!
 //! `S / Ts` converts the velocity error of one sample to the force or moment that causes it, so `K` is the share of the
-//! error that each sample adds to the estimate. It is the gain of a Kalman filter of a disturbance that walks at
-//! random: at first little is known of `d`, and `K` falls from [`FIRST_GAIN`] to `L`, `attitude.disturbance_gain`, and
-//! stays there. So a wrong mass is found in tenths of a second, and afterwards the estimate is too slow to cost delay
-//! margin (docs/mpc.md). Because `d` is in the prediction and cancelled in the inputs' target
+//! error that each sample adds to the estimate. `K` is the gain of a Kalman filter whose disturbance is a random walk.
+//! At first little is known of `d`; then `K` falls from [`FIRST_GAIN`] to `L`, `attitude.disturbance_gain`, and stays
+//! there. So a wrong mass is found in tenths of a second, and afterwards the estimate is too slow to cost delay margin
+//! (docs/mpc.md). Because `d` is in the prediction and cancelled in the inputs' target
 //! ([`condensed`](crate::law::mpc::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings,
 //! *Disturbance models for offset-free model-predictive control*, AICHE Journal 49 (2003).
 
@@ -19,7 +19,7 @@ use nalgebra::{DVector, Vector4};
 /// Indices of the states that the inputs col, lon, lat, ped drive: w, q, p, r.
 pub const DRIVEN: [usize; 4] = [0, 5, 4, 6];
 
-/// Gain of the first update.
+/// Gain of the first update, unless `L` is larger.
 pub const FIRST_GAIN: f64 = 0.2;
 
 /// Update law of the estimate. The controller stores the estimate and its gain.
@@ -27,9 +27,9 @@ pub const FIRST_GAIN: f64 = 0.2;
 pub struct DisturbanceLaw {
     /// Inertia over sample time, `S / Ts` \[N per m/s, N m per rad/s\].
     scale: Vector4<f64>,
-    /// Gain at which an estimate stays, `L`.
+    /// Gain `L` to which `K` falls.
     last: f64,
-    /// Variance that a sample adds to that of the estimate, relative to that of the prediction error.
+    /// Variance `q` that the disturbance gains per sample, as a share of the variance of the prediction error.
     walk: f64,
 }
 
@@ -46,7 +46,7 @@ impl DisturbanceLaw {
         let miss = Vector4::from(DRIVEN.map(|i| x[i] - predicted[i]));
         let share = gain.max(self.last);
         let variance = share + self.walk;
-        *gain = (variance / (variance + 1.0)).min(1.0); // 1 for the last gain 1, whose variance is infinite
+        *gain = (variance / (variance + 1.0)).min(1.0); // 1 also for `L` = 1, whose infinite variance makes a NaN
         d + self.scale.component_mul(&miss) * share
     }
 }

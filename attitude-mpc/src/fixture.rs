@@ -19,8 +19,8 @@ pub fn vector(value: &Value) -> DVector<f64> {
     DVector::from_iterator(value.as_array().unwrap().len(), value.as_array().unwrap().iter().map(number))
 }
 
-/// Settings for which the simulator computed `K_B2`, `S_dare_B2`, `Ad_lag30` and `Bd_lag30`: lag and delay of one
-/// sample in the model, and weights that tolerate them.
+/// Settings for which the simulator computed `K_B2`, `S_dare_B2`, `Ad_lag30` and `Bd_lag30`: a lag of 30 ms and a delay
+/// of one sample in the model, and weights that tolerate both.
 pub fn with_lag() -> Scenario {
     let paper = Scenario::from(Profile::Paper);
     Scenario {
@@ -85,7 +85,7 @@ pub struct Case {
     pub state: State,
     /// Reference to follow.
     pub reference: Reference,
-    /// Demand published before.
+    /// Last demand, published one sample before.
     pub previous: [f64; 4],
     /// Plan of the simulator.
     pub plan: DVector<f64>,

@@ -6,9 +6,9 @@
 //! | below 2 s | level: the attitude of trim, the last heading, no vertical velocity |
 //! | 2 s or older, or none received | level, and 0.7 m/s down |
 //!
-//! The last heading is that of the last reference, or the measured one if none was received. The controller does not
-//! know the ground: it descends until references come again. A reference that guidance repeated, because it had no
-//! state, has the age of the original.
+//! The last heading is the heading of the last reference, or the measured heading if no reference was received. The
+//! controller does not know the ground: it descends until references come again. A reference that guidance repeated,
+//! because it had no state, has the age of the original.
 
 use bytemuck::{Pod, Zeroable};
 use contract::message::{Ahead, PREVIEW, Reference, State, guidance_flags};
@@ -18,14 +18,14 @@ use contract::snapshot::OptionalTick;
 const FOLLOWED_NS: u64 = 500_000_000;
 /// Age of the reference from which on the vehicle descends \[ns\].
 const LEVELLED_NS: u64 = 2_000_000_000;
-/// Vertical velocity of the descent, down positive \[m/s\]: slow enough to touch down.
+/// Body z velocity of the descent, down positive \[m/s\]: slow enough to touch down.
 const DESCENT_MPS: f64 = 0.7;
 
 /// Part of a reference that the controller follows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Goal {
-    /// Tick of the reference; none before the first one.
+    /// Tick of the reference; none before the first reference.
     pub tick: OptionalTick,
     /// Body z velocity w \[m/s\].
     pub w_mps: f64,
@@ -33,7 +33,8 @@ pub struct Goal {
     pub attitude_rad: [f64; 3],
     /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
-    /// Time from one element of `preview` to the next, and from the reference to the first \[ns\]; 0 = no preview.
+    /// Time from one element of `preview` to the next, and from the reference to the first element \[ns\]; 0 = no
+    /// preview.
     pub preview_step_ns: u64,
     /// Changes of `w_mps` and `attitude_rad` at the times that `preview_step_ns` gives.
     pub preview: [Ahead; PREVIEW],

@@ -5,12 +5,12 @@
 //! | [`model`] | prediction model, lag states, the controller's own actuators | (1)-(2) |
 //! | [`law`] | the laws, behind one trait | (3)-(6), (49)-(51) |
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
-//! | [`goal`] | the goal, also without references | |
+//! | [`goal`] | the goal that the controller follows, also without references | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
-//! From a sample and a reference the controller makes the problem of a law: the goal by the age of the reference, the
-//! estimate of the disturbance, and the state at which the demand acts. The decision of the law becomes the demand and
-//! updates the memory.
+//! From a sample and a reference the controller makes the problem of a law: the goal chosen by the age of the
+//! reference, the estimate of the disturbance, and the state at which the demand acts. The decision of the law becomes
+//! the demand and updates the memory.
 //!
 //! Without a fresh state the last demand is repeated, with the status `Stale`. The fallback for that case is in the
 //! mixer, nearer to the actuators.
@@ -53,14 +53,15 @@ pub struct AttitudeMpc {
     law: Box<dyn AttitudeLaw>,
     disturbance_law: Option<DisturbanceLaw>,
     delay_compensation: DelayCompensation,
-    /// Rotor speed up to which the vehicle stands and follows nothing; `None` without a ground.
+    /// Rotor speed up to which the vehicle counts as standing and follows no demand \[rotor speed unit\]; `None`
+    /// without a ground.
     idle_speed: Option<f64>,
     sample_ns: u64,
     memory: AttitudeMemory,
     work: Work,
 }
 
-/// Buffers of one tick, so that a tick allocates nothing: states, n.
+/// States of one tick, n elements each, in buffers so that a tick allocates nothing.
 struct Work {
     /// State of this sample.
     x: DVector<f64>,
@@ -98,7 +99,7 @@ impl Core for AttitudeMpc {
         if fits {
             self.memory = whole.memory;
             if self.disturbance_law.is_none() && !self.law.has_own_estimate() {
-                self.memory.disturbance = Vector4::zeros(); // of another law: this law would not update it
+                self.memory.disturbance = Vector4::zeros(); // this law would not update an estimate of another law
             }
         }
         fits
@@ -142,8 +143,8 @@ impl AttitudeMpc {
     }
 
     /// Computes the demand at `tick` from the newest state and reference: deviations of col, lon, lat, ped from trim
-    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements, the sensed actuators, and the command in
-    /// force with its number and age are used.
+    /// \[N, N m, N m, N m\]. Of `state` the step uses only the tick, the measurements, the sensed actuators, and the
+    /// command in force with its number and age.
     ///
     /// If the state is missing or older than `tick`, or an input is not finite or huge, the last demand is repeated.
     /// [`goal`] describes the goals that replace an old reference. The status reports each case.
@@ -154,7 +155,7 @@ impl AttitudeMpc {
         if !is_finite(state, reference) {
             return self.repeat(SolveStatus::BadInput);
         }
-        let mut next = self.memory; // kept if the demand is sent
+        let mut next = self.memory; // replaces the memory unless the last demand is repeated
         next.goal = self.memory.goal.renewed(reference);
         let goal = next.goal.at(tick, self.sample_ns, state, self.model.trim.roll_rad);
         let tick = state.stamp.tick;
@@ -167,14 +168,14 @@ impl AttitudeMpc {
         next.actuation = self.actuate(&command, samples, &switch);
         self.model.observe(&state.measured, &next.actuation, &mut self.work.x);
         self.law.observe(&state.measured);
-        // A vehicle that stands on the ground follows no demand, and estimate and integrals would adapt to that.
+        // A vehicle that stands on the ground follows no demand, so estimate and integrals would wind up.
         if self.idle_speed.is_some_and(|idle| command.rotor_speed.iter().all(|speed| *speed <= idle)) {
             next.forget();
         } else if self.law.has_own_estimate() {
             self.law.estimate(&EstimateInput { tick, state, modelled: next.actuation, x: &self.work.x }, &mut next);
         } else if samples == 1 && since.is_some() && next.goal.is_followed(tick, self.sample_ns) {
             // The prediction is for one sample, so a gap in the measurements leaves the estimate unchanged. Without a
-            // reference the vehicle descends, and the ground may stop it.
+            // reference the vehicle descends, and the estimate would take the ground for a force.
             self.estimate(&input, &mut next);
         }
         self.predict(tick, &input, &next);
@@ -188,11 +189,12 @@ impl AttitudeMpc {
             unfollowed: input - Vector4::from(next.delay.answered(tick)),
         };
         aim.reference[HEADING] = angle::nearest(aim.reference[HEADING], aim.start[HEADING]);
-        // Guidance makes the goal for the moment at which the demand acts if the delay is measured, or for the sample.
+        // With a measured delay, guidance makes the goal for the moment at which the demand acts, else for the sample.
+        // With a delay of one sample, the demand then acts one sample later.
         aim.age_ns +=
             if self.delay_compensation == DelayCompensation::Sample(true) { self.sample_ns as f64 } else { 0.0 };
         let Some(decision) = self.law.plan(&aim, &mut next) else {
-            return self.repeat(SolveStatus::BadInput); // finite inputs, but the plan or a solver would overflow
+            return self.repeat(SolveStatus::BadInput); // the inputs are finite, but the plan or a solver would overflow
         };
 
         next.tick = OptionalTick::some(tick);
@@ -217,8 +219,8 @@ impl AttitudeMpc {
         next.disturbance = disturbance_law.update(&before, &mut next.gain, x, predicted);
     }
 
-    /// Positions of the actuators at this sample, `samples` after the newest one used; with a measured delay the last
-    /// `switch` of the command acts at its own instant.
+    /// Simulates the positions of the actuators at this sample, `samples` after the newest sample used. With a measured
+    /// delay, the last `switch` of the command acts at its own instant.
     fn actuate(&self, command: &Actuation, samples: u64, switch: &Switch) -> Actuation {
         let before = &self.memory.actuation;
         if !self.delay_compensation.is_measured() || samples == 0 {
@@ -230,8 +232,8 @@ impl AttitudeMpc {
         self.model.actuate_for(&switched, command, seconds(self.sample_ns.saturating_sub(switch.after_ns)))
     }
 
-    /// Predicts the state at which the demand of `tick` takes effect: as the delay compensation says at this sample, at
-    /// the next, or after the delay that `next` has measured. `input` is that of the command in force.
+    /// Predicts the state at which the demand of `tick` takes effect. The delay compensation selects the moment: this
+    /// sample, the next one, or the end of the delay measured in `next`. `input` is the input of the command in force.
     fn predict(&mut self, tick: u64, input: &Vector4<f64>, next: &AttitudeMemory) {
         let Work { x, predicted, start } = &mut self.work;
         let d = &next.disturbance;

@@ -13,8 +13,9 @@ use crate::goal::Goal;
 
 /// Number of states of the largest model, which has the actuator lag.
 pub const MAX_STATES: usize = LAGGED;
-/// Largest number of discs in a warm start, and a quarter of the largest number of constraints: those of a plan of 20
-/// moves. A solver that holds more starts its next solve without any, as its successor does.
+/// Largest number of discs in a warm start, one for each of 20 moves; also a quarter of its largest number of
+/// constraints. A solver whose working set is larger starts its next solve without a warm start, as a process that
+/// takes over does.
 pub const MAX_DISCS: usize = 20;
 
 /// Memory of the controller without its solver.
@@ -29,11 +30,11 @@ pub struct AttitudeMemory {
     pub states: u64,
     /// State `x` of the newest sample used: the first n elements.
     pub x: SVector<f64, MAX_STATES>,
-    /// Modelled positions of the actuators at that sample.
+    /// Modelled positions of the actuators at the newest sample used.
     pub actuation: Actuation,
     /// Disturbance estimate `d` \[N, N m, N m, N m\].
     pub disturbance: Vector4<f64>,
-    /// Gain of its next update.
+    /// Gain of the next update of `disturbance`.
     pub gain: f64,
     /// Demands published, the last one first, and their delay.
     pub delay: Delay,
@@ -45,15 +46,15 @@ pub struct AttitudeMemory {
     pub fallbacks: u64,
 }
 
-/// Memory of the filter of the law `indi`, beside the disturbance itself, which is its second stage.
+/// Memory of the filter of the law `indi`, except the disturbance, which is the second stage of the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FilterStage {
-    /// Tick of the sample that the next one is compared with; none if the law was not in use.
+    /// Tick of the sample that the next sample is compared with; none before the first sample under the law.
     pub tick: OptionalTick,
-    /// Vertical speed of that sample, down positive \[m/s\].
+    /// Vertical speed at the sample of `tick`, down positive \[m/s\].
     pub sink_mps: f64,
-    /// Effect of the actuators at that sample: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
+    /// Effect of the actuators at the sample of `tick`: acceleration down \[m/s2\] and moments lon, lat, ped \[N m\].
     pub produced: Vector4<f64>,
     /// Output of the first low-pass on col, lon, lat, ped \[N, N m, N m, N m\].
     pub first: Vector4<f64>,
@@ -65,8 +66,8 @@ pub struct FilterStage {
 pub struct WarmStart {
     /// Number of constraints.
     pub count: u64,
-    /// Indices of the constraints among all, the linear rows and then the discs, in the order in which they joined the
-    /// working set; four indices to a word.
+    /// Indices of the constraints, counted over the linear rows and then the discs, in the order in which they joined
+    /// the working set; four indices to a word.
     pub places: [[u16; 4]; MAX_DISCS],
     /// Cosine and sine of the angle at which a disc is touched, for the discs in the order of `places`.
     pub towards: [[f64; 2]; MAX_DISCS],
@@ -92,7 +93,7 @@ impl AttitudeMemory {
         Self { states: states as u64, actuation: trim, delay: Delay::new(trim), gain: FIRST_GAIN, ..Self::zeroed() }
     }
 
-    /// Forgets disturbance and integrals.
+    /// Resets the disturbance with its gain, the integrals and the filter.
     pub fn forget(&mut self) {
         (self.disturbance, self.gain) = (Vector4::zeros(), FIRST_GAIN);
         (self.integral, self.stage) = (Vector4::zeros(), FilterStage::zeroed());

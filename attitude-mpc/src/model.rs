@@ -23,7 +23,8 @@ use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Dyn, SMatrix, SVector, Storage, Vector, Vector4};
 use settings::Scenario;
 
-/// Bound of the first term that the series of [`PredictionModel::advance`] leaves out, over its first: `2^-55`.
+/// Bound on the first term that the series of [`PredictionModel::advance`] omits, as a share of the first term:
+/// `2^-55`.
 const LEAST_TERM: f64 = 1.0 / (1_u64 << 55) as f64;
 
 /// Linear model with 7 states, or 11 with the actuator lag.
@@ -35,7 +36,7 @@ pub struct PredictionModel {
     pub b: DMatrix<f64>,
     /// Matrix `Ed` of a constant disturbance on the inputs, n x 4.
     pub e: DMatrix<f64>,
-    /// Hover at which the model is linearised.
+    /// Hover from which states and inputs are deviations.
     pub trim: Trim,
     /// Continuous-time `A`, `B` and `E`, with zeros in place of lag states that the model does not have.
     continuous: (SMatrix<f64, LAGGED, LAGGED>, [SMatrix<f64, LAGGED, INPUTS>; 2]),
@@ -43,7 +44,7 @@ pub struct PredictionModel {
     pub mixing: MixingMatrix,
     /// Model of rotors and servo.
     actuators: ActuatorLaw,
-    /// Norm of the continuous-time `A`, with inputs as accelerations: its largest column sum \[1/s\].
+    /// Norm of the continuous-time `A`: the largest column sum, with the lag states as accelerations \[1/s\].
     norm: f64,
     /// Sample time \[s\].
     sample_s: f64,
@@ -128,13 +129,14 @@ impl PredictionModel {
         next.gemv(1.0, &self.e, d, 1.0); // (1)
     }
 
-    /// Moves the state `x` on by `time_s`, at hover, under the inputs `u` and the disturbance `d`:
+    /// Moves the state `x` on by `time_s` under constant inputs `u` and a constant disturbance `d`:
     ///
     /// ```text
     /// x(t) = x + t v + t^2/2 A v + t^3/6 A^2 v + ...,      v = A x + B u + E d
     /// ```
     ///
-    /// A long time is taken in steps of norm 1/2 at most; the series ends where its terms are too small to count.
+    /// A long time is divided into steps in which the norm of `A t` is at most 1/2. The series ends where its terms are
+    /// too small to count.
     pub fn advance(&self, x: &mut DVector<f64>, u: &Vector4<f64>, d: &Vector4<f64>, time_s: f64) {
         if time_s == 0.0 {
             return;
@@ -149,7 +151,7 @@ impl PredictionModel {
         let reach = self.norm * step_s;
         for _ in 0..steps as usize {
             let mut term = (a * at + push) * step_s;
-            let mut bound = 1.0; // of a term over the first
+            let mut bound = 1.0; // on the ratio of `term` to the first term
             for power in 2_u32.. {
                 at += term;
                 bound *= reach / f64::from(power);

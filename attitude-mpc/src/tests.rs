@@ -69,7 +69,7 @@ fn a_pid_whose_demand_is_not_followed_demands_less() {
     (scenario.attitude.law, scenario.attitude.mpc.constraints) = (Law::Pid, Constraints::None);
     let mut mpc = AttitudeMpc::new(&scenario);
     let mut yawing = |tick| {
-        let (state, reference) = violent_turn(&mpc, tick); // the command in force stays that of trim
+        let (state, reference) = violent_turn(&mpc, tick); // the command in force stays at trim
         mpc.step(tick, &state, &reference).demand[3]
     };
     let demands: Vec<f64> = (0..10).map(&mut yawing).collect();
@@ -141,7 +141,7 @@ fn a_bad_input_repeats_the_demand_and_changes_nothing_else() {
         |state, _| state.command_in_force.tilt_rad = f64::NEG_INFINITY,
         |_, reference| reference.w_mps = f64::NAN,
         |_, reference| reference.attitude_rad[0] = f64::NAN,
-        |state, _| state.measured.velocity_mps[2] = f64::MAX, // finite, but the plan is not
+        |state, _| state.measured.velocity_mps[2] = f64::MAX, // a finite speed whose plan overflows
     ];
     for spoil in spoil {
         let (mut state, mut reference) = hover(&mpc, 1);
@@ -182,7 +182,7 @@ fn the_estimate_waits_for_two_samples_in_a_row() {
     for (tick, learns) in [(7, false), (9, false), (9, false), (10, true)] {
         let before = mpc.memory.disturbance;
         let (mut state, reference) = hover(&mpc, tick);
-        state.measured.velocity_mps[2] = 0.1 * tick as f64; // the vehicle falls without a command
+        state.measured.velocity_mps[2] = 0.1 * tick as f64; // the vehicle sinks ever faster at the command of hover
         let controls = mpc.step(state.stamp.tick, &state, &reference);
         assert_eq!(mpc.memory.disturbance != before, learns, "sample {tick}");
         assert_eq!(controls.disturbance[0] > 0.1, learns, "sample {tick}");
@@ -224,13 +224,13 @@ fn after_standing_on_the_ground_the_estimate_begins_anew() {
 /// Push on the vehicle \[N, N m, N m, N m\].
 const PUSH: [f64; 4] = [0.5, -0.02, 0.03, 0.01];
 
-/// Final state and answer after ten seconds of the controller's own model, with an unknown push and this roll about
-/// trim as the reference \[rad\].
+/// Last state and answer after ten seconds of the controller's own model under [`PUSH`], which the controller does not
+/// know, with a reference of `roll_rad` about trim.
 fn settle(law: Law, disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
     let mut scenario = fixture::constrained();
     scenario.attitude.law = law;
     scenario.attitude.disturbance_gain = disturbance_gain;
-    scenario.attitude.delay_compensation = DelayCompensation::Sample(false); // this vehicle has no delay beyond its lag
+    scenario.attitude.delay_compensation = DelayCompensation::Sample(false); // the vehicle has a lag, but no delay
     let mut mpc = AttitudeMpc::new(&scenario);
     let push = Vector4::from(PUSH);
     let mut x = DVector::zeros(11);

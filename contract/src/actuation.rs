@@ -1,9 +1,9 @@
-//! Positions of rotors and tilt servo.
+//! Speeds of the rotors and angle of the tilt servo.
 
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-/// Positions of the four actuators, commanded or actual.
+/// Speeds of the three rotors and angle of the tilt servo, commanded or actual.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, Pod, Zeroable)]
 #[repr(C)]
 pub struct Actuation {

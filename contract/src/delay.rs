@@ -7,17 +7,17 @@
 //! ```
 //!
 //! An output is a demand of attitude-mpc, with `attitude.delay_compensation = "measured"`, or a command of the mixer,
-//! for the descent of a broken vehicle. STATE tells which command is in force, and the age at which it took effect: the
-//! time from the sample that it answers to its effect at the actuators. The delay is that age, averaged over the
-//! commands (`SHARE`) and at most [`MAX_DELAY`] samples, whatever STATE claims. The outputs that no command in force
-//! has answered yet act one after the other; an output that a newer command has overtaken, or whose time has passed
-//! because its message was lost, does not act, and the command in force goes on.
+//! for the descent of a broken vehicle. STATE names the command in force and the age of that command: the time from the
+//! sample that the command answers to its effect at the actuators. The delay is the mean age of the commands (`SHARE`),
+//! at most [`MAX_DELAY`] samples, whatever STATE claims. The outputs for later samples than the one that the command in
+//! force answers act one after the other. An output does not act if a newer command has overtaken it, or if its time
+//! has passed because its message was lost; then the command in force stays.
 //!
-//! The motion is predicted to the end of this course, when the output of sample `k` acts. The modelled actuators follow
-//! each command from its effect on, also between two samples.
+//! The motion is predicted to the instant at which the output of sample `k` acts. The modelled actuators follow each
+//! command from the instant of its effect, which may lie between two samples.
 //!
-//! A process without a memory assumes that all of its earlier outputs were those of the command in force, and that the
-//! delay is the first age that it sees. A restart of the mixer or the plant only changes the command in force.
+//! A process without a memory assumes that all its earlier outputs equal the output behind the command in force, and
+//! that the delay is the first age that it sees. A restart of the mixer or the plant only changes the command in force.
 
 use crate::actuation::Actuation;
 use bytemuck::{Pod, Zeroable};
@@ -30,7 +30,7 @@ pub const MAX_DELAY: usize = 31;
 /// Share of a new age in the mean.
 const SHARE: f64 = 0.1;
 
-/// Output of a process for one sample: four numbers whose meaning is its own.
+/// Output of a process for one sample: four numbers whose meaning the process defines.
 pub type DelayedOutput = [f64; 4];
 
 /// Mean age at which the commands take effect.
@@ -39,13 +39,13 @@ pub type DelayedOutput = [f64; 4];
 pub struct CommandAge {
     /// Mean \[ns\]; 0 before the first command.
     mean_ns: f64,
-    /// Sequence number of the command in force; 0 before the first.
+    /// Sequence number of the command in force; 0 before the first command.
     sequence: u64,
 }
 
 impl CommandAge {
-    /// Updates the mean by the command in force of `state`. Returns its age \[ns\], at most [`MAX_DELAY`] samples, if
-    /// it is new.
+    /// Updates the mean by the age of the command in force of `state`. Returns that age \[ns\], at most [`MAX_DELAY`]
+    /// samples, if the command is new.
     pub fn observe(&mut self, state: &State, sample_ns: u64) -> Option<u64> {
         let before = std::mem::replace(&mut self.sequence, state.applied_sequence);
         (state.applied_sequence != before && state.applied_sequence != 0).then(|| {
@@ -66,11 +66,11 @@ impl CommandAge {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Delay {
-    /// Outputs for the newest sample used and for those before it, the newest first.
+    /// Outputs for the newest sample used and the [`MAX_DELAY`] samples before it, the newest first.
     pub outputs: [DelayedOutput; MAX_DELAY + 1],
     /// Mean age at which a command takes effect.
     age: CommandAge,
-    /// Sample that the command in force answers; none before the first.
+    /// Sample that the command in force answers; none before the first command.
     answered: OptionalTick,
     /// Command in force at the newest sample used.
     pub command: Actuation,
@@ -79,21 +79,22 @@ pub struct Delay {
 /// Course of commands up to a sample: `before` for a part of the last period, then the command in force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Switch {
-    /// Command in force at the sample before.
+    /// Command in force at the previous sample.
     pub before: Actuation,
-    /// Time from the sample before to the switch \[ns\].
+    /// Time from the previous sample to the switch \[ns\].
     pub after_ns: u64,
 }
 
 impl Delay {
-    /// Starts before any sample, with `command` in force.
+    /// Creates the memory before any sample, with `command` in force.
     pub fn new(command: Actuation) -> Self {
         Self { command, ..Self::zeroed() }
     }
 
-    /// Makes room for the output for the sample of `state`, which is `samples` after the newest one used. The samples
-    /// between get the newest output so far. If `samples` is `None`, all earlier outputs become `in_force`, the output
-    /// of the command in force. Returns when that command took effect in the last period.
+    /// Makes room for the output for the sample of `state`, which comes `samples` samples after the newest one used.
+    /// The samples between the two get the newest output so far. If `samples` is `None`, there is no memory, and all
+    /// earlier outputs become `in_force`, the output behind the command in force. Returns the switch to that command in
+    /// the last period.
     pub fn observe(&mut self, state: &State, in_force: DelayedOutput, samples: Option<u64>, sample_ns: u64) -> Switch {
         let command = Actuation::from(state.command_in_force);
         if let Some(samples) = samples {
@@ -117,21 +118,21 @@ impl Delay {
         switch
     }
 
-    /// Output for an earlier sample that the command in force at the sample `tick` answers; if it is unknown, the
-    /// newest output before `tick`.
+    /// Output for the earlier sample that the command in force at the sample `tick` answers; if that sample is unknown,
+    /// the newest output before `tick`.
     pub fn answered(&self, tick: u64) -> DelayedOutput {
         let age = self.answered.get().map_or(1, |answered| tick.saturating_sub(answered).clamp(1, MAX_DELAY as u64));
         self.outputs[age as usize]
     }
 
-    /// Delay: its whole samples, and the rest \[ns\].
+    /// Delay in whole samples, and the rest \[ns\].
     pub fn samples(&self, sample_ns: u64) -> (usize, f64) {
         let whole = libm::floor(self.age.mean_ns / sample_ns as f64).clamp(0.0, MAX_DELAY as f64);
         (whole as usize, (self.age.mean_ns - whole * sample_ns as f64).clamp(0.0, sample_ns as f64))
     }
 
-    /// Outputs that act from the sample `tick` on until the one for it acts, each with its duration \[ns\]:
-    /// `in_force` for the rest of a sample, and then one for each whole sample.
+    /// Outputs that act from the sample `tick` until the output for `tick` acts, each with its duration \[ns\]:
+    /// `in_force` for the rest of a sample, and then one output for each whole sample.
     pub fn course(
         &self,
         in_force: DelayedOutput,
@@ -146,7 +147,7 @@ impl Delay {
         std::iter::once((in_force, rest_ns)).chain(under_way)
     }
 
-    /// Output that begins to act in place of `acting`, `age` samples after its own, at the sample `tick`.
+    /// Output that acts after `acting`: that for the sample `tick - age`, or `acting` if that one is not under way.
     fn next(&self, acting: DelayedOutput, tick: u64, age: usize) -> DelayedOutput {
         let of = tick.checked_sub(age as u64);
         let is_under_way = of.is_some() && OptionalTick::get(self.answered) < of;
@@ -160,7 +161,7 @@ mod tests {
 
     const SAMPLE_NS: u64 = 10_000_000;
 
-    /// Delay after states of `(tick, sequence, age_ns)`, each answered by its tick, and the last switch.
+    /// Delay after the states `(tick, sequence, age_ns)`, each with its tick as the output, and the last switch.
     fn after(states: &[(u64, u64, u64)]) -> (Delay, Switch) {
         let mut delay = Delay::new(Actuation::default());
         let (mut last, mut switch) = (None, Switch { before: Actuation::default(), after_ns: 0 });
@@ -175,7 +176,7 @@ mod tests {
         (delay, switch)
     }
 
-    /// First number of each output of the course from `tick` on, with its duration in milliseconds.
+    /// First number of each output of the course from `tick` on, with the duration of the output \[ms\].
     fn course(delay: &Delay, tick: u64) -> Vec<(f64, f64)> {
         delay.course([-1.0; 4], tick, SAMPLE_NS).map(|(output, ns)| (output[0], ns / 1e6)).collect()
     }
@@ -190,13 +191,13 @@ mod tests {
 
     #[test]
     fn a_command_that_stays_in_force_answers_the_same_sample() {
-        // From tick 12 on the command for sample 8 stays in force.
+        // From tick 11 on the command that answers sample 8 stays in force.
         let states: Vec<_> = (4..30).map(|tick: u64| (tick, tick.min(11), 25_000_000)).collect();
         for flown in 1..=states.len() {
             let (delay, _) = after(&states[..flown]);
             let tick = 3 + flown as u64;
             let of = match tick {
-                ..7 => 0, // before any output: that of the command in force at first
+                ..7 => 0, // the output behind the command in force at the first sample
                 7..=11 => tick - 3,
                 _ => 8_u64.max(tick.saturating_sub(MAX_DELAY as u64)),
             };
@@ -231,7 +232,7 @@ mod tests {
         let (delay, switch) = after(&gap);
         assert_eq!(switch.after_ns, 2_000_000);
         assert_eq!([0, 1, 3, 4, 5].map(|age| delay.outputs[age][0]), [14.0, 10.0, 10.0, 10.0, 0.0], "held in the gap");
-        // The command in force answers sample 10, three samples and 2 ms before 13.2 ms.
+        // The command in force answers sample 10, at 100 ms, and took effect at 132 ms.
         assert_eq!([4, 3, 1].map(|age| delay.next([0.0; 4], 14, age)[0]), [0.0, 10.0, 10.0]);
         let anew = [&gap[..], &[(15, 1, 2_000_000)]].concat();
         let (delay, _) = after(&anew);

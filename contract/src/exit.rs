@@ -1,4 +1,4 @@
-//! Exit codes: of the processes, read by the launcher that started them, and of the launcher, read by the user.
+//! Exit codes of the processes, which their launcher reads, and of the launcher, which the user reads.
 
 /// Flight complete and inside the scenario's bounds.
 pub const FLOWN: u8 = 0;

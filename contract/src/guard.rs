@@ -11,8 +11,8 @@
 //! ```
 //!
 //! The layout is compared when a port is opened (`runtime::port`), the publisher when a message is received
-//! (`runtime::input`). Messages that are not to be delivered, for instance those of a standby, are left out there and
-//! not counted. A refused message is counted by cause and has no other effect: its receiver sees it as missing.
+//! (`runtime::input`), where messages that are not to be delivered, for instance those of a standby, are left out
+//! without a count. A refused message is counted by cause and has no other effect: for its receiver it is missing.
 
 use crate::message::Message;
 
@@ -20,9 +20,9 @@ use crate::message::Message;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Refusal {
-    /// Epoch that is not that of the active process.
+    /// Epoch other than that of the active process.
     Epoch = 0,
-    /// Epoch of the active process, but sent through the port of another process.
+    /// Epoch of the active process in a message that came through the port of another process.
     Publisher = 1,
     /// Sequence number not later than that of the newest message from the same publisher.
     Order = 2,
@@ -38,7 +38,7 @@ impl Refusal {
     /// All causes, in the order in which they are checked.
     pub const ALL: [Self; 6] = [Self::Epoch, Self::Publisher, Self::Order, Self::Age, Self::Range, Self::Checksum];
 
-    /// Name for people and run.json.
+    /// Name, as in run.json and in output for people.
     pub fn name(self) -> &'static str {
         match self {
             Self::Epoch => "epoch",
@@ -51,7 +51,7 @@ impl Refusal {
     }
 }
 
-/// Newest accepted message of one topic, against which the next one is checked.
+/// Guard of one topic, with the newest accepted message, against which the next one is checked.
 #[derive(Debug, Clone)]
 pub struct Guard<M> {
     newest: M,
@@ -59,14 +59,14 @@ pub struct Guard<M> {
 }
 
 impl<M: Message> Default for Guard<M> {
-    /// Guard before the first message: the newest has sequence 0.
+    /// Guard before the first message: the newest message has sequence 0.
     fn default() -> Self {
         Self { newest: M::default(), checks_bits: true }
     }
 }
 
 impl<M: Message> Guard<M> {
-    /// Guard for messages without checksums, which does not check them.
+    /// Guard for messages without checksums: it makes every check except that of the checksum.
     pub fn without_checksums() -> Self {
         Self { checks_bits: false, ..Self::default() }
     }
@@ -145,7 +145,7 @@ mod tests {
     }
 
     proptest! {
-        /// Accepts only the original of all messages that differ in one word.
+        /// Checks that the guard refuses every message that differs from a good one in one word.
         #[test]
         fn a_message_with_any_word_changed_is_refused(word in 0..size_of::<State>() / 8, bits: u64) {
             let stamp = Stamp { epoch: 1, sequence: 1, tick: 3, ..Stamp::default() };

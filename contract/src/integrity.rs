@@ -7,13 +7,14 @@ pub fn checksum<M: Pod>(message: &M) -> u64 {
     checksum_of(bytemuck::cast_slice(bytemuck::bytes_of(message)))
 }
 
-/// Odd factor with about as many ones as zeros: the golden ratio.
+/// Odd factor with about as many bits 1 as bits 0: 2^64 over the golden ratio.
 const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
-/// Number of words that are mixed side by side: each waits for the one before it, so four lanes take the time of one.
+/// Number of lanes that are mixed side by side. Within a lane each word waits for the word before it; the lanes do not
+/// wait for each other, so that four take the time of one.
 const LANES: usize = 4;
 
-/// Returns a checksum over `words`. Two messages that differ in one word always have different checksums; any other two
-/// have the same one with a probability of 2^-64. It detects accidents, not forgeries.
+/// Returns a checksum over `words`. Two messages that differ in one word always have different checksums; two that
+/// differ in more words have equal ones with a probability of 2^-64. A checksum detects accidents, not forgeries.
 pub fn checksum_of(words: &[u64]) -> u64 {
     let (rows, rest) = words.as_chunks::<LANES>();
     let mut lanes = [ODD; LANES];

@@ -3,13 +3,13 @@
 //! | module | holds |
 //! |---|---|
 //! | [`message`] | the four messages and TRUTH: fixed layout, plain numbers; [`messages!`] is the table of their fields |
-//! | [`actuation`] | positions of rotors and servo |
+//! | [`actuation`] | speeds of the rotors and angle of the servo |
 //! | [`topic`] | the four topics, their publishers and their receivers |
 //! | [`stamp`] | provenance and timing of a message: its plant sample, its inputs, its times |
-//! | [`guard`], [`integrity`] | which messages are accepted |
+//! | [`guard`], [`integrity`] | the checks of received messages, and their checksum |
 //! | [`snapshot`] | memory of a node as plain words, for the process that continues its work |
-//! | [`rest`] | when a vehicle has landed |
-//! | [`delay`] | outputs under way, and when they act |
+//! | [`rest`] | the definition of a landed vehicle |
+//! | [`delay`] | outputs under way, and the delay after which they act |
 //! | [`exit`] | the exit codes of all processes |
 
 pub mod actuation;

@@ -27,11 +27,12 @@ pub use status::{PlantStatus, SolveStatus, guidance_flags, mixer_flags};
 
 /// Largest plausible position \[m\] and velocity \[m/s\]: twenty times the 500 m at which a flight counts as diverged.
 const MAX_POSITION_M_VELOCITY_MPS: f64 = 1e4;
-/// Largest plausible Euler angle, heading reference or tilt \[rad\]: some sixteen turns. Real angles stay within a few.
+/// Largest plausible Euler angle, heading reference or tilt \[rad\]: sixteen turns. Real angles are within a few turns.
 const MAX_ANGLE_RAD: f64 = 100.0;
 /// Largest plausible body rate \[rad/s\]: ten times the rate at which a flight counts as diverged.
 const MAX_RATE_RADPS: f64 = 1e3;
-/// Largest plausible force \[N\], moment \[N m\] and rotor speed \[rotor speed unit\]: hundreds of times the real ones.
+/// Largest plausible force \[N\], moment \[N m\] and rotor speed \[rotor speed unit\]: at least hundreds of times the
+/// real ones.
 const MAX_DEMAND: f64 = 1e6;
 
 /// Largest number of commands that the plant accepts between two samples; it ignores any further ones.
@@ -151,7 +152,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Feeds the bits that `state_hash` is made of to `sink`: motions, actuators, command and status.
+    /// Passes the bits that `state_hash` covers to `sink`: both motions, actuators, command and status.
     pub fn payload(&self, mut sink: impl FnMut(&[u8])) {
         let Self { state, truth } = self;
         sink(bytemuck::bytes_of(&state.measured));
@@ -176,15 +177,15 @@ impl Truth {
         self.with_checksum().checksum == self.checksum
     }
 
-    /// Returns whether this is the first message of a port, which shows a receiver that messages of the plant arrive.
+    /// Returns whether this is a probe, which shows a receiver before the first sample that messages arrive.
     pub fn is_probe(&self) -> bool {
         self.sequence == 0
     }
 }
 
 impl Content for State {
-    /// Requires attitude and rates, without which no controller can fly. A NaN position or velocity means that the
-    /// sensor is off; the nodes that need it handle that.
+    /// Accepts a NaN position or velocity, which means that a sensor is off; the nodes that need the number handle the
+    /// NaN. Attitude and rates must be finite, because no controller can fly without them.
     fn plausible(&self) -> bool {
         let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = &self.measured;
         let off = |value: &f64| value.is_nan() || within(&[*value], MAX_POSITION_M_VELOCITY_MPS);
@@ -210,7 +211,7 @@ impl Content for Reference {
 }
 
 impl Ahead {
-    /// Returns whether the change is one between two plausible references.
+    /// Returns whether the change can be that from one plausible reference to another.
     fn plausible(&self) -> bool {
         within(&self.attitude_rad, 2.0 * MAX_ANGLE_RAD) && within(&[self.w_mps], 2.0 * MAX_POSITION_M_VELOCITY_MPS)
     }

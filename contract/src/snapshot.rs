@@ -6,8 +6,8 @@
 //! word 2.. contents  the bytes of the node's memory, then zeros
 //! ```
 //!
-//! A snapshot is read as a whole or refused. Refused are snapshots of another node or version, torn ones, and those
-//! with a number that is not finite.
+//! A snapshot is read as a whole or refused. It is refused if it is torn, comes from another node or version, or has a
+//! number that is not finite.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -16,9 +16,9 @@ use crate::integrity::checksum_of;
 /// Words of a snapshot: room for the largest memory, that of attitude-mpc, and the two words before it.
 pub const SNAPSHOT_WORDS: usize = 300;
 
-/// Largest number of words in the memory of the plant; their meaning is private to the plant. It has room for what the
-/// settings allow: the samples of an IMU of 1000 Hz over the latency of a receiver of 500 ms, and the readings that a
-/// delayed sensor needs.
+/// Largest number of words in the memory of the plant; their meaning is private to the plant. The room suffices for all
+/// that the settings allow: the samples of an IMU of 1000 Hz over the latency of a receiver of 500 ms, and the readings
+/// that a delayed sensor needs.
 pub const PLANT_WORDS: usize = 48 * 1024;
 
 /// Packed memory of a node.
@@ -37,7 +37,7 @@ pub const MEMORY_BYTES: usize = 8 * (SNAPSHOT_WORDS - CONTENTS);
 pub trait MemoryLayout: Pod {
     /// Name of the node and version of its layout, in eight letters.
     const NAME: [u8; 8];
-    /// Words of the contents. The compiler checks that the memory fits into a snapshot and consists of whole words.
+    /// Number of words of the contents. The compiler checks that the memory fits into a snapshot, in whole words.
     const WORDS: usize = {
         assert!(size_of::<Self>().is_multiple_of(8) && size_of::<Self>() / 8 <= SNAPSHOT_WORDS - CONTENTS);
         size_of::<Self>() / 8

@@ -1,7 +1,7 @@
 //! The graph of the ring: its four nodes, in the order in which a sample travels, and the topic that each publishes.
 
 /// One topic. The discriminant indexes [`GRAPH`] and every per-topic array, those of [`crate::message::Stamp`]
-/// included; it is also the rank of the node that publishes it.
+/// included; it is also the rank of the node that publishes the topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(usize)]
 pub enum Topic {
@@ -19,17 +19,17 @@ pub enum Topic {
 pub struct Edge {
     /// Name of the node that publishes the topic.
     pub publisher: &'static str,
-    /// Description of that node.
+    /// Description of the publisher.
     pub description: &'static str,
     /// Name of the topic on the wire, in the log and in scenario files.
     pub name: &'static str,
-    /// Topics that the receivers of this one publish.
+    /// Topics that the receivers of this topic publish.
     pub listeners: &'static [Topic],
     /// Share of the deadline of the whole chain at which the message is due.
     pub deadline_share: f64,
 }
 
-/// The ring.
+/// Edges of the ring, by topic.
 pub const GRAPH: [Edge; Topic::COUNT] = [
     Edge {
         publisher: "plant",
@@ -94,19 +94,19 @@ impl Topic {
         GRAPH[self as usize].publisher
     }
 
-    /// Topics that the publisher of this one listens to, in the order of the ring.
+    /// Topics that the publisher of this topic receives, in the order of the ring.
     pub fn sources(self) -> impl Iterator<Item = Self> {
         Self::ALL.into_iter().filter(move |topic| topic.listeners().contains(&self))
     }
 
-    /// Topic that wakes the publisher of this one: of its sources the last before it on the way round the ring.
+    /// Topic that wakes the publisher of this topic: its nearest [source](Self::sources) before it in the ring.
     #[must_use]
     pub fn upstream(self) -> Self {
         let mut before = (1..Self::COUNT).map(|back| Self::ALL[(self as usize + Self::COUNT - back) % Self::COUNT]);
         before.find(|topic| topic.listeners().contains(&self)).unwrap_or(Self::State)
     }
 
-    /// Topics that the receivers of this one publish.
+    /// Topics that the receivers of this topic publish.
     pub const fn listeners(self) -> &'static [Self] {
         GRAPH[self as usize].listeners
     }

@@ -17,7 +17,7 @@ enum Forgery {
     Words(Vec<(usize, u64)>),
     /// Flips some bits of a good message.
     Bits(Vec<usize>),
-    /// Replaces the end of a good message by that of an older one.
+    /// Replaces the end of a good message by the end of an older one.
     Torn(usize),
 }
 
@@ -67,7 +67,7 @@ impl Forgery {
     }
 }
 
-/// Passes `forgeries` of a message to a guard, one by one; `numbers` are those that the receivers compute with.
+/// Passes `forgeries` of a message to a guard, one by one. Receivers compute with the `numbers` of a message.
 fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
     let at = |tick: u64| {
         let mut good = M::default();

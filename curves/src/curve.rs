@@ -10,7 +10,8 @@ use crate::through::Through;
 
 /// Number of intervals into which a leg is divided for checks.
 pub const SAMPLES: u32 = 100;
-/// Laps that are sampled at the beginning of a figure, and as many at its end. Those between are like the second one.
+/// Number of laps that are sampled at the beginning of a figure, and again at its end. The laps between are like the
+/// second lap.
 const SAMPLED_LAPS: f64 = 2.0;
 
 /// Kind of a curve.
@@ -31,9 +32,9 @@ pub enum CurveShape {
 /// Curve, `stretch` times as slow as its shape.
 #[derive(Debug, Clone)]
 pub struct Curve {
-    /// Shape, with times of its own.
+    /// Shape, with its own times.
     pub shape: CurveShape,
-    /// Ratio of the curve's times to those of the shape.
+    /// Ratio of the curve's times to the times of the shape.
     pub stretch: f64,
 }
 
@@ -42,9 +43,9 @@ pub struct Curve {
 pub struct Leg {
     /// Interval \[s\].
     pub interval_s: f64,
-    /// Velocity \[m/s\] and acceleration \[m/s2\] at each instant, with those at both ends.
+    /// Velocity \[m/s\] and acceleration \[m/s2\] at each instant, both ends included.
     pub samples: Vec<[Vector3<f64>; 2]>,
-    /// Range of the position, north, east, down \[m\]: lowest and highest.
+    /// Lowest and highest coordinates of the position, north, east, down \[m\].
     pub range_m: [Vector3<f64>; 2],
 }
 
@@ -79,7 +80,7 @@ impl Curve {
         times.into_iter().map(|t_s| t_s * self.stretch).collect()
     }
 
-    /// Reference at `t_s`; before the beginning and after the end it is at rest at that point.
+    /// Reference at `t_s`; at rest at the first point before the beginning, and at the last point after the end.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let k = self.stretch;
         let t_s = t_s / k;
@@ -97,7 +98,7 @@ impl Curve {
         }
     }
 
-    /// Divides each leg into `intervals`. Of a figure of many laps only the first and the last ones are sampled.
+    /// Divides each leg into `intervals`. Of a figure of many laps only the first and the last laps are sampled.
     pub fn legs(&self, intervals: u32) -> Vec<Leg> {
         let times_s = match &self.shape {
             CurveShape::Figure(Figure { laps, .. }) => {
@@ -110,7 +111,7 @@ impl Curve {
         times_s.windows(2).map(|ends| self.leg(ends[0], ends[1], intervals)).collect()
     }
 
-    /// Range of the position, north, east, down \[m\]: lowest and highest.
+    /// Lowest and highest coordinates of the position, north, east, down \[m\].
     pub fn range_m(&self) -> [Vector3<f64>; 2] {
         let legs = self.legs(SAMPLES).into_iter().map(|leg| leg.range_m);
         let both = |one: [Vector3<f64>; 2], other: [Vector3<f64>; 2]| [one[0].inf(&other[0]), one[1].sup(&other[1])];

@@ -1,7 +1,7 @@
 //! Landing: down at a constant sink rate, to below the ground.
 //!
-//! The vehicle stands before the descent ends. It is then still asked to sink, from which the mixer knows that it has
-//! landed. The sink rate begins and ends with a ramp of one second, `10 x^3 - 15 x^4 + 6 x^5`, so that velocity and
+//! The vehicle stands before the descent ends. Then the reference still sinks, from which the mixer detects the
+//! landing. The sink rate begins and ends with a ramp of one second, `10 x^3 - 15 x^4 + 6 x^5`, so that velocity and
 //! acceleration are continuous.
 
 use nalgebra::Vector3;
@@ -23,8 +23,8 @@ pub struct Descent {
 }
 
 impl Descent {
-    /// Makes the descent from `from` to below a vehicle that stands at `standing_down_m`, with at most the sink rate
-    /// `sink_mps`; less if the ground is so near that the rate is not reached.
+    /// Makes the descent from `from` to [`DEPTH_M`] below `standing_down_m`, the down position of a standing vehicle.
+    /// The sink rate is `sink_mps`, or less if the ground is too near to reach this rate.
     pub fn new(from: Vector3<f64>, standing_down_m: f64, sink_mps: f64) -> Self {
         let way_m = (standing_down_m + DEPTH_M - from.z).max(0.0);
         let sink_mps = sink_mps.min(way_m / RAMP_S);
@@ -42,7 +42,7 @@ impl Descent {
         [0.0, RAMP_S, RAMP_S + self.cruise_s, self.duration_s()]
     }
 
-    /// Reference at `t_s`; before 0 and after the end it rests.
+    /// Reference at `t_s`; at rest before 0 and after the end.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let left_s = self.duration_s() - t_s;
         let (sunk_s, rate) = if t_s < RAMP_S {
@@ -62,7 +62,7 @@ impl Descent {
     }
 }
 
-/// Integral of the ramp \[s\].
+/// Integral of the ramp from 0 to `t_s` \[s\].
 fn ramped_s(t_s: f64) -> f64 {
     let x = (t_s / RAMP_S).clamp(0.0, 1.0);
     let x2 = x * x;

@@ -1,11 +1,11 @@
 //! Times at which the curve through waypoints is fastest, within the limits of a vehicle.
 //!
 //! Each leg first gets the time that it takes alone, from rest to rest. The curve through the waypoints at these times
-//! is [stretched](crate::limits) until it touches a limit. Its path, and with it the duration, depends on the ratios of
-//! the times: with the first times the curve can take twice as long as with the best ones. A pattern search (Hooke and
-//! Jeeves, Journal of the ACM 8(2), 1961) therefore makes the legs longer and shorter one by one, and keeps each change
-//! that makes the curve faster. Mellinger and Kumar (ICRA 2011) descend the gradient of the snap instead, which
-//! considers no limits.
+//! is [stretched](crate::limits) until it touches a limit. The path of the curve, and thus its duration, depends on the
+//! ratios of the times: with the first times the curve can take twice as long as with the best times. A pattern search
+//! (Hooke and Jeeves, Journal of the ACM 8(2), 1961) therefore makes the legs longer and shorter one by one, and keeps
+//! each change that makes the curve faster. Mellinger and Kumar (ICRA 2011) descend the gradient of the snap instead,
+//! which considers no limits.
 
 use nalgebra::Vector3;
 
@@ -62,7 +62,7 @@ pub fn through(
     Curve { stretch: limits.least_stretch(&best.legs(SAMPLES)), ..best }
 }
 
-/// Gives each waypoint its time, the first 0.
+/// Pairs each waypoint with its time; the first time is 0.
 fn timed(waypoints: &[Vector3<f64>], durations_s: &[f64]) -> Vec<(f64, Vector3<f64>)> {
     let mut at_s = 0.0;
     let later = durations_s.iter().map(|duration_s| {
@@ -72,10 +72,10 @@ fn timed(waypoints: &[Vector3<f64>], durations_s: &[f64]) -> Vec<(f64, Vector3<f
     std::iter::once(0.0).chain(later).zip(waypoints.iter().copied()).collect()
 }
 
-/// Shortest first guess \[s\], for waypoints that coincide.
+/// Shortest first guess of a leg's time \[s\], for waypoints that coincide.
 const MIN_ALONE_S: f64 = 0.1;
 
-/// Time that a straight way takes from rest to rest at constant acceleration \[s\].
+/// Time that a straight way takes from rest to rest, within the limits of speed and acceleration \[s\].
 fn alone_s(way: &Vector3<f64>, limits: &VehicleLimits) -> f64 {
     let (g, has) = (limits.g_mps2, &limits.most);
     let [least, most] = has.thrust_mps2;

@@ -1,6 +1,7 @@
-//! Circle, helix and figure eight, from rest to rest. Except for a climb, they end where they begin.
+//! Circle, helix and figure eight, from rest to rest. Except for a climb, a figure ends where it begins.
 //!
-//! With the angle `a`, a turn for each lap, `e` along the direction of the figure, and `n` a quarter turn to its left:
+//! The angle `a` makes one turn for each lap; `e` is the unit vector along the direction of the figure, and `n` the
+//! unit vector to the left of `e`:
 //!
 //! ```text
 //! circle         R (1 - cos a) e + R sin a n         clockwise seen from above, centre R ahead in direction e
@@ -27,9 +28,9 @@ pub enum FigureShape {
 /// Figure in space and time.
 #[derive(Debug, Clone, Copy)]
 pub struct Figure {
-    /// Shape.
+    /// Shape of the figure.
     pub shape: FigureShape,
-    /// Place of beginning, NED \[m\].
+    /// Place where the figure begins, NED \[m\].
     pub from: Vector3<f64>,
     /// Radius of the circle, or length of a loop of the eight \[m\].
     pub radius_m: f64,
@@ -51,12 +52,12 @@ impl Figure {
         }
     }
 
-    /// Reference at `t_s`; before 0 and after the last lap it rests.
+    /// Reference at `t_s`; at rest before 0 and after the last lap.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let turns = self.laps.turns(t_s);
         let [angle, rate, acceleration] = [turns.s, turns.ds, turns.dds].map(|turns| turns * TAU);
         let (sin, cos) = libm::sincos(angle);
-        // Along and across the direction, and the first two derivatives of these by the angle.
+        // Place along and across the direction, in radii, and its first two derivatives by the angle.
         let [place, slope, bend] = match self.shape {
             FigureShape::Circle => [[1.0 - cos, sin], [sin, cos], [cos, -sin]],
             FigureShape::Eight => {

@@ -8,12 +8,12 @@
 //! | centre | the direction to the centre of the figure |
 //!
 //! Below [`SLOW_MPS`] a direction means little, and at rest there is none. In both cases the heading wanted along track
-//! is that of the next direction above this speed, so that the vehicle turns before it leaves. After the last such
-//! direction the heading is kept.
+//! is the next direction above this speed, so that the vehicle turns before it leaves. After the last such direction
+//! the heading is kept.
 //!
-//! The heading turns towards the wanted one the short way, no faster than its limit. Without a limit the heading steps:
-//! a step of 90 degrees then turns the vehicle at 8.4 rad/s, where the paper's (51) allows 6.28. Towards a value that
-//! changes, a limited heading depends on the past, so it is computed before the flight, every [`STEP_S`], and
+//! The heading turns towards the wanted heading the short way, no faster than its limit. Without a limit the heading
+//! steps: a step of 90 degrees then turns the vehicle at 8.4 rad/s, where the paper's (51) allows 6.28. Towards a value
+//! that changes, a limited heading depends on the past, so it is computed before the flight, every [`STEP_S`], and
 //! interpolated.
 
 use airframe::angle;
@@ -26,7 +26,7 @@ use crate::setpoint::Setpoint;
 pub const SLOW_MPS: f64 = 0.5;
 /// Interval of the computed headings \[s\].
 pub const STEP_S: f64 = 0.05;
-/// Time after which a computed heading stays \[s\]: a day, the longest flight.
+/// Time after which a computed heading stays constant \[s\]: a day, the longest flight.
 const MAX_S: f64 = 86_400.0;
 
 /// Heading that a part of a plan asks for.
@@ -51,7 +51,7 @@ impl Rule {
 #[derive(Debug, Clone)]
 pub struct Headings {
     pieces: Vec<Piece>,
-    /// Rate of all turns \[rad/s\]; 0 makes the heading step.
+    /// Largest rate of a turn \[rad/s\]; 0 makes the heading step.
     rate_radps: f64,
 }
 
@@ -71,7 +71,7 @@ enum Heading {
 }
 
 impl Headings {
-    /// Starts with `heading_rad`; turns are limited to `rate_radps`, or not at all if that is 0.
+    /// Starts with `heading_rad`; turns are limited to `rate_radps`, or not at all if it is 0.
     pub fn new(heading_rad: f64, rate_radps: f64) -> Self {
         let start = Piece { from_s: 0.0, heading: Heading::Turn { by_rad: 0.0, to_rad: heading_rad } };
         Self { pieces: vec![start], rate_radps }
@@ -141,13 +141,13 @@ fn between(at_s: &[f64], headings_rad: &[f64], t_s: f64) -> f64 {
     headings_rad[last] + angle::difference(*to_rad, headings_rad[last]) * progress.s
 }
 
-/// Direction of flight \[rad\]; `None` if it is too slow to have one.
+/// Direction of flight \[rad\]; `None` below [`SLOW_MPS`].
 fn course(setpoint: &Setpoint) -> Option<f64> {
     let [north, east, _] = setpoint.velocity_mps;
     (libm::hypot(north, east) >= SLOW_MPS).then(|| libm::atan2(east, north))
 }
 
-/// Direction to the centre of a figure \[rad\]; `None` at the centre itself.
+/// Direction to the centre of a figure \[rad\]; `None` at the centre. For any other curve, the direction of flight.
 fn to_centre(curve: &Curve, setpoint: &Setpoint) -> Option<f64> {
     let CurveShape::Figure(figure) = &curve.shape else { return course(setpoint) };
     let centre = figure.centre();
@@ -155,7 +155,8 @@ fn to_centre(curve: &Curve, setpoint: &Setpoint) -> Option<f64> {
     (libm::hypot(north, east) > 1e-6 * figure.radius_m).then(|| libm::atan2(east, north))
 }
 
-/// Fills the gaps between known directions with the next one, and the end with the last one.
+/// Fills the gaps before known directions with the next direction, and the end with the last direction; `before_rad` if
+/// no direction is known.
 fn tracked(mut known: Vec<Option<f64>>, before_rad: f64) -> Vec<f64> {
     let mut next = known.iter().flatten().last().copied().unwrap_or(before_rad);
     known.iter_mut().rev().for_each(|known| next = *known.get_or_insert(next));

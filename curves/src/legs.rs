@@ -17,12 +17,12 @@ use crate::setpoint::Setpoint;
 pub struct Legs {
     /// Waypoints, each with the time at which it is reached \[s\], increasing.
     pub waypoints: Vec<(f64, Vector3<f64>)>,
-    /// Ramp of the velocity at both ends of each leg \[s\], at most half of it; `None` = min-jerk.
+    /// Ramp of the velocity at both ends of each leg \[s\], at most half the duration of the leg; `None` = min-jerk.
     pub ramp_s: Option<f64>,
 }
 
 impl Legs {
-    /// Reference at `t_s`; before the first waypoint and after the last it rests there.
+    /// Reference at `t_s`; at rest before the first waypoint and after the last.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let place = |(at_s, position): &(f64, Vector3<f64>)| (*at_s, (*position).into());
         Setpoint::along(&self.waypoints, place, t_s, |(from_s, from), (until_s, to)| {

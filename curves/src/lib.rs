@@ -11,16 +11,16 @@
 //! | [`min_snap`] | the curve of least snap through waypoints |
 //! | [`figure`] | circle, helix and figure eight |
 //! | [`descent`] | a landing at constant sink rate |
-//! | [`curve`] | any of these, from rest to rest, at any pace |
+//! | [`curve`] | a curve of any of these shapes, stretched in time |
 //! | [`limits`] | the demands of a curve on a vehicle, and the shortest duration within its limits |
 //! | [`fastest`] | the times of waypoints at which the curve through them is fastest |
-//! | [`stray`] | curves that leave their points, and times with which they do not |
+//! | [`stray`] | curves that stray far from their points, and times with which they stay near |
 //! | [`heading`] | the heading over time |
 //! | [`plan`] | parts of a mission, one after the other |
 //! | [`named`] | survey and hover |
 //!
-//! Positions are NED \[m\]. Curves are built before the flight; evaluating one does not allocate.
-//! `contract` builds the plan of a scenario: the check before the flight and guidance use the same one.
+//! Positions are NED \[m\]. Curves are built before the flight; evaluating a curve does not allocate. `settings` builds
+//! the plan of a scenario: the check before the flight and guidance use the same plan.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 

@@ -1,17 +1,19 @@
 //! Demands of a curve on a vehicle, and the shortest duration within its limits.
 //!
-//! A vehicle with acceleration `a` and velocity `v` needs the thrust `f` per mass, with gravity `g` down and drag:
+//! A vehicle with acceleration `a` and velocity `v` needs the thrust `f` per mass, with gravity `g` down, linear drag
+//! `d` and quadratic drag `c`:
 //!
 //! ```text
 //! f = a - g + (d + c |v|) v / m
 //! ```
 //!
-//! The tilt of `f` from the vertical is that of the vehicle about trim, because its thrust has a fixed direction in the
-//! body (differential flatness: Mellinger and Kumar, ICRA 2011). Its turning is the body rate across the thrust. `d` is
-//! taken the same along all axes. Wind is not in `f`: the share that is kept for control must suffice.
+//! The tilt of `f` from the vertical is the tilt of the vehicle about trim, because its thrust has a fixed direction in
+//! the body (differential flatness: Mellinger and Kumar, ICRA 2011). The rate at which `f` turns is the body rate
+//! across the thrust. `d` is taken the same along all axes. Wind is not in `f`: the share that is kept for control must
+//! suffice.
 //!
 //! A curve that takes `k` times as long has `1/k` of the velocity and `1/k2` of the acceleration, and the same path.
-//! [`VehicleLimits::least_stretch`] finds the least `k` at which no sample of it exceeds a limit, by bisection.
+//! [`VehicleLimits::least_stretch`] finds the least `k` at which no sample of the curve exceeds a limit, by bisection.
 
 use nalgebra::Vector3;
 
@@ -19,11 +21,11 @@ use crate::curve::Leg;
 
 /// Factor by which the first bracket of a bisection grows or shrinks.
 const BRACKET: f64 = 2.0;
-/// Steps of the bisection: the stretch is found to 1e-12 of it.
+/// Number of bisections: they find the stretch with a relative error of 1e-12.
 const BISECTIONS: u32 = 40;
-/// Excess over a limit that counts as rounding.
+/// Relative excess over a limit that counts as rounding.
 const ROUNDING: f64 = 1e-9;
-/// Stretch beyond which no bracket is looked for.
+/// Stretch, or inverse of a stretch, at which the search for a bracket ends.
 const MAX_STRETCH: f64 = 1e9;
 
 /// Limits of a vehicle, with the parameters that its demands depend on.
@@ -174,7 +176,7 @@ impl VehicleLimits {
         }
     }
 
-    /// Thrust per mass that a vehicle needs \[m/s2\].
+    /// Thrust per mass that a vehicle needs, NED \[m/s2\].
     pub fn thrust(&self, velocity: &Vector3<f64>, acceleration: &Vector3<f64>) -> Vector3<f64> {
         let drag = self.drag_linear_1ps + self.drag_quadratic_1pm * velocity.norm();
         acceleration + velocity * drag - Vector3::z() * self.g_mps2

@@ -2,8 +2,8 @@
 //! its time, it has the smallest integral of squared snap (Mellinger and Kumar, ICRA 2011).
 //!
 //! Between neighbours the curve is of the seventh degree. The unknowns are velocity, acceleration and jerk at each
-//! inner waypoint, as in the unconstrained form of Richter, Bry and Roy (ISRR 2013), which is better conditioned than
-//! one with coefficients. A leg of duration `h` costs
+//! inner waypoint, as in the unconstrained form of Richter, Bry and Roy (ISRR 2013), which is better conditioned than a
+//! form with coefficients. A leg of duration `h` costs
 //!
 //! ```text
 //! J = h^-7 d' R d,   d = (p, h v, h2 a, h3 j) at its start, then at its end
@@ -33,7 +33,7 @@ const SNAP: [[f64; 8]; 8] = [
     [ -10_080.0,  -4_680.0,    -840.0,  -60.0,   10_080.0,  -5_400.0,   1_200.0, -120.0],
     [     840.0,     360.0,      60.0,    4.0,     -840.0,     480.0,    -120.0,   16.0],
 ];
-/// First row of [`SNAP`] of the start of a leg, and of its end.
+/// First row of [`SNAP`] for the start of a leg, and for its end.
 const ENDS: [usize; 2] = [0, 4];
 
 /// Solves the curve through `waypoints`, each with the time at which it is passed \[s\], increasing.
@@ -105,7 +105,7 @@ impl Leg {
         })
     }
 
-    /// Right-hand side in the equations of end `own`, from the way.
+    /// Right-hand side in the equations of end `own`, from the displacement.
     fn right(&self, own: usize, own_units: &Vector3<f64>) -> Matrix3<f64> {
         Matrix3::from_fn(|row, axis| {
             -SNAP[ENDS[own] + row + 1][ENDS[1]] * self.way[axis] * own_units[row] / self.power(6 - row)
@@ -140,7 +140,7 @@ mod tests {
             let h = ends[1].at_s - ends[0].at_s;
             let acceleration =
                 |x: f64| Vector3::from(between(&ends[0], &ends[1], ends[0].at_s + x * h).acceleration_mps2);
-            let step = 0.02; // the fourth difference of a polynomial of the fifth degree is exact but for a linear part
+            let step = 0.02; // the difference below is exact for a polynomial of the fifth degree
             let snap = |x: f64| {
                 let [a, b, c, d, e] = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|i| acceleration(x + i * step));
                 (16.0 * (b + d) - 30.0 * c - a - e) / (12.0 * step * step * h * h)
@@ -193,7 +193,7 @@ mod tests {
                 cost(&other)
             };
             let (more, less) = (changed(1.0) - least, changed(-1.0) - least);
-            // At the minimum of a quadratic form both ways cost the same, and more than nothing.
+            // At the minimum of a quadratic form a change costs the same in both directions, and more than zero.
             let rounding = 1e-7 * least;
             prop_assert!(more > -rounding && less > -rounding, "{} {}", more / least, less / least);
             prop_assert!((more - less).abs() < 1e-3 * (more + less) + rounding, "{more} {less} {least}");

@@ -1,5 +1,5 @@
-//! Plan: the parts of a mission one after the other. Each begins when and, except for a jump, where the part before
-//! ends.
+//! Plan: the parts of a mission one after the other. Each part begins when the part before ends and, except for a jump,
+//! at the place where that part ends.
 
 use nalgebra::Vector3;
 
@@ -22,27 +22,27 @@ pub enum PartMotion {
     Climb(f64, Option<f64>),
     /// Through waypoints.
     Through {
-        /// Waypoints after the place of beginning, NED \[m\].
+        /// Waypoints after the place where the part begins, NED \[m\].
         points_m: Vec<[f64; 3]>,
-        /// Times since the beginning \[s\]; `None` = as fast as the limits allow.
+        /// Times of the waypoints since the beginning of the part \[s\]; `None` = as fast as the limits allow.
         times_s: Option<Vec<f64>>,
-        /// Derivative of which the curve has as little as possible.
+        /// Derivative whose integral of squares is least.
         least: Least,
     },
     /// Along straight legs.
     Legs {
-        /// Waypoints after the place of beginning, NED \[m\].
+        /// Waypoints after the place where the part begins, NED \[m\].
         points_m: Vec<[f64; 3]>,
-        /// Times since the beginning \[s\].
+        /// Times of the waypoints since the beginning of the part \[s\].
         times_s: Vec<f64>,
         /// Ramp of the velocity at both ends of each leg \[s\]; `None` = min-jerk.
         ramp_s: Option<f64>,
     },
     /// Circle, helix or figure eight.
     Figure {
-        /// Shape.
+        /// Shape of the figure.
         shape: figure::FigureShape,
-        /// Radius, or length of a loop \[m\].
+        /// Radius of a circle, or length of a loop of an eight \[m\].
         radius_m: f64,
         /// Mean duration of a lap \[s\]; `None` = as fast as the limits allow.
         period_s: Option<f64>,
@@ -81,20 +81,21 @@ pub enum Least {
 /// Part of a plan before it is built.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanPart {
-    /// Motion.
+    /// Motion over the part.
     pub motion: PartMotion,
-    /// Heading.
+    /// Rule of the heading over the part.
     pub heading: Rule,
 }
 
-/// Part of a plan.
+/// Part of a plan, with its time and its curve.
 #[derive(Debug, Clone)]
 pub struct Planned {
     /// Time at which the part begins \[s\].
     pub begins_s: f64,
-    /// Curve from then on.
+    /// Curve from this time on.
     pub curve: Curve,
-    /// Distance of its beginning from the end of the part before, or from the start \[m\]; above 0 for a jump.
+    /// Distance from the end of the previous part, or from the start, to the beginning of the part \[m\]; above 0 for a
+    /// jump.
     pub jump_m: f64,
 }
 
@@ -159,12 +160,12 @@ impl MissionPlan {
         self.parts.last().map_or(0.0, |last| last.begins_s + last.curve.duration_s())
     }
 
-    /// Largest jump of the reference from part to part \[m\]; 0 without one.
+    /// Largest jump of the reference from part to part \[m\]; 0 without a jump.
     pub fn jump_m(&self) -> f64 {
         self.parts.iter().map(|part| part.jump_m).fold(0.0, f64::max)
     }
 
-    /// Reference at `t_s`; before the first part and after the last it rests.
+    /// Reference at `t_s`; at rest before the first part and after the last.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let begun = self.parts.iter().rev().find(|part| part.begins_s <= t_s).or(self.parts.first());
         begun.map_or(Setpoint::at_rest(self.begins_m), |part| part.curve.at(t_s - part.begins_s))
@@ -225,12 +226,12 @@ fn waypoints(from: Vector3<f64>, points_m: &[[f64; 3]]) -> Vec<Vector3<f64>> {
     std::iter::once(from).chain(points_m.iter().map(|point| (*point).into())).collect()
 }
 
-/// Gives each waypoint its time, the first 0.
+/// Pairs each waypoint with its time; the first time is 0.
 fn timed(waypoints: Vec<Vector3<f64>>, times_s: &[f64]) -> Vec<(f64, Vector3<f64>)> {
     std::iter::once(0.0).chain(times_s.iter().copied()).zip(waypoints).collect()
 }
 
-/// Builds a curve of the given duration, or the fastest one.
+/// Builds a curve of the given duration, or the fastest curve within `limits`.
 fn paced(duration_s: Option<f64>, limits: &VehicleLimits, shape: impl Fn(f64) -> CurveShape) -> Curve {
     let curve = Curve::from(shape(duration_s.unwrap_or(1.0)));
     let stretch = if duration_s.is_some() { 1.0 } else { limits.least_stretch(&curve.legs(SAMPLES)) };

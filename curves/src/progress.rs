@@ -1,4 +1,4 @@
-//! Covered fraction s(t) of a leg at time t, and the number of laps.
+//! Covered fraction s(t) of a leg at time t, and laps of a figure. Times are in seconds.
 
 /// Covered fraction of a leg at one instant, and its derivatives in time.
 #[derive(Debug, Clone, Copy)]
@@ -11,7 +11,7 @@ pub struct LegProgress {
     pub dds: f64,
 }
 
-/// Trapezoid of velocity. At the instant at which a ramp begins the acceleration is already that of the ramp.
+/// Progress with a trapezoid of velocity. When a ramp begins, the acceleration is already that of the ramp.
 pub fn trapezoid(t: f64, duration: f64, ramp: f64) -> LegProgress {
     let cruise = 1.0 / (duration - ramp);
     if t < ramp {
@@ -24,7 +24,7 @@ pub fn trapezoid(t: f64, duration: f64, ramp: f64) -> LegProgress {
     }
 }
 
-/// Quintic of least jerk from rest to rest; before 0 and after `duration` it is at rest.
+/// Progress of least jerk from rest to rest, a quintic; at rest before 0 and after `duration`.
 pub fn min_jerk(t: f64, duration: f64) -> LegProgress {
     let x = (t / duration).clamp(0.0, 1.0);
     LegProgress {
@@ -37,8 +37,8 @@ pub fn min_jerk(t: f64, duration: f64) -> LegProgress {
 /// Laps from rest to rest, whose mean duration is the period.
 ///
 /// n laps take n T. The first half lap is the first half of a min-jerk lap of duration T1, and the last half lap its
-/// second half. Between them the rate is constant: it is the rate in the middle of a min-jerk lap, where the angular
-/// acceleration is zero, 15/8 of the lap's mean rate:
+/// second half. Between these half laps the rate is constant: it is the rate in the middle of a min-jerk lap, where the
+/// angular acceleration is zero, 15/8 of the lap's mean rate:
 ///
 /// ```text
 /// n T = T1 + (n - 1) 8/15 T1,   T1 = 15 n T / (8 n + 7)
@@ -66,7 +66,7 @@ impl Laps {
         Self { laps, turning_s: laps * period_s, ends_s: period_s * (15.0 * laps) / (8.0 * laps + 7.0) }
     }
 
-    /// Number of turns after `t`.
+    /// Number of turns after `t`, with its derivatives.
     pub fn turns(&self, t: f64) -> LegProgress {
         let half_s = self.ends_s / 2.0;
         if t < half_s {

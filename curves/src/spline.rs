@@ -3,8 +3,8 @@
 //!
 //! Between neighbours the curve is a quintic, with continuous derivatives up to the fourth (Flash and Hogan, 1985, for
 //! one waypoint between the ends). The unknowns are velocity `v` and acceleration `a` at each inner waypoint. `h` and
-//! `d` are the duration and the displacement of the leg before it, `k` and `e` those of the leg after it. Continuity of
-//! the fourth and of the third derivative is
+//! `d` are the duration and the displacement of the leg before the waypoint, `k` and `e` of the leg after it.
+//! Continuity of the fourth and of the third derivative is
 //!
 //! ```text
 //! 168/h3 v- + 24/h2 a- + 192 (1/h3 + 1/k3) v + 36 (1/k2 - 1/h2) a + 168/k3 v+ - 24/k2 a+ = 360 (d/h4 + e/k4)
@@ -67,19 +67,20 @@ impl Leg {
         Self { h: [h, h * h, h * h * h, h * h * h * h], way: to - from }
     }
 
-    /// Coefficients of v and a at the end of the leg in the equations of that waypoint.
+    /// Coefficients of v and a at the end of the leg in the equations of the waypoint there.
     fn at_end(&self) -> Matrix2<f64> {
         let [h, h2, h3, _] = self.h;
         Matrix2::new(192.0 / h3, -36.0 / h2, -36.0 / h2, 9.0 / h)
     }
 
-    /// Coefficients of v and a at the start of the leg in the equations of that waypoint.
+    /// Coefficients of v and a at the start of the leg in the equations of the waypoint there.
     fn at_start(&self) -> Matrix2<f64> {
         let [k, k2, k3, _] = self.h;
         Matrix2::new(192.0 / k3, 36.0 / k2, 36.0 / k2, 9.0 / k)
     }
 
-    /// Coefficients of v and a at the end in the equations of the start; transposed, those of the start in the end's.
+    /// Coefficients of v and a at the end in the equations of the start; transposed, the coefficients at the start in
+    /// the equations of the end.
     fn across(&self) -> Matrix2<f64> {
         let [k, k2, k3, _] = self.h;
         Matrix2::new(168.0 / k3, -24.0 / k2, 24.0 / k2, -3.0 / k)

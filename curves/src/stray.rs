@@ -1,9 +1,9 @@
-//! Curves that stray far from their points, and times with which they do not.
+//! Curves that stray far from their points, and times with which they stay near.
 //!
-//! Given times decide how far a smooth curve swings out: a vehicle that has little time for a short leg and much for
-//! the next passes the point between them fast, and takes most of the second leg to come back. The path depends on
-//! nothing but the ratios of the times. The times of the [fastest] curve are in proportion to the lengths of the legs,
-//! so times in these ratios are offered for the same points.
+//! Given times decide how far a smooth curve swings out: a vehicle that has little time for a short leg and much time
+//! for the next passes the point between the legs fast, and takes most of the second leg to come back. The path depends
+//! only on the ratios of the times. The times of the [fastest] curve suit the lengths of the legs, so times in these
+//! ratios are offered for the same points.
 //!
 //! [fastest]: crate::fastest
 
@@ -15,9 +15,9 @@ use crate::heading::Rule;
 use crate::limits::VehicleLimits;
 use crate::plan::{Least, MissionPlan, PartMotion, PlanPart, Start};
 
-/// Times are offered in steps of this \[s\].
+/// Step to which offered times are rounded \[s\].
 const STEP_S: f64 = 0.01;
-/// Factor by which offered times exceed the fastest ones, so that rounding them breaks no limit.
+/// Least factor by which offered times exceed the fastest times, so that rounding breaks no limit.
 const SLACK: f64 = 1.01;
 
 /// Curve that goes beyond the box of its points by more than their longest leg.
@@ -27,23 +27,23 @@ pub struct Stray {
     pub beyond_m: f64,
     /// Longest leg \[m\].
     pub longest_leg_m: f64,
-    /// Times of the points after the first, since the first, with which the curve does not stray; `None` if none are
-    /// known.
+    /// Times with which the curve does not stray; `None` if none are found.
     pub offer: Option<Offer>,
 }
 
 /// Times with which a curve stays near its points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Offer {
-    /// Times of the points after the first, since the first \[s\].
+    /// Times of all points but the first, counted from the first \[s\].
     pub times_s: Vec<f64>,
-    /// Largest distance beyond the box of the points that is left \[m\].
+    /// Largest remaining distance beyond the box of the points, along an axis \[m\].
     pub beyond_m: f64,
 }
 
 impl Stray {
-    /// Finds the stray of `curve` from `points_m`, the first of which is the place where it begins; `None` if there is
-    /// none. Offered times stay within `limits`, and take no longer than the curve unless the limits ask for it.
+    /// Finds the stray of `curve` from `points_m`, the first of which is the place where the curve begins; `None` if
+    /// the curve stays near. Offered times keep `limits`, and take no longer than the curve unless the limits require
+    /// it.
     pub fn find(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &VehicleLimits) -> Option<Self> {
         let legs_m = points_m.windows(2).map(|ends| (Vector3::from(ends[1]) - Vector3::from(ends[0])).norm());
         let longest_leg_m = legs_m.fold(0.0, f64::max);
@@ -53,7 +53,7 @@ impl Stray {
     }
 }
 
-/// Range of points, north, east, down \[m\]: lowest and highest.
+/// Lowest and highest coordinates of points, north, east, down \[m\].
 pub fn range_m(points_m: &[[f64; 3]]) -> [Vector3<f64>; 2] {
     let empty = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
     points_m.iter().map(|point| Vector3::from(*point)).fold(empty, |[low, high], at| [low.inf(&at), high.sup(&at)])
@@ -65,7 +65,8 @@ fn beyond_m(curve: &Curve, points_m: &[[f64; 3]]) -> f64 {
     (low - lowest).max().max((highest - high).max()).max(0.0)
 }
 
-/// Finds times for the points in the ratios of the fastest times.
+/// Finds times for the points in the ratios of the fastest times; `None` for too many points, or if a limit is
+/// exceeded.
 fn offer(curve: &Curve, points_m: &[[f64; 3]], least: Least, limits: &VehicleLimits) -> Option<Offer> {
     let (first, others) = points_m.split_first().filter(|(_, others)| others.len() <= fastest::MAX_POINTS)?;
     let timed = |times_s| through(*first, others.to_vec(), times_s, least, limits);

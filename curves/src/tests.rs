@@ -99,7 +99,7 @@ fn motion() -> impl Strategy<Value = PartMotion> {
     ]
 }
 
-/// Finds whether the curve through `points_m` at these times strays from them and the place before.
+/// Finds the stray of the curve from [`AT`] through `points_m` at `times_s`; `None` if it stays near.
 fn stray(points_m: &[[f64; 3]], times_s: Option<&[f64]>, least: Least) -> Option<Stray> {
     let motion = PartMotion::Through { points_m: points_m.to_vec(), times_s: times_s.map(Vec::from), least };
     let plan = one(motion, Rule::KEEP);
@@ -121,7 +121,7 @@ fn a_curve_that_leaves_its_points_is_offered_times_that_keep_it() {
     assert_eq!(stray(&[[n + 20.0, e, d]], Some(&[9.0]), Least::Snap), None, "a straight line");
 }
 
-/// The fastest curve through points may leave them itself: here it swings out sideways while it climbs slowly.
+/// Even the fastest curve may stray from its points: here it swings out sideways while it climbs slowly.
 #[test]
 fn where_the_fastest_curve_strays_no_times_are_offered() {
     let points = [[0.0, -34.177, -2.0], [0.0, 0.0, -2.0], [0.0, 0.0, -28.139], [0.0, 0.0, -2.0]];
@@ -277,8 +277,8 @@ fn a_fastest_climb_and_circle_touch_their_limits() {
     let [climb, circle] = [0, 1].map(|i| plan.parts()[i].demand(&limits));
     assert!((climb.vertical_mps / limits.most.vertical_mps - 1.0).abs() < 1e-9, "{climb:?}");
     assert!((circle.tilt_rad / limits.most.tilt_rad - 1.0).abs() < 1e-9, "{circle:?}");
-    // The climb has the duration of a min-jerk climb with this largest speed, the circle about the speed of a circle
-    // with this tilt.
+    // The climb has the duration of a min-jerk climb at its largest speed, the circle about the speed of a steady
+    // circle at its tilt.
     assert!((plan.parts()[0].curve.duration_s() - 1.875 * 10.0 / 2.8).abs() < 1e-6);
     assert!(circle.speed_mps > 0.9 * (5.0 * 9.81 * limits.most.tilt_rad.tan()).sqrt(), "{circle:?}");
 }
@@ -360,7 +360,7 @@ fn a_spline_has_no_jump_up_to_the_fourth_derivative() {
     let times_s = vec![4.0, 9.0, 11.0, 20.0];
     let spline = plan(vec![PartMotion::Through { points_m, times_s: Some(times_s.clone()), least: Least::Jerk }]);
     for t_s in &times_s[..3] {
-        // The acceleration is a cubic on each side: four points of it give its derivatives at the waypoint exactly.
+        // The acceleration is a cubic on each side: four of its points give its derivatives at the waypoint exactly.
         let [after, before] = [0.1, -0.1].map(|h| {
             let at = |i: f64| Vector3::from(spline.at(t_s + i * h).acceleration_mps2);
             let [a0, a1, a2, a3] = [1e-9, 1.0, 2.0, 3.0].map(at);
@@ -378,7 +378,7 @@ fn between_its_first_and_last_half_lap_a_circle_is_periodic_at_constant_speed() 
     let (laps, period_s, radius_m) = (5, 12.0, 6.0);
     let plan = plan(vec![figure(FigureShape::Circle, laps, 0.0)]);
     let ends_s = period_s * 15.0 * 5.0 / 47.0;
-    let steady_s = ends_s * 8.0 / 15.0; // of one lap
+    let steady_s = ends_s * 8.0 / 15.0; // duration of one steady lap
     let speed_mps = TAU * radius_m / steady_s;
     for t_s in [ends_s / 2.0, 15.0, 20.5] {
         let [here, later] = [t_s, t_s + steady_s].map(|t_s| plan.at(t_s));

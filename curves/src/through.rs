@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::setpoint::Setpoint;
 
-/// Waypoint, with time and derivatives of the curve there. A curve of least jerk does not use its own jerk.
+/// Waypoint, with the time and the derivatives of the curve there. A curve of least jerk does not use `jerk`.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Knot {
     /// Time at which the curve passes the waypoint \[s\].
@@ -48,7 +48,7 @@ impl Through {
         self.knots.iter().map(|knot| knot.at_s)
     }
 
-    /// Reference at `t_s`; before the first waypoint and after the last it rests there.
+    /// Reference at `t_s`; at rest before the first waypoint and after the last.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let place = |knot: &Knot| (knot.at_s, knot.position.into());
         Setpoint::along(&self.knots, place, t_s, |from, to| (self.between)(from, to, t_s))

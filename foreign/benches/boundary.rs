@@ -2,7 +2,8 @@
 //! library in the form of CasADi, each answering to the same messages.
 //!
 //! `cargo bench --workspace --bench boundary` prints the time of a step, and the overhead of a library beyond the law.
-//! The three are timed in turn, in blocks of [`STEPS`]; each figure is the median over the blocks.
+//! The three laws, and CasADi's function alone, are timed in turn, in blocks of [`STEPS`]; each figure is the median
+//! over the blocks.
 
 #![expect(clippy::disallowed_macros, reason = "a benchmark prints its figures")]
 #![expect(unsafe_code, reason = "the function of the law is called without the boundary")]
@@ -30,9 +31,9 @@ use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
 use settings::Scenario;
 
-/// Steps in a block.
+/// Number of steps in a block.
 const STEPS: u32 = 2000;
-/// Blocks of each law.
+/// Number of blocks of each law.
 const BLOCKS: usize = 501;
 
 type Newest = (Input<Reference>, Input<State>);
@@ -90,7 +91,7 @@ fn main() {
 
     // SAFETY: `lqr.c` has no code that runs when it is loaded, and its function has this type.
     let library = unsafe { Library::new(&casadi) }.expect("the library");
-    // SAFETY: as above.
+    // SAFETY: the function `law` of `lqr.c` has this type.
     let law = unsafe { library.get::<Law>(b"law") }.expect("the function");
     let values = [[0.1; 3]; 6];
     let arguments: Vec<*const f64> = values.iter().map(|value| value.as_ptr()).collect();

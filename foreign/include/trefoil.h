@@ -115,7 +115,7 @@ typedef struct {
   // Time from one element of `preview` to the next, and from the sample to the first [s]; 0 = no preview
   // (`guidance.preview_s`).
   double preview_step_s;
-  // Changes of the references until these times: of w [m/s] and of roll, pitch, yaw [rad].
+  // Changes of the references from the sample to each time of the preview: w [m/s] and roll, pitch, yaw [rad].
   double preview[8][4];
 } TrefoilReference;
 
@@ -136,7 +136,7 @@ typedef struct {
   // Deviations of col, lon, lat, ped from trim [N, N m, N m, N m]: force along body z, positive down, and moments
   // about body y, x and z, positive as pitch, roll and yaw.
   double demand[4];
-  // 0 = the demand is an answer; any other number = it is none, and to the mixer it is late.
+  // 0 = the demand is valid; any other number = it is invalid, and the mixer treats it as late.
   uint64_t status;
 } TrefoilAttitudeAnswer;
 
@@ -194,9 +194,9 @@ typedef struct {
   double attitude_rad[3];
   // Body rates p, q, r [rad/s].
   double rates_radps[3];
-  // Rotor speeds [rotor speed unit]. Before the call those of the command, which a plant without lag leaves.
+  // Rotor speeds [rotor speed unit]. Before the call, the speeds of the command; a plant without lag leaves them.
   double rotor_speed[3];
-  // Tilt of rotor 1 [rad]; before the call that of the command.
+  // Tilt of rotor 1 [rad]. Before the call, the tilt of the command; a plant without lag leaves it.
   double tilt_rad;
 } TrefoilPlantAnswer;
 

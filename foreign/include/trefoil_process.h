@@ -74,8 +74,8 @@ int32_t trefoil_send(struct TrefoilSession *session, const void *answer, size_t 
 // Returns the reason of the last error; valid until the next call.
 const char *trefoil_error(const struct TrefoilSession *session);
 
-// Leaves the run, and frees the session. NULL is nothing to leave. In a copy of the process, made by `fork`, it does
-// nothing: the process has the session.
+// Leaves the run, and frees the session. Does nothing if `session` is NULL, or in a child process made by `fork`: the
+// session belongs to the process that joined.
 void trefoil_leave(struct TrefoilSession *session);
 
 // Runs this process as the plant of the run that the launcher has started it for, with the vehicle that `functions`
@@ -120,7 +120,7 @@ const char *trefoil_flight_record(struct TrefoilFlight *flight);
 // Returns the reason of the last error; valid until the next call.
 const char *trefoil_flight_error(const struct TrefoilFlight *flight);
 
-// Frees the flight. NULL is nothing to free.
+// Frees the flight. Does nothing if `flight` is NULL.
 void trefoil_flight_close(struct TrefoilFlight *flight);
 
 #ifdef __cplusplus

@@ -91,7 +91,7 @@ pub struct TrefoilReference {
     /// Time from one element of `preview` to the next, and from the sample to the first \[s\]; 0 = no preview
     /// (`guidance.preview_s`).
     pub preview_step_s: f64,
-    /// Changes of the references until these times: of w \[m/s\] and of roll, pitch, yaw \[rad\].
+    /// Changes of the references from the sample to each time of the preview: w \[m/s\] and roll, pitch, yaw \[rad\].
     pub preview: [[f64; 4]; 8],
 }
 
@@ -155,7 +155,7 @@ pub struct TrefoilAttitudeAnswer {
     /// Deviations of col, lon, lat, ped from trim \[N, N m, N m, N m\]: force along body z, positive down, and moments
     /// about body y, x and z, positive as pitch, roll and yaw.
     pub demand: [f64; 4],
-    /// 0 = the demand is an answer; any other number = it is none, and to the mixer it is late.
+    /// 0 = the demand is valid; any other number = it is invalid, and the mixer treats it as late.
     pub status: u64,
 }
 
@@ -212,9 +212,9 @@ pub struct TrefoilPlantAnswer {
     pub attitude_rad: [f64; 3],
     /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
-    /// Rotor speeds \[rotor speed unit\]. Before the call those of the command, which a plant without lag leaves.
+    /// Rotor speeds \[rotor speed unit\]. Before the call, the speeds of the command; a plant without lag leaves them.
     pub rotor_speed: [f64; 3],
-    /// Tilt of rotor 1 \[rad\]; before the call that of the command.
+    /// Tilt of rotor 1 \[rad\]. Before the call, the tilt of the command; a plant without lag leaves it.
     pub tilt_rad: f64,
 }
 

@@ -18,7 +18,7 @@ use crate::abi::TREFOIL_MEMORY_BYTES;
 use crate::library::layout_of;
 use crate::protocol::{AttitudeMpcProtocol, GuidanceProtocol, MixerProtocol, PortLayout, Protocol};
 
-/// Bytes before the memory of a program: its length.
+/// Number of bytes before the memory of a program; they hold the memory's length.
 const LENGTH_BYTES: usize = size_of::<u64>();
 
 /// Node of a protocol, with its ports.
@@ -28,7 +28,7 @@ struct AskedNode<P: Protocol> {
     sample_s: f64,
     input: P::Input,
     answer: P::Answer,
-    /// First word of its snapshots, which no other file has.
+    /// First word of the node's snapshots, which no other program has.
     layout: u64,
     memory: Snapshot,
     implausible: Implausible,
@@ -119,7 +119,7 @@ pub fn open_asked(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Re
     }
 }
 
-/// Sizes of input and answer of the node that publishes `topic` \[byte\]; `None` for the plant.
+/// Returns the sizes of input and answer of the node that publishes `topic` \[byte\]; `None` for the plant.
 pub fn sizes(topic: Topic) -> Option<[usize; 2]> {
     let layout: &PortLayout = match topic {
         Topic::State => return None,

@@ -5,13 +5,13 @@
 //!
 //! | name | is |
 //! |---|---|
-//! | those of the node ([`crate::protocol`]) | numbers of its input and answer, in the units of the messages |
+//! | names of the node ([`crate::protocol`]) | numbers of its input and answer, in the units of the messages |
 //! | `dt` | time between two samples \[s\] |
 //! | `tick` | number of the sample |
 //! | `p` | the array `p` of the node's settings |
-//! | `start` | of the plant, which needs it: position, velocity, attitude and rates at the start |
-//! | `z`, output `z_next` | memory from step to step, 0 at the first |
-//! | output `status` | of attitude-mpc: not 0 = the demand is no answer |
+//! | `start` | only for the plant, and required there: position, velocity, attitude and rates at the start |
+//! | `z`, output `z_next` | memory from step to step, 0 at the first step |
+//! | output `status` | only for attitude-mpc: 0 = the demand is valid |
 
 #![expect(unsafe_code, reason = "functions of other languages are called")]
 
@@ -31,7 +31,7 @@ use crate::elf::exported;
 use crate::engine::Engine;
 use crate::protocol::{MatrixShape, Place, PortLayout};
 
-/// Ending of the function that gives the number of inputs, by which a CasADi function is recognised.
+/// Ending of the name of the function that returns the number of inputs, by which a CasADi function is recognised.
 const NUMBER_OF_INPUTS: &str = "_n_in";
 
 type Call = unsafe extern "C" fn(*const *const f64, *mut *mut f64, *mut i64, *mut f64, c_int) -> c_int;
@@ -72,7 +72,7 @@ pub struct Casadi {
     call: Call,
     release: Option<unsafe extern "C" fn(c_int)>,
     decref: Option<unsafe extern "C" fn()>,
-    /// Number of the function's own memory.
+    /// Index of the function's own memory, as its checkout returned it.
     mem: c_int,
     inputs: Vec<Argument>,
     outputs: Vec<Argument>,
@@ -81,7 +81,7 @@ pub struct Casadi {
     res: Vec<*mut f64>,
     iw: Vec<i64>,
     w: Vec<f64>,
-    /// Number of values in `z`; they are kept from step to step if the snapshot has room for them.
+    /// Number of values in `z`; a snapshot has them if it has room for all.
     memory: usize,
 }
 
@@ -156,7 +156,8 @@ impl Function {
         }
     }
 
-    /// Returns the inputs (`in`) or outputs (`out`) of the function, which have these names.
+    /// Returns the inputs (`side` is `in`) or outputs (`out`) of the function; `known` has the numbers of the node by
+    /// their names.
     ///
     /// # Safety
     /// The functions beside this one are those that CasADi generates.
@@ -221,10 +222,10 @@ impl Function {
         Ok(all)
     }
 
-    /// Returns the function whose name is that of this one and `ending`.
+    /// Returns the function whose name is the name of this one followed by `ending`.
     ///
     /// # Safety
-    /// `F` is its type.
+    /// `F` is the type of the returned function.
     unsafe fn required<F: Copy>(&self, handle: &Handle, ending: &str) -> Result<F, String> {
         // SAFETY: the caller vouches for the type.
         let found = unsafe { self.optional(handle, ending) };
@@ -234,7 +235,7 @@ impl Function {
     /// Returns the function of [`required`](Self::required), if there is one.
     ///
     /// # Safety
-    /// `F` is its type.
+    /// `F` is the type of the returned function.
     unsafe fn optional<F: Copy>(&self, handle: &Handle, ending: &str) -> Option<F> {
         // SAFETY: the caller vouches for the type.
         unsafe { handle.get::<F>(format!("{}{ending}", self.0).as_bytes()) }.ok().map(|found| *found)
@@ -355,7 +356,7 @@ impl Engine for Casadi {
                         *value = pod_read_unaligned(bytes);
                     }
                 }
-                Meaning::Tick => values[0] = pod_read_unaligned::<u64>(&input[..8]) as f64, // the first of every input
+                Meaning::Tick => values[0] = pod_read_unaligned::<u64>(&input[..8]) as f64, // first in every input
                 Meaning::Dt | Meaning::Parameters | Meaning::Start | Meaning::Memory | Meaning::Status => {}
             }
         }

@@ -19,7 +19,7 @@ use crate::vehicle;
 pub struct Foreign<P: Protocol> {
     library: Library,
     sample_s: f64,
-    /// First word of its snapshots, which no other file has.
+    /// First word of the library's snapshots, which no other library has.
     layout: u64,
     protocol: PhantomData<P>,
 }
@@ -73,7 +73,7 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
 }
 
 /// Loads the library that `scenario` names for the node that publishes `topic`, and has it answer to a few samples at
-/// rest. Meant for a process of its own: code that crashes, ends its process or never returns does so here.
+/// rest. To be called in a process of its own, which code that crashes, exits or never returns may take down.
 ///
 /// # Errors
 /// The library cannot be loaded, or a step fails.

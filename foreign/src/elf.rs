@@ -7,8 +7,8 @@ use object::elf::{FileHeader64, PT_LOAD};
 use object::read::elf::{ElfFile64, FileHeader, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol};
 
-/// Checks that the file at `path` is as long as its segments. The loader of the system maps one that was cut short
-/// without an error, and the first access beyond its end is a crash that does not name the file.
+/// Checks that the file at `path` is as long as its segments. The loader of the system maps a file that was cut short
+/// without an error, and the first access beyond the file's end is a crash that does not name the file.
 ///
 /// # Errors
 /// The file is shorter.
@@ -30,14 +30,14 @@ fn needed_bytes(bytes: &[u8]) -> Option<u64> {
     let endian = header.endian().ok()?;
     let table_bytes = u64::from(header.e_phentsize(endian)) * u64::from(header.e_phnum(endian));
     let table_end = header.e_phoff(endian).checked_add(table_bytes)?;
-    let segments = header.program_headers(endian, bytes).unwrap_or_default(); // none if the table itself is cut off
+    let segments = header.program_headers(endian, bytes).unwrap_or_default(); // empty if the table is cut off
     let loaded = segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
     let ends = loaded.filter_map(|segment| segment.p_offset(endian).checked_add(segment.p_filesz(endian)));
     Some(ends.fold(table_end, u64::max))
 }
 
-/// Returns the names that the library of these `bytes` exports. They are read from its table of symbols: among its
-/// texts the linker may keep a name as the tail of another, `law_n_in` in `jac_law_n_in`.
+/// Returns the names that the library of these `bytes` exports. The names are read from its dynamic symbol table: in a
+/// search of its strings, `law_n_in` could be missed, which the linker may keep as the tail of `jac_law_n_in`.
 pub fn exported(bytes: &[u8]) -> object::Result<BTreeSet<&str>> {
     let file = ElfFile64::<Endianness>::parse(bytes)?;
     Ok(file.dynamic_symbols().filter(ObjectSymbol::is_definition).filter_map(|symbol| symbol.name().ok()).collect())

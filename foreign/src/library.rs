@@ -25,7 +25,7 @@ pub struct Library {
     /// `None` after the node was destroyed.
     engine: Option<Box<dyn Engine>>,
     guard: Guard,
-    /// Error of the library in a call that cannot return it; the next step fails with it.
+    /// Error of the library in a call that cannot return an error; the next step fails with it.
     wrong: Cell<Option<String>>,
 }
 
@@ -40,8 +40,8 @@ impl Guard {
         Self { rounding: Rounding::now() }
     }
 
-    /// Makes a call into the library, called `what` in an error. A copy of this process that returns from the call
-    /// ends.
+    /// Makes a call into the library, named `what` in an error. A child process that the library has forked ends when
+    /// it returns from the call.
     ///
     /// # Errors
     /// The call has changed the mode of the floating-point unit, which is set back.
@@ -68,7 +68,7 @@ impl Library {
         let file = &scenario.node.of(topic).exec;
         let refused = |why: String| SessionError::Foreign { file: file.clone(), why };
         let guard = Guard::new();
-        // dlopen takes a name without a slash for one in the system's folders.
+        // dlopen searches a name without a slash in the system's folders.
         let path = absolute(file).map_err(|error| refused(error.to_string()))?;
         elf::check_length(&path).map_err(refused)?;
         let handle = guard.call("while it was loaded", || loading::load(&path)).map_err(refused)?.map_err(refused)?;
@@ -162,7 +162,7 @@ impl Library {
     }
 }
 
-/// Reason why there is a node: only `end` takes it, and nothing is called after that.
+/// Reason why there is a node: only `end` takes the node, and no function of it is called after that.
 const NOT_DESTROYED: &str = "a node that was not destroyed";
 
 impl Drop for Library {
@@ -175,7 +175,7 @@ impl Drop for Library {
     }
 }
 
-/// Returns the first word of the snapshots of the library or program that publishes `topic`: part of the hashes of its
+/// Returns the first word of the snapshots of the library or program that publishes `topic`, made of the hashes of its
 /// files.
 pub fn layout_of(scenario: &Scenario, topic: Topic) -> u64 {
     let program = scenario.node.of(topic);

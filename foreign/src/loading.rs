@@ -1,9 +1,9 @@
 //! Loading of a library, with the dependencies that it has in a process of its own.
 //!
-//! The loader knows a dependency by its name only (SONAME), `RTLD_LOCAL` or not: of two libraries that each bring a
-//! `libblasfeo.so.0`, the second gets that of the first, and answers otherwise in process than in lockstep. Before a
-//! second library of a process is used, the loader is asked, in a process of its own (as `ldd` does), which files the
-//! library would get alone, and they are compared with those that this process has.
+//! The loader identifies a dependency by its name only (SONAME), with or without `RTLD_LOCAL`. If two libraries each
+//! bring a `libblasfeo.so.0`, the second gets the file of the first, and may answer otherwise in process than in
+//! lockstep. Before a second library of a process is used, the loader is asked, in a process of its own (as `ldd`
+//! does), which files the library would get alone. These are compared with the files that this process has.
 
 #![expect(unsafe_code, reason = "code from other languages is loaded")]
 
@@ -20,7 +20,7 @@ use libloading::os::unix::{Library as Handle, RTLD_LOCAL, RTLD_NOW};
 
 /// Libraries that this process has loaded.
 static LOADED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-/// `true` in a program other than the launcher, which may have files of any name before its first library.
+/// `true` in a program other than the launcher, which may have mapped files of any name before its first library.
 static IS_OF_OTHERS: AtomicBool = AtomicBool::new(false);
 
 /// Loads the library at `path`, which is never unloaded.
@@ -34,7 +34,7 @@ pub fn load(path: &Path) -> Result<ManuallyDrop<Handle>, String> {
     // a node, the launcher has tried it in a process of its own before, and a crash costs this process.
     let handle = unsafe { Handle::open(Some(path), RTLD_NOW | RTLD_LOCAL) }.map(ManuallyDrop::new);
     if !is_alone && !loaded.contains(path) {
-        as_alone(path, handle.is_ok())?; // before the loader's error, which may name a missing function
+        as_alone(path, handle.is_ok())?; // reported before the loader's error, which may only name a missing function
     }
     let handle = handle.map_err(|error| match error {
         libloading::Error::DlOpen { source } => source.to_string(),
@@ -44,13 +44,13 @@ pub fn load(path: &Path) -> Result<ManuallyDrop<Handle>, String> {
     Ok(handle)
 }
 
-/// Marks this process as a program of others, so that all dependencies of its libraries are compared.
+/// Marks this process as a program other than the launcher, so that all dependencies of its libraries are compared.
 pub fn in_program_of_others() {
     IS_OF_OTHERS.store(true, Ordering::Relaxed);
 }
 
 /// Checks that the library at `path` has the dependencies here that it would have alone. If the loader has refused the
-/// library, and so has not mapped all of them, only those count that are here under the same name.
+/// library, and so has not mapped all dependencies, only those count of which this process has a file of the same name.
 fn as_alone(path: &Path, is_loaded: bool) -> Result<(), String> {
     let unknown = |why: String| format!("it cannot be found out which files it shares with other libraries: {why}");
     let mapped = mapped().map_err(|error| unknown(error.to_string()))?;
@@ -83,19 +83,19 @@ fn as_alone(path: &Path, is_loaded: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the files that this process has mapped; one that was replaced meanwhile has a name that no file has.
+/// Returns the files that this process has mapped; a file that was replaced meanwhile has a name that does not exist.
 fn mapped() -> std::io::Result<BTreeSet<PathBuf>> {
     let maps = read_to_string("/proc/self/maps")?;
     Ok(maps.lines().filter_map(|line| line.find('/').map(|at| line[at..].into())).collect())
 }
 
-/// Returns device and inode of a file, if it is there.
+/// Returns device and inode of a file; `None` if it does not exist.
 fn identity(file: &Path) -> Option<(u64, u64)> {
     metadata(file).ok().map(|file| (file.dev(), file.ino()))
 }
 
-/// Asks the loader, which is among the `mapped` files, for all dependencies of `file` alone: the name of each, and the
-/// file that it is.
+/// Asks the loader, which is among the `mapped` files, for all dependencies of `file` alone: the name of each, and its
+/// file.
 fn resolved(mapped: &BTreeSet<PathBuf>, file: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     let is_loader = |file: &&PathBuf| file.file_name().is_some_and(|name| name.to_string_lossy().starts_with("ld-"));
     let loader = mapped.iter().find(is_loader).ok_or("this process has no loader")?;

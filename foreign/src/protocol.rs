@@ -55,8 +55,8 @@ pub struct Place {
     pub shape: MatrixShape,
 }
 
-/// Shape of a matrix of `f64`, whose values are kept column by column, as those of CasADi are. An array of C of
-/// `[columns][rows]` keeps them so.
+/// Shape of a matrix of `f64`, whose values are kept column by column, as in CasADi and as in an array
+/// `[columns][rows]` of C.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MatrixShape {
     pub rows: usize,
@@ -69,7 +69,7 @@ impl MatrixShape {
         self.rows * self.columns
     }
 
-    /// Returns whether the values of a matrix of the shape `other` are those of one of this shape, in the same order: a
+    /// Returns whether a matrix of this shape and one of the shape `other` keep the same values in the same order: a
     /// vector may be a row or a column.
     pub fn fits(self, other: Self) -> bool {
         let is_vector = |Self { rows, columns }: Self| rows <= 1 || columns <= 1;
@@ -152,7 +152,8 @@ impl Protocol for AttitudeMpcProtocol {
         TrefoilAttitudeInput { tick, time_s, sample, reference }
     }
 
-    /// Makes CONTROLS. A missing answer, and one to an old sample, is marked as repeated, so that the mixer falls back.
+    /// Makes CONTROLS. An invalid answer, or an answer to an old sample, is marked as stale, so that the mixer falls
+    /// back.
     fn message(input: &Self::Input, answer: &Self::Answer) -> Controls {
         let status = match (answer.status, input.sample.age_ticks, input.reference.age_ticks) {
             (0, 0, 0) => SolveStatus::Explicit,
@@ -197,7 +198,7 @@ pub const PLANT_NAMES: [&[Place]; 2] = [
     }),
 ];
 
-/// Age of the newest message at `tick`, in ticks.
+/// Returns the age of the newest message at `tick` \[ticks\]; [`TREFOIL_NEVER`] if none has come.
 fn age<M: Message>(tick: u64, newest: &M) -> u64 {
     let stamp = newest.stamp();
     if stamp.sequence == 0 { TREFOIL_NEVER } else { tick.saturating_sub(stamp.tick) }

@@ -1,5 +1,5 @@
 //! Mode of the floating-point unit: rounding, and the treatment of subnormal numbers. Code built with `-ffast-math` may
-//! change it for the whole thread, when it is loaded or later; all later bits would change silently.
+//! change this mode for the whole thread, when the code is loaded or later; all later results would change silently.
 
 #![expect(unsafe_code, reason = "the mode is a register of the processor")]
 

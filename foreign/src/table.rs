@@ -13,7 +13,7 @@ use crate::engine::Engine;
 use crate::protocol::PortLayout;
 use crate::setup::Setup;
 
-/// Name of the exported function without its number, which is that of the interface.
+/// Name of the exported function, without the number of the interface at its end.
 const EXPORT: &str = "trefoil_node_v";
 /// Numbers of other interfaces to look for, to name them in the error.
 const OTHER_ABIS: std::ops::Range<u32> = 0..100;
@@ -67,7 +67,7 @@ impl FunctionTable {
             return Err(format!("{what} {:?}: build it with the header of this launcher", layout.bytes));
         }
         if table.memory_bytes > TREFOIL_MEMORY_BYTES {
-            let most = format!("at most {TREFOIL_MEMORY_BYTES}; say 0 to be restarted cold");
+            let most = format!("at most {TREFOIL_MEMORY_BYTES}; return 0 for a restart without memory");
             return Err(format!("its memory has {} byte: {most}", table.memory_bytes));
         }
         let memory = table.snapshot.zip(table.restore).filter(|_| table.memory_bytes > 0);
@@ -125,7 +125,7 @@ impl Drop for FunctionTable {
     }
 }
 
-/// Returns whether a library exports the function table of this interface.
+/// Returns whether a library exports the function table of the interface `abi`.
 fn export_of(handle: &Handle, abi: u32) -> bool {
     // SAFETY: the address is only compared with null.
     unsafe { handle.get::<*const c_void>(format!("{EXPORT}{abi}").as_bytes()) }.is_ok()

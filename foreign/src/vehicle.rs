@@ -21,7 +21,7 @@ const LAYOUT: PortLayout =
 /// Vehicle of a library.
 struct ForeignVehicle {
     library: Library,
-    /// First word of its memory, which no other file has.
+    /// First word of the vehicle's memory, which no other library has.
     layout: u64,
     sample_ns: u64,
     /// Newest answer.
@@ -89,7 +89,7 @@ impl ForeignVehicle {
     }
 }
 
-/// Bound of the simulation that an answer violates, if any.
+/// Returns the bound of the simulation that an answer violates, if any.
 fn diverged(answer: &TrefoilPlantAnswer) -> Option<PlantStatus> {
     divergence(cast_slice(bytes_of(answer)), &answer.position_m, &answer.rates_radps)
 }
@@ -113,8 +113,8 @@ impl Vehicle for ForeignVehicle {
         self.diverged
     }
 
-    /// Writes or reads the newest answer and the memory of the library; there is none if the library keeps none, or
-    /// does not give back the memory that it has taken.
+    /// Writes or reads the newest answer and the memory of the library. Refuses the tape if the library keeps no
+    /// memory, or does not give back the memory that it has restored.
     fn remember(&mut self, tape: &mut Tape, _tick: u64) {
         let bytes = self.library.memory_bytes();
         let mut layout = self.layout;

@@ -10,7 +10,7 @@ fn in_crate(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Checks that the file at `path` has this text. Regenerate with
+/// Checks that the file at `path` has this text. Regenerate the file with
 /// `TREFOIL_WRITE_HEADER=1 cargo test --workspace --test header`.
 fn is_generated(path: &str, text: &str) {
     if std::env::var_os("TREFOIL_WRITE_HEADER").is_some() {

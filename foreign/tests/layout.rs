@@ -20,7 +20,7 @@ macro_rules! assertions {
             let (name, at) = (stringify!($type), offset_of!($type, $field));
             writeln!($text, "static_assert(offsetof({name}, {0}) == {at}, \"{name}.{0}\");", stringify!($field)).unwrap();
         )*
-        // All fields are named here, or the type would not compile.
+        // This pattern compiles only if all fields are named.
         let _ = |it: $type| { let $type { $($field: _),* } = it; };
     )*};
 }

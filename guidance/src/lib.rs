@@ -18,19 +18,19 @@
 //! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
 //! off this is the paper's controller. In the heading frame the tilt is limited as a whole, and the part that the
 //! limits cut off is fed back into the integrals. Otherwise roll, pitch and climb are three loops of their own. Test
-//! `val_closed_loop_cases` flies both.
+//! `val_closed_loop_cases` flies both controllers.
 //!
-//! Feed-forward and heading are those of a later time, at which the vehicle has the attitude: `guidance.lead_s`, and
-//! the delay of the commands if attitude-mpc measures it (`attitude.delay_compensation`).
+//! Feed-forward and heading are taken from a later time, at which the vehicle has the attitude: later by
+//! `guidance.lead_s`, and by the delay of the commands if attitude-mpc measures it (`attitude.delay_compensation`).
 //!
-//! With `guidance.preview_s` the reference has its own changes at later times: trajectory and heading go on, and the
+//! With `guidance.preview_s` the reference includes its changes at later times: trajectory and heading go on, and the
 //! correction by PID and observer stays, as if the vehicle kept its place beside the trajectory.
 //!
 //! Without a usable state of the tick the last reference is repeated, and integrators and observer do not change. The
 //! integrators count the time before the next state as one period, so that the reference does not jump after a silence;
-//! after a long one it is limited too ([`limits`]). The observer counts a short gap in full and a silence as one
-//! period, because it does not know the attitude in between. A state without thrust counts as missing: the vehicle does
-//! not follow any reference then, and integrators and observer would adapt to that.
+//! after a long silence the reference is limited too ([`limits`]). The observer counts a short gap in full and a
+//! silence as one period, because it does not know the attitude in between. A state without thrust counts as missing:
+//! the vehicle does not follow any reference then, so integrators and observer would wind up.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -73,21 +73,21 @@ pub struct Guidance {
     memory: GuidanceMemory,
 }
 
-/// Part of the references of a sample and of later times that follows from the sample.
+/// Part of the references, for now and for later times, that follows from one sample.
 #[derive(Debug, Clone, Copy)]
 struct Correction {
     /// Proportional, integral and derivative errors, NED \[m, m s, m/s\].
     errors: [Vector3<f64>; 3],
     /// Disturbance ahead and to the right \[m/s2\].
     disturbance_mps2: Vector2<f64>,
-    /// Turn from NED to the heading frame, if errors and feed-forward are turned \[rad\].
+    /// Turn from NED to the heading frame \[rad\]; `None` if errors and feed-forward stay in NED.
     heading_rad: Option<f64>,
-    /// Relation of w to the climb, if the climb is exact.
+    /// Relation of w to the climb, if `exact_w` is set.
     exact_w: Option<ExactW>,
     limits: ReferenceLimits,
 }
 
-/// References of a moment.
+/// References for one moment.
 struct Aim {
     /// Body z velocity \[m/s\].
     w_mps: f64,
@@ -126,7 +126,7 @@ impl Core for Guidance {
         snapshot::pack(&self.memory)
     }
 
-    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if the snapshot is foreign, torn or not finite.
     fn restore(&mut self, snapshot: &Snapshot) -> bool {
         snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
@@ -159,8 +159,8 @@ impl Guidance {
     /// Computes REFERENCE at `tick` for the newest `state`.
     ///
     /// The previous answer (hover before the first) is repeated with a flag if the state is missing, older than `tick`,
-    /// without thrust or not finite, or if the answer would not be finite. For a state
-    /// that was answered already the answer is repeated without a flag.
+    /// without thrust or not finite, or if the answer would not be finite. For a state that was answered already, the
+    /// answer is repeated without a flag.
     pub fn step(&mut self, tick: u64, state: &State) -> Reference {
         let before = self.memory;
         if state.stamp.sequence == 0 || state.stamp.tick < tick {
@@ -246,7 +246,8 @@ impl Guidance {
         reference
     }
 
-    /// Reference of a vehicle on its feet: level, with `w_mps`. Integrals and observer begin when it is off.
+    /// Reference of a vehicle on its feet: level, with `w_mps`. Integrals and disturbance estimate are zero until the
+    /// feet are off.
     fn stand(&mut self, setpoint: &Setpoint, w_mps: f64, velocity_ned: &Vector3<f64>, t_s: f64) -> Reference {
         self.memory.integral_ms = Vector3::zeros();
         self.memory.observer =
@@ -309,8 +310,8 @@ impl Guidance {
         }
     }
 
-    /// Adds the preview to `reference`, which has the feed-forward of `t_s`: its values at later times if `correction`
-    /// stays.
+    /// Adds the preview to `reference`, which has the feed-forward of `t_s`: the changes of its values until later
+    /// times if `correction` stays.
     fn look_ahead(&self, t_s: f64, correction: &Correction, reference: &mut Reference) {
         let step_s = self.settings.preview_s / PREVIEW as f64;
         reference.preview_step_ns = libm::round(step_s * 1e9) as u64;

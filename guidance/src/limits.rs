@@ -1,5 +1,5 @@
-//! Limits of the reference. After a silence they are narrower for a while (re-entry), because the position error has
-//! become large and would otherwise use the full range of the settings' limits.
+//! Limits of the reference. After a silence the limits are narrower for a while (re-entry), because the position error
+//! has become large and would otherwise use the full range of the settings' limits.
 //!
 //! ```text
 //! |angles| <= 15 deg + 5 deg/s t        about trim, t since the first state after a silence of more than 100 ms,
@@ -15,11 +15,11 @@ use nalgebra::{Vector2, Vector3};
 const MAX_GAP_S: f64 = 0.1;
 /// Duration of the re-entry \[s\].
 const REENTRY_S: f64 = 3.0;
-/// Largest angle about trim at the beginning \[deg\].
+/// Largest angle about trim at the beginning of the re-entry \[deg\].
 const MAX_ANGLE_DEG: f64 = 15.0;
 /// Growth of the largest angle \[deg/s\].
 const MAX_ANGLE_DPS: f64 = 5.0;
-/// Largest climb at the beginning \[m/s\].
+/// Largest climb at the beginning of the re-entry \[m/s\].
 const MAX_CLIMB_MPS: f64 = 1.0;
 /// Growth of the largest climb \[m/s2\].
 const MAX_CLIMB_MPS2: f64 = 1.0;
@@ -34,7 +34,7 @@ pub struct ReferenceLimits {
 }
 
 impl ReferenceLimits {
-    /// Reduces the limits `since_s` after the end of a silence; `None` if there was none.
+    /// Reduces the limits `since_s` after the end of a silence; `None` if there was no silence.
     #[must_use]
     pub fn after_silence(self, since_s: Option<f64>) -> Self {
         let Some(t) = since_s.filter(|since_s| *since_s < REENTRY_S) else { return self };
@@ -50,21 +50,21 @@ pub fn is_silence(elapsed_s: f64) -> bool {
     elapsed_s > MAX_GAP_S
 }
 
-/// Shortens a horizontal vector to `bound`, whatever its direction.
+/// Shortens a horizontal vector that is longer than `bound` to `bound`, and keeps its direction.
 pub fn within(horizontal: &Vector2<f64>, bound: f64) -> Vector2<f64> {
     if horizontal.x.abs() + horizontal.y.abs() <= bound {
-        return *horizontal; // no longer than its two parts, which is nearly always enough
+        return *horizontal; // the length is at most this sum; nearly always this check suffices
     }
     let length = libm::hypot(horizontal.x, horizontal.y);
     if length > bound { horizontal * (bound / length) } else { *horizontal }
 }
 
-/// Shortens the horizontal part of an integral, and clamps the vertical one.
+/// Shortens the horizontal part of an integral to `bound`, and clamps the vertical part to +-`bound`.
 pub fn bounded(integral: &Vector3<f64>, bound: f64) -> Vector3<f64> {
     within(&integral.xy(), bound).push(integral.z.clamp(-bound, bound))
 }
 
-/// Clamps `value` to +-`bound`, and sets `flag` if that changes it.
+/// Clamps `value` to +-`bound`, and sets `flag` in `flags` if that changes the value.
 pub fn limit(value: f64, bound: f64, flag: u64, flags: &mut u64) -> f64 {
     let inside = value.clamp(-bound, bound);
     if inside != value {

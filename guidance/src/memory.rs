@@ -29,7 +29,7 @@ pub struct GuidanceMemory {
     pub observer: DisturbanceObserver,
     /// Age of the commands.
     pub age: CommandAge,
-    /// Start on the ground.
+    /// State of the take-off.
     pub take_off: TakeOff,
     /// Last answer, without a stamp.
     pub reference: Reference,

@@ -10,8 +10,8 @@
 //! Industrial Electronics 63(2), 2016): wind and drag appear as an acceleration, which a lean of the vehicle cancels.
 //!
 //! After n periods the step is taken n times with the mean acceleration. The noise of a velocity sample enters the
-//! estimate with one difference and leaves it with the next, if each has the weight of the time it spans; with less
-//! weight part of the noise would stay, and decay within 1 / b.
+//! estimate with one difference and leaves the estimate with the next, if each difference has the weight of the time
+//! that it spans. With less weight a part of the noise would stay and decay within 1 / b.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::{Vector2, Vector3};
@@ -39,7 +39,7 @@ pub struct ObserverStep {
 
 impl DisturbanceObserver {
     /// Updates the estimate from a sample and returns it: the disturbance ahead and to the right \[m/s2\]. `tilt_rad`
-    /// is roll about trim and pitch.
+    /// has roll about trim and pitch; `psi_rad` is the heading.
     pub fn update(
         &mut self,
         velocity_ned_mps: &Vector3<f64>,
@@ -61,7 +61,7 @@ impl DisturbanceObserver {
     }
 }
 
-/// Frame with x ahead, y to the right, z down.
+/// Heading frame: x ahead and y to the right, both horizontal, z down.
 #[derive(Debug, Clone, Copy)]
 pub struct HeadingFrame {
     sin: f64,
@@ -69,7 +69,7 @@ pub struct HeadingFrame {
 }
 
 impl HeadingFrame {
-    /// Frame of the heading `psi_rad`.
+    /// Builds the frame of the heading `psi_rad`.
     pub fn new(psi_rad: f64) -> Self {
         let (sin, cos) = libm::sincos(psi_rad);
         Self { sin, cos }

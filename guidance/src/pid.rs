@@ -6,8 +6,9 @@
 //! w_ref     = Kp_w     e_z + Ki_w     int e_z dt + Kd_w     de_z/dt        (47)
 //! ```
 //!
-//! Departure: (47) equates the body z velocity with the climb rate. With `exact_w` its output is the wanted vertical
-//! speed, from which w is computed at the present attitude and velocity. Test `exact_w_makes_the_wanted_climb`.
+//! Departure: (47) equates the body z velocity with the climb rate. With `exact_w` the output of (47) is the wanted
+//! vertical speed, from which w is computed at the present attitude and velocity. Test
+//! `exact_w_makes_the_wanted_climb`.
 
 use contract::message::State;
 use nalgebra::Vector3;
@@ -36,7 +37,7 @@ pub fn wanted(k: &GuidanceSettings, [e, i, d]: &[Vector3<f64>; 3]) -> PidOutput 
 /// Relation of the body z velocity to the vertical speed, at a measured attitude and velocity.
 #[derive(Debug, Clone, Copy)]
 pub struct ExactW {
-    /// Parts of the vertical speed that the other two velocities have \[m/s\].
+    /// Terms of u, up positive, and of v, down positive, in the vertical speed \[m/s\].
     of_u_mps: f64,
     of_v_mps: f64,
     /// Share of w in the vertical speed.
@@ -45,7 +46,7 @@ pub struct ExactW {
 }
 
 impl ExactW {
-    /// Relation at the measurements of `state`.
+    /// Builds the relation at the measurements of `state`.
     pub fn new(state: &State) -> Self {
         let [u, v, w] = state.measured.velocity_mps;
         let (sin_phi, cos_phi) = libm::sincos(state.measured.attitude_rad[0]);
@@ -58,8 +59,8 @@ impl ExactW {
         }
     }
 
-    /// Body z velocity at which the vertical speed is `climb_mps` \[m/s\]; at most twice the sum of measured speed and
-    /// climb, which keeps it finite if the body z axis is horizontal.
+    /// Body z velocity at which the vertical speed is `climb_mps` \[m/s\]; its magnitude is at most twice the sum of
+    /// measured speed and climb, which keeps it finite if the body z axis is horizontal.
     pub fn at(&self, climb_mps: f64) -> f64 {
         let exact = (climb_mps + self.of_u_mps - self.of_v_mps) / self.of_w;
         let most = 2.0 * (self.speed_mps + climb_mps.abs());

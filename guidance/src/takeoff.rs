@@ -1,23 +1,24 @@
 //! Start of a flight that begins on the ground: the vehicle waits, then lifts off level.
 //!
 //! ```text
-//! waits: asked to sink, so that the mixer idles --mission above the ground--> lifts off --feet off--> follows
+//! waits: sink demanded, so the mixer idles --mission above the ground--> lifts off --feet off--> follows
 //! ```
 //!
-//! Until its feet are off the vehicle cannot follow: the attitude reference is level, because hover trim leans, and a
-//! vehicle that leans on its feet slides; and no integral adapts. So the take-off does not depend on the length of the
-//! wait.
+//! Until its feet are off, the vehicle cannot follow a reference. The attitude reference is level: at hover trim the
+//! vehicle leans, and on its feet it would slide. No integral adapts, so the take-off does not depend on the length of
+//! the wait.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Time that rotors at idle need to lift the vehicle \[s\]: the vehicle leaves this much earlier than the mission.
+/// Time that rotors at idle need to lift the vehicle \[s\]: the lift-off begins this much before the mission is above
+/// the ground.
 pub const SPOOL_UP_S: f64 = 0.25;
-/// Sink that is asked for while the vehicle waits \[m/s\].
+/// Sink rate that is demanded while the vehicle waits \[m/s\].
 const SINK_MPS: f64 = 0.5;
-/// Climb that is asked for until the feet are off \[m/s\]: enough for the mixer to leave idle at once.
+/// Climb rate that is demanded until the feet are off \[m/s\]: enough for the mixer to leave idle at once.
 const LIFT_OFF_MPS: f64 = 0.5;
-/// Rise since the lift-off began at which the feet are off \[m\]: more than the feet yield, and more than the error of
-/// an estimated height in that time.
+/// Rise after the beginning of the lift-off at which the feet are off \[m\]: more than the feet yield, and more than an
+/// estimated height drifts during the lift-off.
 const OFF_M: f64 = 0.03;
 
 /// State of the take-off.
@@ -37,7 +38,8 @@ impl TakeOff {
     }
 
     /// Updates the state by a measured down position, and by whether the mission is above the ground. Returns the
-    /// vertical speed to ask for, down positive \[m/s\]; `None` once the feet are off.
+    /// vertical speed to demand, down positive \[m/s\]; `None` once the feet are off, and in a flight that begins in
+    /// the air.
     pub fn observe(&mut self, down_m: f64, climbs: bool) -> Option<f64> {
         if !climbs {
             self.from_down_m = down_m;

@@ -67,7 +67,7 @@ fn errors_are_turned_into_the_heading_frame() {
 #[test]
 fn limits_hold_and_raise_their_flags() {
     let far = answer(Profile::Robust, [-100.0, 100.0, 100.0], 0.0);
-    let share = 30_f64.to_radians() / 2_f64.sqrt(); // of the tilt, which is limited as a whole
+    let share = 30_f64.to_radians() / 2_f64.sqrt(); // share of each angle in the tilt, which is limited as a whole
     assert!((far.attitude_rad[1] + share).abs() < 1e-12);
     assert!((far.attitude_rad[0] - roll_trim() + share).abs() < 1e-12, "the limit counts from trim");
     assert!((far.w_mps * roll_trim().cos() + 4.0).abs() < 1e-12, "the limit is that of the climb");
@@ -121,7 +121,7 @@ fn bad_and_repeated_samples_repeat_the_answer() {
 #[test]
 fn a_bad_first_sample_is_answered_by_hover() {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
-    s.guidance.preview_s = 0.0; // the first answer has none
+    s.guidance.preview_s = 0.0; // the first answer has no preview
     let mut guidance = Guidance::new(&s);
     let mut bad = hovering(0);
     bad.measured.position_m[0] = f64::INFINITY;
@@ -162,7 +162,7 @@ fn the_observer_holds_while_the_vehicle_is_upset() {
     let mut answer = |tick: u64, pitch_rad: f64| {
         let mut state = hovering(tick);
         state.measured.attitude_rad[1] = pitch_rad;
-        let north_mps = 0.1 * tick as f64; // at 10 m/s2
+        let north_mps = 0.1 * tick as f64; // an acceleration of 10 m/s2
         state.measured.velocity_mps = nalgebra::Rotation3::from_euler_angles(roll_trim(), pitch_rad, 0.0)
             .inverse_transform_vector(&nalgebra::Vector3::new(north_mps, 0.0, 0.0))
             .into();
@@ -264,7 +264,7 @@ proptest! {
         let numbers = [answer.attitude_rad, answer.rates_radps, [answer.w_mps, 0.0, 0.0]];
         prop_assert!(numbers.as_flattened().iter().all(|x| x.is_finite()));
         if answer.flags & guidance_flags::BAD_INPUT != 0 {
-            quiet.step(1, &hovering(0)); // as if the bad state had not come
+            quiet.step(1, &hovering(0)); // as if the bad state had never been received
             prop_assert_eq!(disturbed.step(2, &hovering(2)), quiet.step(2, &hovering(2)));
         }
     }

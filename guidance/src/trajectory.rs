@@ -6,10 +6,10 @@ pub use curves::Setpoint;
 use curves::MissionPlan;
 use settings::{Scenario, plan};
 
-/// Height above a vehicle that stands from which a reference asks for a take-off \[m\]. A smooth mission then climbs at
-/// some speed already, so that the vehicle, which follows from there, need not wait for it near the ground.
+/// Height above a standing vehicle from which on a reference asks for a take-off \[m\]. There a smooth mission already
+/// climbs at some speed, so the vehicle that follows does not have to wait near the ground.
 const HIGH_M: f64 = 0.1;
-/// Depth below the ground from which a reference that rests asks for a landing, and not for standing \[m\].
+/// Depth below a standing vehicle from which on a reference at rest asks for a landing, and not for standing \[m\].
 const LOW_M: f64 = 0.01;
 
 /// Reference of a mission over time.
@@ -28,10 +28,10 @@ impl Trajectory {
         Self { plan: plan::build(scenario), standing_down_m }
     }
 
-    /// Reference at `t_s` of a vehicle whose measured down position is `down_m`. It is [`Self::at`], but lower if that
-    /// reference rests below the ground, as after a landing, and `down_m` is below the ground too: the measured height
-    /// is then wrong by as much. A vehicle that would hover above the ground sinks until it stands, and one whose
-    /// height drifts on the ground is not asked to climb.
+    /// Reference at `t_s` of a vehicle whose measured down position is `down_m`. It is [`Self::at`], except if this
+    /// reference rests below the ground, as after a landing, and `down_m` is below the ground too. The measured height
+    /// is then wrong, and the reference is lowered by this error. So a vehicle that would hover above the ground sinks
+    /// until it stands, and a standing vehicle whose height drifts is not asked to climb.
     pub fn for_vehicle_at(&self, down_m: f64, t_s: f64) -> Setpoint {
         let mut setpoint = self.at(t_s);
         let [_, _, rests_down_m] = setpoint.position_m;
@@ -46,7 +46,7 @@ impl Trajectory {
         self.at(t_s).position_m[2] < self.standing_down_m - HIGH_M
     }
 
-    /// Reference at `t_s`; before the mission and after it it rests.
+    /// Reference at `t_s`; at rest before and after the mission.
     pub fn at(&self, t_s: f64) -> Setpoint {
         self.plan.at(t_s)
     }

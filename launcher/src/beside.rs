@@ -1,5 +1,5 @@
 //! Processes beside a flight that only watch it: the page of `--web`, and `--mavlink`. No process of the flight waits
-//! for them, and their failure is a reservation of the flight that does not change its verdict.
+//! for them, and their failure becomes a reservation of the flight, but does not change its verdict.
 
 use std::io;
 use std::process::{Child, Command, ExitStatus};
@@ -7,16 +7,16 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 
-/// Niceness of such a process: the ring and the recorder go first.
+/// Niceness of a process beside a flight: the ring and the recorder go first.
 const NICENESS: i32 = 10;
-/// Longest wait after the flight until all of them have ended, and then for each one that was killed.
+/// Longest wait after the flight until all processes beside it have ended, and then for each process that was killed.
 const END_LIMIT: Duration = Duration::from_secs(1);
 /// Time between two looks at a process that is to end.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Process beside a flight. Dropping it kills it.
+/// Process beside a flight. Dropping the value kills the process.
 pub struct Beside {
-    /// Option of `fly` that asks for it.
+    /// Option of `fly` that asks for the process.
     option: &'static str,
     pub child: Child,
 }
@@ -34,9 +34,9 @@ impl Beside {
         all.into_iter().filter_map(|mut beside| beside.end(deadline)).collect()
     }
 
-    /// Waits for its end until `deadline`; returns what went wrong, if anything did.
+    /// Waits for the end of the process until `deadline`; describes its failure, if it failed.
     fn end(&mut self, deadline: Instant) -> Option<String> {
-        drop(self.child.stdin.take()); // tells the page's process, which may not have seen the flight
+        drop(self.child.stdin.take()); // ends the page's process, which may not have seen the flight
         let option = self.option;
         match self.ended(deadline) {
             Ok(Some(status)) if status.success() => None,
@@ -59,13 +59,13 @@ impl Beside {
 
 impl Drop for Beside {
     fn drop(&mut self) {
-        let _ = self.child.kill(); // fails only if it has ended
-        let _ = self.ended(Instant::now() + END_LIMIT); // one that the kernel keeps is left behind
+        let _ = self.child.kill(); // fails only if the process has ended
+        let _ = self.ended(Instant::now() + END_LIMIT); // a process that the kernel keeps is left behind
     }
 }
 
-/// Lowers the priority of this thread and of those that it starts from now on. Fails only if the system forbids it,
-/// which harms no flight.
+/// Lowers the priority of this thread and of the threads that it starts from now on. The call fails only if the system
+/// forbids this, which harms no flight.
 pub fn be_nice() {
     let _ = rustix::process::setpriority_process(None, NICENESS);
 }

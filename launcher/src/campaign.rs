@@ -59,7 +59,7 @@ pub struct CampaignArgs {
     web: Option<SocketAddr>,
     #[command(flatten)]
     token: TokenArgs,
-    /// Run in real time whose age at the actuator is put beside the limits of a delay, a jitter or a loss
+    /// Run in real time whose age at the actuator is shown beside the limits of a delay, a jitter or a loss
     #[arg(long, value_name = "RUN", conflicts_with_all = ["plan", "only", "status"])]
     observed: Option<PathBuf>,
     #[command(flatten)]
@@ -82,7 +82,7 @@ struct What {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Fly one shard, as the task of any engine
+    /// Fly one shard, as a task of any scheduler
     #[command(hide = true)]
     Shard {
         #[command(flatten)]
@@ -187,7 +187,7 @@ fn fly_here(
     shown: &ResultsView,
 ) -> anyhow::Result<u8> {
     let folder = CampaignFolder::open(out, plan, shards, FolderAccess::Alone)?;
-    // Reads the shards that exist, so that a damaged one is an error before any flight.
+    // Reads the shards that exist, so that a damaged shard is an error before any flight.
     let (there, missing) = folder.collect(plan)?;
     if there.rows() > 0 {
         let more =
@@ -210,7 +210,7 @@ fn fly_here(
         drop(there);
         return fly(&mut |_, _| {});
     };
-    // Flights that are there, in the order in which they came, and what the campaign does.
+    // Flights so far, in the order in which they came, and words on the state of the campaign.
     let so_far = Mutex::new((there, "no flight has ended yet".to_owned()));
     let lock = || so_far.lock().unwrap_or_else(PoisonError::into_inner);
     page.while_running(
@@ -230,7 +230,7 @@ fn fly_here(
     )?
 }
 
-/// Flies the missing shards and prints why it stopped, if it did; `landed` gets each flight. Returns the exit code.
+/// Flies the missing shards, and prints the reason if it stops early; `landed` gets each flight. Returns the exit code.
 fn fly_missing(
     plan: &Plan,
     folder: &CampaignFolder,
@@ -257,7 +257,7 @@ fn fly_missing(
     }
 }
 
-/// Flies one shard, as the task of any engine; returns the exit code.
+/// Flies one shard, as a task of any scheduler; returns the exit code.
 fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
     let plan = what.plan()?;
     ensure!(
@@ -348,7 +348,7 @@ fn print_plan(plan: &Plan) {
     }
 }
 
-/// Flies one flight again, with its log; an error if its shard is there and has another result for it.
+/// Flies one flight again, with its log; an error if its shard is there and has another result for the flight.
 fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
     ensure!(number < plan.flights(), "--only {number}: the flights have the numbers 0 to {}", plan.flights() - 1);
     let flight = row::told_of(plan, number);

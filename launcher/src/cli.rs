@@ -105,13 +105,13 @@ enum Command {
         /// Namespace of the stack to join
         #[arg(long, default_value = "default")]
         namespace: String,
-        /// Epoch of the process: its number among those of the node
+        /// Epoch of the process: its number among the processes of the node
         #[arg(long, default_value_t = 1)]
         epoch: u32,
         /// Settings of this process, a merged scenario file; without it: the run's
         #[arg(long)]
         settings: Option<PathBuf>,
-        /// recorder: where to write the log
+        /// recorder: file of the log
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
     },
@@ -123,7 +123,7 @@ enum Command {
     ServePage,
 }
 
-/// Name of the recorder, among those of the nodes.
+/// Name of the recorder, as an argument beside the names of the nodes.
 const RECORDER: &str = "recorder";
 
 /// Parses the arguments and runs the command. A panic prints its reason; the exit code is then that of a lost process.
@@ -138,7 +138,8 @@ fn run() -> ExitCode {
         console::eprint_line(&format!("error: {error}"));
         return console::finish(exit::USAGE).into();
     }
-    // A process that was started from /proc/self/exe has the name `exe`. The call fails only for longer names.
+    // A process that was started from /proc/self/exe has the name `exe`. The call fails only for a name that is too
+    // long.
     let _ = rustix::thread::set_name(c"trefoil");
     let cli = match help::parse::<Cli>() {
         Ok(cli) => cli,

@@ -1,4 +1,4 @@
-//! `inject` and `clear`: break something in a flying stack, and end it.
+//! `inject` and `clear`: inject a fault into a flying stack, and end faults.
 
 use anyhow::{Context, anyhow, bail};
 use runtime::domain::Domain;
@@ -42,10 +42,10 @@ pub struct InjectArgs {
     /// Wind NED [m/s], for example 5,0,0
     #[arg(long, value_name = "N,E,D", value_delimiter = ',', allow_hyphen_values = true)]
     vector: Option<Vec<f64>>,
-    /// Share of the ticks that it affects
+    /// Share of the ticks that the fault affects
     #[arg(long)]
     probability: Option<f64>,
-    /// Messages, or bits
+    /// Number of messages, or of bits
     #[arg(long)]
     count: Option<u64>,
     /// Error of a sensor or a topic that is wrong: bias, scale or sign
@@ -62,7 +62,7 @@ pub struct ClearArgs {
     stack: TargetArgs,
 }
 
-/// Lists the targets that have faults in flight, those with the same kinds together, and the kinds in brackets.
+/// Lists the targets of faults given in flight, targets with the same kinds together, with the kinds in brackets.
 fn targets() -> String {
     let mut groups: Vec<(Vec<FaultKind>, Vec<&str>)> = vec![];
     for (target, name) in FaultTarget::ALL {
@@ -80,7 +80,7 @@ fn targets() -> String {
     format!("Targets: {}", groups.iter().map(group).collect::<Vec<_>>().join("; "))
 }
 
-/// Gives a flying stack a fault.
+/// Injects a fault into a flying stack.
 pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
     let InjectArgs { target, kind, .. } = args;
     if word::<FaultTarget>("target", kind).is_ok() && word::<FaultKind>("kind", target).is_ok() {
@@ -120,7 +120,7 @@ fn tell(done: &str, domain: &Domain, request: &ControlRequest) -> anyhow::Result
     let told = ask(domain, request).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
     let faults: Vec<Fault> = serde_json::from_value(told).context("the launcher's answer cannot be read")?;
     if faults.is_empty() {
-        print("nothing is broken\n");
+        print("no fault was active\n");
     }
     for fault in faults {
         print(&format!("{done}: {}\n", course(&fault, fault.at_s)));
@@ -129,7 +129,8 @@ fn tell(done: &str, domain: &Domain, request: &ControlRequest) -> anyhow::Result
     Ok(())
 }
 
-/// Parses a `word` of the scenario file; the error begins with `what`, and names the words there are and the nearest.
+/// Parses a `word` of the scenario file; the error begins with `what`, and names the known words and the nearest of
+/// them.
 pub fn word<T: DeserializeOwned>(what: &str, word: &str) -> anyhow::Result<T> {
     serde_json::from_value(json!(word)).map_err(|error| anyhow!("{what}: {}", suggest(&error.to_string())))
 }

@@ -22,7 +22,7 @@ use settings::{Mode, Scenario, SchedulingPolicy};
 
 use crate::fly::program;
 
-/// Share of wake-ups later than the plant's deadline from which a flight does not keep its deadlines.
+/// Share of wake-ups later than the plant's deadline from which on a flight does not keep its deadlines.
 const LATE_SHARE: f64 = 1e-3;
 /// Column at which the text of a finding begins.
 const COLUMN: usize = 27;
@@ -61,7 +61,7 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<u8> {
     let machine = Machine::this();
     let mut findings = machine::scheduling(&machine, &scenario, None, &program());
     findings.extend(machine::required(&machine, &scenario));
-    // What the scenario asks for and cannot be found out is not known to be there.
+    // The machine is not fit if it is unknown whether a flight gets something that the scenario asks for.
     let mut fit = findings.iter().all(|finding| matches!(finding.level, Severity::Ok | Severity::Warn));
     let mut canary = None;
     if scenario.run.mode == Mode::Realtime {
@@ -86,7 +86,7 @@ fn watch(machine: &Machine, scenario: &Scenario, args: &DoctorArgs) -> anyhow::R
     }
     let time = Duration::from_secs_f64(args.watch_s);
     let before = CpuTimes::read(machine);
-    let canary = Canary::start(time + Duration::from_secs(2))?; // they end when they are told to
+    let canary = Canary::start(time + Duration::from_secs(2))?; // `stop` ends the canary earlier
     let fifo = canary.fifo;
     wait(time, &interrupts)?;
     let watch = canary.stop()?;

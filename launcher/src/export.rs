@@ -1,4 +1,4 @@
-//! `export`: a run in the formats of other tools; `--to fmu` packs the plant for them.
+//! `export`: a run in the formats of other tools, or, with `--to fmu`, the plant as an FMU.
 
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
@@ -22,8 +22,8 @@ use crate::scenarios;
 #[derive(clap::Args)]
 #[command(after_help = "docs/tools.md shows how other tools open the files.")]
 pub struct ExportArgs {
-    /// Folder of the run, or its flight.mcap; with fmu a scenario file (TOML) or the name of a shipped scenario, whose
-    /// vehicle it is [default with fmu: the defaults]
+    /// Folder of the run, or its flight.mcap; with fmu the scenario file (TOML) or the name of a shipped scenario whose
+    /// vehicle is exported [default with fmu: the defaults]
     #[arg(value_name = "RUN")]
     what: Option<PathBuf>,
     /// Format
@@ -35,7 +35,7 @@ pub struct ExportArgs {
     /// Length of the part [default: to the end]
     #[arg(long = "for", value_name = "TIME", default_value = "inf", hide_default_value = true, value_parser = seconds_or_inf)]
     for_s: f64,
-    /// With perfetto: a second around the worst tick, or --for; in lockstep, where no tick is late, at the beginning
+    /// With perfetto: a second, or --for, around the worst tick; in lockstep, where no tick is late, at the beginning
     #[arg(long, conflicts_with = "from_s")]
     worst: bool,
     /// With fmu: override a setting, value in TOML
@@ -64,7 +64,7 @@ enum Format {
     Fmu,
 }
 
-/// Writes what was asked for, and says where.
+/// Writes the export, and prints its path.
 pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let is_fmu = args.to == Format::Fmu;
     let part = args.from_s > 0.0 || args.for_s.is_finite() || args.worst;
@@ -99,7 +99,7 @@ fn of_run(run: &Path, args: &ExportArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the FMU, and says where.
+/// Writes the FMU, and prints its path.
 fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
     if let Some(path) = scenario {
         scenarios::tell(ShippedKind::Scenario, path);
@@ -110,7 +110,7 @@ fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
     let library = std::fs::read(library()?).context("cannot read the library of the FMU")?;
     let mut archive = ZipWriter::new(Cursor::new(vec![]));
     let description = model_description(&scenario, option_env!("TREFOIL_DATE"));
-    let options = SimpleFileOptions::default().last_modified_time(DateTime::default()); // not today's, by any feature
+    let options = SimpleFileOptions::default().last_modified_time(DateTime::default()); // never today's date
     let platform = format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS);
     for (name, bytes) in [
         ("modelDescription.xml".to_owned(), description.as_bytes()),
@@ -125,8 +125,9 @@ fn fmu(scenario: Option<&Path>, args: &ExportArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Finds the library of the FMU, which cargo builds with the launcher: in its folder, in `deps` there, or where a
-/// package of the system puts it. The newest counts: cargo leaves an old one in its folder when it builds for tests.
+/// Finds the library of the FMU, which cargo builds with the launcher: in the launcher's folder, in `deps` there, or
+/// where a package of the system puts it. The newest library counts: cargo leaves an old one in the launcher's folder
+/// when it builds for tests.
 fn library() -> anyhow::Result<PathBuf> {
     let launcher = std::env::current_exe().context("cannot find the folder of the launcher")?;
     let folder = launcher.parent().context("the launcher lies in no folder")?;

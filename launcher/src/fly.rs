@@ -95,7 +95,7 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     fly_scenario(settings(args)?, args)
 }
 
-/// Flies `scenario`; of `args` only output, log and namespace are used. Returns the exit code.
+/// Flies `scenario`; the scenario, mode and overrides of `args` are not used. Returns the exit code.
 pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     ensure!(
         args.mavlink.is_none() || scenario.run.mode != Mode::Inprocess,
@@ -145,7 +145,7 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
         wall_s: wall.as_secs_f64(),
         provenance: Some(provenance(&scenario, &scheduling)),
     };
-    // It takes several times as long as a flight in process: only for a flight that is looked at.
+    // The hover takes several times as long as a flight in process, so it is computed only for a flight with a log.
     let hover = (!args.no_log).then(|| Hover::of(&scenario));
     let record = RunRecord { hover, ..RunRecord::of(account) };
     let run = serde_json::to_string_pretty(&record)? + "\n";
@@ -158,7 +158,7 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
         print(&describe(&record, &verdict, &scenario));
         print(&format!("  {:<22}{}\n", "written to", out.path.display()));
     }
-    // The page comes last: for a long flight it takes a while, and the summary is printed by then.
+    // The report comes last: for a long flight it takes a while, and the summary is printed by then.
     let written = written.and_then(|()| if log.is_some() { write_report(&out.path) } else { Ok(()) });
     let log_error = how.log.as_ref().and_then(|log| log.error.clone());
     let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
@@ -166,11 +166,11 @@ pub fn fly_scenario(scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     for error in [log_error, write_error].into_iter().flatten() {
         eprint_line(&format!("error: {error}"));
     }
-    // What the flight came to is graver than what could not be written of it.
+    // A failure to write never hides a higher exit code of the flight.
     Ok(if failed { verdict.exit_code.max(exit::PROCESS_LOST) } else { verdict.exit_code })
 }
 
-/// Starts the process of the page, if the arguments ask for one.
+/// Starts the process of the page, if the arguments ask for a page.
 fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Beside>> {
     ensure!(
         args.web.is_none() || scenario.run.mode != Mode::Inprocess,
@@ -179,7 +179,8 @@ fn page(scenario: &Scenario, args: &FlyArgs) -> anyhow::Result<Option<Beside>> {
     OpenPage::open(args.web, &args.token)?.map(|page| page.beside(&args.namespace)).transpose()
 }
 
-/// Writes the report. That can take longer than the flight, which is flown again to find the cost of disturbed ticks.
+/// Writes the report, which can take longer than the flight: the flight is flown again to find the cost of disturbed
+/// ticks.
 fn write_report(run: &Path) -> anyhow::Result<()> {
     let path = run.display();
     end_at_once(format!("interrupted before the report was written; `trefoil report {path}` writes it"));
@@ -232,7 +233,7 @@ fn fly_inprocess(
     Ok(FlightResult { how, wall, scheduling: vec![], scenario: scenario.clone() })
 }
 
-/// Flies with processes. The process of the `page`, if there is one, has to end with the flight.
+/// Flies with processes. The process of the `page`, if given, ends with the flight.
 fn fly_processes(
     args: &FlyArgs,
     scenario: &Scenario,
@@ -260,7 +261,7 @@ fn fly_processes(
     Ok(flown)
 }
 
-/// Prints what the scenario asks for and the processes did not get, as `doctor` does, and each remedy once.
+/// Prints, as `doctor` does, what the scenario asks for but the processes did not get; leaves out a repeated remedy.
 fn tell_shortfalls(scenario: &Scenario, scheduling: &[(String, ProcessScheduling)]) {
     let granted = granted(scheduling.iter().map(|(name, got)| (name, got)));
     let findings = machine::scheduling(&Machine::this(), scenario, granted, &program());
@@ -272,17 +273,17 @@ fn tell_shortfalls(scenario: &Scenario, scheduling: &[(String, ProcessScheduling
     }
 }
 
-/// Path of this program, for commands that change its file.
+/// Returns the path of this program, for commands that change its file.
 pub fn program() -> String {
     std::env::current_exe().map_or("target/release/trefoil".into(), |path| path.display().to_string())
 }
 
-/// Checks a home, which the process of `--mavlink` is given as it was written.
+/// Checks the text of a home position; the process of `--mavlink` gets the text unchanged.
 fn home(text: &str) -> Result<String, String> {
     text.parse::<Home>().map(|_| text.to_owned())
 }
 
-/// Adds the limit on file sizes to an error that it caused: the kernel's text does not name it.
+/// Adds the limit on file sizes to an error that this limit caused: the kernel's text does not name the limit.
 fn with_file_limit(error: anyhow::Error) -> anyhow::Error {
     let is_too_large = |cause: &(dyn std::error::Error + 'static)| {
         cause.downcast_ref::<std::io::Error>().is_some_and(|io| io.kind() == std::io::ErrorKind::FileTooLarge)

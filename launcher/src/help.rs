@@ -10,7 +10,7 @@ use flight::provenance::{Git, ProgramIdentity};
 use settings::moved;
 use settings::moved::{MOVED, NameKind};
 
-/// Commands in the list of `--help`, by what they are for. Those that packagers and other programs call have no place.
+/// Commands in the list of `--help`, grouped by purpose. Commands for packagers and other programs are left out.
 pub const GROUPS: [(&str, &[&str]); 5] = [
     ("Fly", &["fly", "check", "scenarios", "swap", "inject", "clear", "stop"]),
     ("Look", &["status", "web", "mavlink", "runs", "report", "replay", "explain", "compare", "export"]),
@@ -19,7 +19,7 @@ pub const GROUPS: [(&str, &[&str]); 5] = [
     ("This machine", &["doctor", "measure"]),
 ];
 
-/// Meaning of each exit code, for every command that does not give it another.
+/// Meaning of each exit code, for every command that does not give the code another meaning.
 pub const EXITS: [(u8, &str); 6] = [
     (exit::FLOWN, "done"),
     (exit::OUT_OF_BOUNDS, "flown, but diverged, outside the flight's bounds, or without a swap that was asked for"),
@@ -38,7 +38,8 @@ pub struct Help {
     pub command: &'static str,
     /// Examples, as typed after `trefoil`.
     pub examples: &'static [&'static str],
-    /// Exit codes besides 0 and 2 of [`EXITS`]; an empty meaning is the one there.
+    /// Exit codes besides 0 and 2, or with another meaning than in [`EXITS`]; an empty text stands for the meaning
+    /// there.
     pub exits: &'static [(u8, &'static str)],
 }
 
@@ -152,7 +153,7 @@ impl Help {
         all
     }
 
-    /// Formats examples and exit codes below what the command says itself.
+    /// Formats examples and exit codes below the command's own text.
     fn below(&self, own: Option<&StyledStr>) -> String {
         let own = own.map_or(String::new(), |own| format!("{own}\n\n"));
         let examples: String =
@@ -176,7 +177,7 @@ pub fn command<C: CommandFactory>() -> Command {
     command.help_template(list)
 }
 
-/// Makes the form of `--help` with the commands by [`GROUPS`]; clap knows one heading for all of them.
+/// Makes the form of `--help` with the commands in [`GROUPS`]; clap has only one heading for all commands.
 fn grouped(command: &Command) -> String {
     let (heading, literal) = (command.get_styles().get_header(), command.get_styles().get_literal());
     let about = |name: &str| command.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string);
@@ -219,7 +220,8 @@ pub fn parse_from<C: Parser>(arguments: Vec<OsString>) -> Result<C, clap::Error>
     C::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
 }
 
-/// Returns what takes the place of a command of an earlier version, or of an option of one.
+/// Describes the replacement of a command of an earlier version, or of an option of such a command; `None` if `words`
+/// have neither.
 fn old_command(words: &[String]) -> Option<String> {
     let is_said = |old: &str| {
         let (mut names, mut options) = (words.iter().skip(1), words.iter());
@@ -236,13 +238,13 @@ fn old_command(words: &[String]) -> Option<String> {
     moved::find(*kind, old).map(|moved| moved.title)
 }
 
-/// Adds what may have been meant to the error for a word that no option takes: a unit apart from its number, or the
-/// name of a stack.
+/// Adds a tip to the error for a word that no option takes, if the word may be a unit apart from its number or the name
+/// of a stack.
 fn with_advice(mut error: clap::Error, command: &Command, words: &[String]) -> clap::Error {
     let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidArg) else { return error };
     let is_number = |word: &str| word.parse::<f64>().is_ok();
     let apart = words.windows(2).find(|pair| pair[1] == *word && is_number(&pair[0])).map(|pair| &pair[0]);
-    // A command that takes no words but the name of a stack, which has an option.
+    // A command that takes no positional arguments, but the name of a stack by an option.
     let of_a_stack = words.get(1).and_then(|name| command.find_subcommand(name)).filter(|command| {
         command.get_positionals().next().is_none() && command.get_arguments().any(|of| of.get_id() == "namespace")
     });

@@ -5,8 +5,8 @@
 //! | `cli` | the commands |
 //! | `fly` | `fly`: one flight from scenario to report |
 //! | `mission` | the parts of a mission, for `check` |
-//! | `vehicle` | the hover and its control loops, for `check`; weights that do not fit a vehicle, for `check` and `fly` |
-//! | `doctor` | `doctor`: what this machine gives a flight in real time |
+//! | `vehicle` | hover and control loops, for `check`; input weights that do not fit, for `check` and `fly` |
+//! | `doctor` | `doctor`: checks of this machine for flights in real time |
 //! | `progress` | the line shown while flying |
 //! | `manage` | `status` and `stop` |
 //! | `mavlink` | `mavlink`: a flying stack for ground stations |
@@ -18,12 +18,12 @@
 //! | `new` | `new`: a controller of the user's own from a template |
 //! | `campaign` | `campaign`: many flights, here or on a cluster |
 //! | `tune` | `tune`: gains for the controllers of a campaign |
-//! | `scenarios`, `runs` | `scenarios` and `runs`: what there is to fly, and what was flown |
+//! | `scenarios`, `runs` | `scenarios` and `runs`: lists of shipped scenarios and of recorded flights |
 //! | `manual` | `schema`, `completions`, `man` |
 //! | `help` | examples and exit codes of every command |
-//! | `reference` | test: the pages in docs/reference/ are those of the code |
+//! | `reference` | test: the pages in docs/reference/ follow from the code |
 //! | `run_folder` | the run that a command reads; hints for a path that is no run |
-//! | `target` | the flying stack that a command is for |
+//! | `target` | the flying stack that a command addresses |
 //! | `web` | `web` and `fly --web`: the live page |
 
 mod beside;

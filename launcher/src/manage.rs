@@ -61,9 +61,10 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
     }
 }
 
-/// Asks the launcher of a flight to end it, and waits until it has.
+/// Asks the launcher of a flight to end the flight, and waits until it has ended.
 ///
-/// The request is no signal: in the PID namespace of this process, the launcher's id may be that of another process.
+/// The request is not sent as a signal, because another process may have the launcher's ID in the PID namespace of this
+/// process.
 pub fn stop(args: &TargetArgs) -> anyhow::Result<()> {
     const LIMIT: Duration = Duration::from_secs(30);
     let domain = args.find()?;

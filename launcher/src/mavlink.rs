@@ -1,4 +1,4 @@
-//! `mavlink`: shows a flying stack to a ground station. `fly --mavlink` starts it beside the flight.
+//! `mavlink`: shows a flying stack to a ground station. `fly --mavlink` starts this command beside the flight.
 
 use std::process::{Command, Stdio};
 
@@ -16,7 +16,7 @@ use rustix::time::Timespec;
 use crate::beside::{Beside, be_nice};
 use crate::target::{self, TargetArgs};
 
-/// Longest wait until the process observes the flight \[s\].
+/// Longest wait of `fly --mavlink` until this command observes the flight \[s\].
 const JOIN_LIMIT_S: i64 = 30;
 
 /// Arguments of `mavlink`.
@@ -42,14 +42,14 @@ pub fn mavlink(args: &MavlinkArgs) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-/// Starts the process for the flight in `namespace`, and waits until it observes the flight.
+/// Starts this command as a process for the flight in `namespace`, and waits until the process observes the flight.
 pub fn beside(namespace: &str, address: &Address, home: &str) -> anyhow::Result<Beside> {
     let mut command: Command = own_program();
     command.args(["mavlink", "--namespace", namespace, "--home", home]).arg(address.to_string());
     command.stdin(Stdio::null()).stdout(Stdio::piped());
     die_with_parent(&mut command);
     let mut beside = Beside::start("--mavlink", &mut command)?;
-    // It prints a line when it has joined, and closes the pipe when it ends.
+    // The process prints a line when it has joined, and closes the pipe when it ends.
     let output = beside.child.stdout.take().context("the pipe was asked for")?;
     let limit = Timespec { tv_sec: JOIN_LIMIT_S, tv_nsec: 0 };
     let is_told = poll(&mut [PollFd::new(&output, PollFlags::IN)], Some(&limit)).is_ok_and(|ready| ready > 0);

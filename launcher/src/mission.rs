@@ -1,4 +1,5 @@
-//! Account of a mission before its flight: when each part begins, what it asks of the vehicle, and how far it reaches.
+//! Description of a mission before its flight: when each part begins, what it asks of the vehicle, and how far it
+//! reaches.
 
 use runtime::console::eprint_line;
 use settings::plan::{Demand, Planned, range_m};
@@ -6,7 +7,7 @@ use settings::{Scenario, TrajectoryKind, mission_warnings, plan, word};
 use view::table::Table;
 
 /// Describes the parts of the mission, the limits of the vehicle, and the reach of each part beside that of its points,
-/// as tables; `None` for any other trajectory.
+/// as tables; `None` if the trajectory is not made of parts.
 pub fn describe(scenario: &Scenario) -> Option<String> {
     if scenario.mission.trajectory != TrajectoryKind::Parts {
         return None;
@@ -36,7 +37,7 @@ pub fn describe(scenario: &Scenario) -> Option<String> {
     Some(Table::new(&title, &asks, asked).text() + "\n" + &Table::new("reach:", &axes, reached).text())
 }
 
-/// Formats the range of a part on each axis, and of its points with the place where it begins.
+/// Formats, for each axis, the range of a part and the range of its points with the position where the part begins.
 fn reach(planned: &Planned, points_m: Option<&[[f64; 3]]>) -> [String; 6] {
     let range = |[low, high]: [f64; 2]| {
         let rounded = |x: f64| (x * 10.0).round() / 10.0 + 0.0; // + 0.0: no -0.0
@@ -51,8 +52,8 @@ fn reach(planned: &Planned, points_m: Option<&[[f64; 3]]>) -> [String; 6] {
     })
 }
 
-/// Warns on stderr of what the parts ask for beyond the vehicle, and of curves that leave their points; says if the
-/// flight ends before its mission does.
+/// Warns on stderr if the parts ask for more than the vehicle has, or if curves leave their points; notes if the flight
+/// ends before the mission does.
 pub fn warn(scenario: &Scenario) {
     for warning in mission_warnings(scenario) {
         eprint_line(&format!("warning: {warning}"));

@@ -1,4 +1,4 @@
-//! `new`: writes a controller of the user's own, which flies as it is.
+//! `new`: writes a controller for the user to change; it flies as written.
 
 mod model;
 mod templates;
@@ -26,7 +26,7 @@ pub struct NewArgs {
     /// Language, or tool that generates C
     #[arg(long)]
     lang: Language,
-    /// Node that it flies as
+    /// Node that the controller flies as
     #[arg(long, default_value = "attitude-mpc")]
     node: TemplateNode,
 }
@@ -62,7 +62,7 @@ fn write(path: &Path, text: &str) -> std::io::Result<()> {
     std::fs::write(path, text)
 }
 
-/// Name of a value of the command line.
+/// Returns the name of a value on the command line.
 pub fn name(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
@@ -73,7 +73,7 @@ fn pairs() -> String {
     Template::all().iter().map(pair).collect::<Vec<_>>().join(", ")
 }
 
-/// Quotes a path as one word of a shell, if it needs that.
+/// Quotes a path as one word of a shell, if it needs quotes.
 fn quoted(path: &Path) -> String {
     let text = path.to_string_lossy();
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);

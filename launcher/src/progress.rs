@@ -15,7 +15,7 @@ const PERIOD: Duration = Duration::from_millis(100);
 /// Longest wait at the end of a flight until the line is cleared.
 const CLEARING: Duration = Duration::from_millis(200);
 
-/// The progress line.
+/// Progress line of a command.
 pub struct ProgressLine {
     /// `None` if the line is not shown.
     thread: Option<Thread>,
@@ -29,7 +29,7 @@ struct Thread {
 }
 
 impl ProgressLine {
-    /// Begins with an empty line.
+    /// Begins with an empty line; shows none if stderr is no terminal.
     pub fn start() -> Self {
         let thread = if stderr().is_terminal() { Thread::start() } else { None };
         Self { thread, due: Cell::new(Instant::now()) }

@@ -12,7 +12,8 @@ use std::path::Path;
 
 use crate::manual::Described;
 
-/// Checks that the file at `path`, seen from the top of the repository, has this text.
+/// Checks that the file at `path`, relative to the top of the repository, has this `text`; writes it first if
+/// `TREFOIL_WRITE_REFERENCE` is set.
 fn is_generated(path: &str, text: &str) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
     if std::env::var_os("TREFOIL_WRITE_REFERENCE").is_some() {

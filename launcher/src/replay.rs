@@ -107,7 +107,9 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
         eprint_line(&format!("note: {told}"));
     }
     if !each {
-        eprint_line("note: that is much; here is what all together cost, and --all flies without each of them too");
+        eprint_line(
+            "note: too many to leave out one by one: here is what all together cost; --all flies without each of them too",
+        );
     }
     let progress = Mutex::new(ProgressLine::start());
     let show = |done, of| progress.lock().iter().for_each(|line| line.show(|| format!("{done} of {of} flights")));
@@ -135,7 +137,7 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
         !(loads && args.web.is_some()),
         "--web goes without --exec and --program, which replay in a process of their own; the page shows the log alone"
     );
-    // A debugger stays with this process.
+    // A debugger attaches to this process, so `--break` starts no child.
     if let Some(code) = in_child(loads && args.stop.is_none())? {
         return Ok(code);
     }
@@ -174,7 +176,8 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     Ok(verdict.exit_code)
 }
 
-/// Runs this command in a child if it `loads` libraries; returns its exit code, `None` if it runs here.
+/// Runs this command in a child if it `loads` libraries, and returns its exit code; `None` if the command is to run
+/// here.
 fn in_child(loads: bool) -> anyhow::Result<Option<u8>> {
     Ok(if loads { guarded::command()? } else { None })
 }
@@ -191,13 +194,13 @@ fn plan(args: &ReplayArgs, part: TimeSpan, recording: &Recording) -> anyhow::Res
     Ok(ReplayPlan { only: only.filter(|_| !args.closed), settings, from, until, before })
 }
 
-/// Returns the first tick of a part, and the last; `None` for the last if the part has no end.
+/// Returns the first and the last tick of a part; `None` as the last if the part has no end.
 fn ticks(part: TimeSpan, recording: &Recording) -> (u64, Option<u64>) {
     let (from, until) = part.ticks(recording.scenario.sample_s()).into_inner();
     (from, Some(until).filter(|_| part.to_s < TimeSpan::ALL.to_s))
 }
 
-/// Parses `NODE@TIME`; returns topic and tick of that cycle, and the function to call before it.
+/// Parses `NODE@TIME`; returns topic and tick of the cycle named, and the function to call before the cycle.
 fn breakpoint(stop: &str, recording: &Recording) -> anyhow::Result<(Topic, u64, fn())> {
     let (name, time) = stop.split_once('@').context("--break takes NODE@TIME, for example attitude-mpc@12.34s")?;
     let (topic, time_s) = (node(name)?, seconds(time).map_err(|why| anyhow!("--break {stop}: {why}"))?);
@@ -205,7 +208,8 @@ fn breakpoint(stop: &str, recording: &Recording) -> anyhow::Result<(Topic, u64, 
     Ok((topic, tick, wait_for_debugger))
 }
 
-/// Stops this process in its debugger; if there is none, prints how to attach one, and waits for it.
+/// Stops this process in its debugger; if there is no debugger, prints how to attach one, and waits until one has
+/// attached.
 fn wait_for_debugger() {
     let pid = std::process::id();
     let is_traced = || status_of(pid, "TracerPid:").is_some_and(|tracer| tracer != "0");
@@ -242,7 +246,7 @@ fn settings(recording: &Recording, topic: Topic, args: &ReplayArgs) -> anyhow::R
         recording.scenario.node.of(topic).exec
     );
     let mut recorded = recording.scenario.clone();
-    recorded.run.mode = Mode::Lockstep; // so that it may be a program of its own
+    recorded.run.mode = Mode::Lockstep; // a program of its own is not allowed in process
     let mut own =
         candidate(&recorded, &Swap { exec: args.exec.clone(), set: args.set.clone(), ..Swap::new(topic, 0.0) })?;
     programs::pin(own.node.of_mut(topic), topic.publisher())?;

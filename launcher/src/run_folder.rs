@@ -37,7 +37,7 @@ impl PartOfRun {
 /// File name of the log in the folder of a run.
 const LOG: &str = "flight.mcap";
 
-/// Adds a hint to an error: why one of `runs` is no run, and the newest run nearby. Unchanged if all may be runs.
+/// Adds a hint to an error: why one of `runs` is no run, and the newest run nearby. Adds nothing if all may be runs.
 pub fn with_hint(error: anyhow::Error, runs: &[impl AsRef<Path>]) -> anyhow::Error {
     let mut runs = runs.iter().map(AsRef::as_ref);
     let Some((run, what)) = runs.find_map(|run| Some((run, misfit(run)?))) else { return error };
@@ -48,7 +48,7 @@ pub fn with_hint(error: anyhow::Error, runs: &[impl AsRef<Path>]) -> anyhow::Err
     )
 }
 
-/// Returns the reason why `run` is no run; `None` if it may be one.
+/// Returns the reason why `run` is no run; `None` if it may be a run.
 fn misfit(run: &Path) -> Option<&'static str> {
     let has = |name: &str| run.join(name).symlink_metadata().is_ok();
     match () {
@@ -67,7 +67,7 @@ fn misfit(run: &Path) -> Option<&'static str> {
     }
 }
 
-/// Returns whether a file begins as a log does; true if it cannot be opened.
+/// Returns whether a file begins as a log does; true if the file cannot be opened.
 fn is_log(path: &Path) -> bool {
     use std::io::Read;
     let Ok((mut file, _)) = files::open(path, MAX_LOG_BYTES) else { return true };
@@ -75,7 +75,7 @@ fn is_log(path: &Path) -> bool {
     file.read_exact(&mut head).is_ok() && head == *b"\x89MCAP0\r\n"
 }
 
-/// Finds the run with the newest log in `place`, `place/runs` and `./runs`; `None` if there is none.
+/// Finds the run with the newest log in `place`, `place/runs` and `./runs`; `None` if these folders have no run.
 fn newest(place: &Path) -> Option<PathBuf> {
     let folders = [place.to_owned(), place.join("runs"), PathBuf::from("runs")];
     let runs =

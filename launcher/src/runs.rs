@@ -9,9 +9,9 @@ use outcome::run_record::RunRecord;
 use runtime::console::print;
 use view::table::{Table, cell};
 
-/// Digits of a state hash that are shown.
+/// Number of digits of a state hash that are shown.
 const HASH_DIGITS: usize = 12;
-/// Letters of an outcome that are shown.
+/// Number of letters of an outcome that are shown.
 const OUTCOME_LETTERS: usize = 48;
 
 /// Arguments of `runs`.

@@ -23,7 +23,7 @@ pub fn scenarios(args: &ScenariosArgs) -> anyhow::Result<()> {
         print(&format!("{}\n{}", list("Scenarios", ShippedKind::Scenario), list("Campaigns", ShippedKind::Campaign)));
         return Ok(());
     };
-    // The list is of the program alone, so that a file of the same name is of no interest.
+    // Only shipped files are printed, so a user's file of the same name does not matter.
     let named =
         |kind| Shipped::all(kind).find(|shipped| [shipped.name(), shipped.path].map(Path::new).contains(&&**name));
     let Some(shipped) = named(ShippedKind::Scenario).or_else(|| named(ShippedKind::Campaign)) else {
@@ -47,7 +47,7 @@ fn first_sentence(text: &str) -> &str {
     text.split_once(". ").map_or(text, |(first, _)| first).trim_end_matches('.')
 }
 
-/// Says on stderr that the shipped file is taken for `path`, if a file of the user may have been meant.
+/// Notes on stderr that the shipped file is taken for `path`, if a file of the user may have been meant.
 pub fn tell(kind: ShippedKind, path: &Path) {
     if let Some(shipped) = Shipped::find(kind, path).filter(|shipped| shipped.may_be_mistaken(path)) {
         eprint_line(&format!("note: no file `{}`; {} is part of the launcher", path.display(), shipped.path));

@@ -38,7 +38,7 @@ pub struct SwapArgs {
     /// A setting of the candidate, on top of the run's, value in TOML: --set attitude.law=lqr
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Time on standby beside the old process, without being delivered: 2s, 500ms
+    /// Time for which the candidate is on standby beside the old process: 2s, 500ms
     #[arg(long, default_value = "1s", value_parser = seconds)]
     pub standby: f64,
     /// Time for which the old process stands by after the hand-over
@@ -67,7 +67,7 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let domain = args.stack.find()?;
     let run = domain.scenario()?;
     pin_swap(&run, &mut swap)?;
-    check_swap(&run, &swap)?; // here, where it holds up no flight
+    check_swap(&run, &swap)?; // checked here, where it delays no flight
     let flight = target::describe(&domain);
     let ordered = ask(&domain, &ControlRequest::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
     if !args.json {
@@ -114,7 +114,7 @@ fn flies(domain: &Domain) -> bool {
 fn program(path: &str) -> anyhow::Result<String> {
     let whole = Path::new(path);
     ensure!(whole.exists(), "cannot find the program '{path}'");
-    // Not canonical: the program of a virtual environment finds its packages by the path of the link.
+    // Links are not resolved: the program of a virtual environment finds its packages by the path of the link.
     let whole = absolute(whole)?;
     whole.into_os_string().into_string().ok().with_context(|| format!("the path of '{path}' is not text"))
 }

@@ -1,4 +1,4 @@
-//! The flying stack that a command is for, and its description in the answer.
+//! The flying stack that a command addresses, and its description in the answer.
 
 use anyhow::{Context, bail, ensure};
 use flight::control::view::{phase, time_s};
@@ -13,7 +13,7 @@ pub struct TargetArgs {
 }
 
 impl TargetArgs {
-    /// Finds the stack that is named, or the only one that flies; an error if none or several fly.
+    /// Finds the stack that is named, or else the only stack that flies; an error if none or several fly.
     pub fn find(&self) -> anyhow::Result<Domain> {
         if let Some(namespace) = &self.namespace {
             return Ok(Domain::find(namespace)?);

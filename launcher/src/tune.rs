@@ -29,7 +29,7 @@ pub struct TuneArgs {
     controller: Vec<String>,
 }
 
-/// Returns the lines that make a campaign one that can be tuned, for its first controller.
+/// Returns the lines that a campaign needs to be tuned, for its first controller.
 fn lines(campaign: &Campaign) -> String {
     let name = campaign.controllers.first().map_or("NAME", |(name, _)| name.as_str());
     format!(

@@ -1,4 +1,4 @@
-//! Vehicle and controllers before their flight: hover and control loops, and weights of the inputs that do not fit.
+//! Vehicle and controllers before their flight: hover and control loops, and input weights that do not fit the vehicle.
 
 use flight::hover::Hover;
 use runtime::console::eprint_line;
@@ -19,7 +19,7 @@ pub fn verdict(hover: &Hover) -> &'static str {
     }
 }
 
-/// Warns on stderr if `attitude.mpc.r` is that of another vehicle.
+/// Warns on stderr if `attitude.mpc.r` seems to be meant for another vehicle.
 pub fn warn_of_weights(scenario: &Scenario) {
     if let Some(fitting) = weights_that_fit(scenario) {
         eprint_line(&format!(

@@ -1,9 +1,9 @@
 //! `web` and `fly --web`: the live page of a flight, by a process of its own. `replay --web` and `campaign --web`:
 //! pages of a recorded flight and of a campaign under way, by the process of the command.
 //!
-//! `fly` opens the port, so that it can refuse to fly without it, and starts `launcher serve-page` with the port as its
-//! stdout. Namespace and token go through its stdin, because other users can read the arguments of a process. The end
-//! of stdin, with which the launcher ends, ends that process too.
+//! `fly` opens the port, so that it can refuse to fly if the port is taken, and starts `trefoil serve-page` with the
+//! port as its stdout. Namespace and token go through its stdin, because other users can read the arguments of a
+//! process. When the launcher ends, stdin ends, and the process of the page ends too.
 
 use std::io::Read;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::beside::{Beside, be_nice};
 
-/// Port of an address that is given without one.
+/// Port of an address that is given without a port.
 const PORT: u16 = 8080;
 
 /// Arguments of `web`.
@@ -50,7 +50,7 @@ pub struct WebArgs {
 /// Argument that protects a page.
 #[derive(clap::Args, Clone, Default)]
 pub struct TokenArgs {
-    /// Token that every request to the page must carry. Without it one is made: other users can read this one in /proc
+    /// Token that every request to the page must carry; other users can read it in /proc [default: a random token]
     #[arg(long, value_name = "TOKEN")]
     token: Option<String>,
 }
@@ -66,7 +66,7 @@ pub fn address(text: &str) -> Result<SocketAddr, String> {
 }
 
 impl TokenArgs {
-    /// Opens the port.
+    /// Opens the port of a page at `address`.
     fn open(&self, address: SocketAddr) -> anyhow::Result<OpenPage> {
         let taken = || format!("cannot open {address} for the page; give another address, for example {}", PORT + 1);
         let listener = TcpListener::bind(address).with_context(taken)?;
@@ -75,7 +75,7 @@ impl TokenArgs {
     }
 }
 
-/// Serves the page of a flight that runs already, and of those that follow it, until Ctrl-C.
+/// Serves the page of a flight that runs already, and of the flights that follow it, until Ctrl-C.
 pub fn web(args: &WebArgs) -> anyhow::Result<u8> {
     if let Some(namespace) = &args.namespace {
         runtime::domain::check_name(namespace)?;
@@ -95,12 +95,12 @@ pub struct OpenPage {
     access: Access,
 }
 
-/// Time between two versions of a page, at least; a version that took long is followed by a longer pause.
+/// Shortest time between two versions of a page; a version that took long is followed by a longer pause.
 const VERSION_PERIOD: Duration = Duration::from_secs(2);
-/// Pause after a version, in times of what it took to make.
+/// Shortest pause after a version, as a multiple of the time that it took to make the version.
 const PAUSE_SHARE: u32 = 2;
 
-/// Tells the thread that makes a page that its task is over, when it is dropped.
+/// Guard that tells the thread that makes a page, when the guard is dropped, that the task is over.
 struct Over<'a> {
     is_over: &'a AtomicBool,
     maker: Thread,
@@ -114,8 +114,8 @@ impl Drop for Over<'_> {
 }
 
 impl OpenPage {
-    /// Serves what `render` makes while `task` runs: a first version at once, the next ones every two seconds at most
-    /// by a thread of low priority, and the last one when the task has ended.
+    /// Serves the page that `render` makes while `task` runs: a first version at once, further versions at least two
+    /// seconds apart by a thread of low priority, and a last version when the task has ended.
     pub fn while_running<T>(self, render: impl Fn() -> String + Sync, task: impl FnOnce() -> T) -> anyhow::Result<T> {
         let document = Arc::new(Document::new(render()));
         let is_over = AtomicBool::new(false);
@@ -144,7 +144,7 @@ impl OpenPage {
                 document.close();
             });
             let maker = maker.inspect_err(|_| document.close())?;
-            let _over = Over { is_over: &is_over, maker: maker.thread().clone() }; // also if the task panics
+            let _over = Over { is_over: &is_over, maker: maker.thread().clone() }; // ends the page after a panic too
             Ok(task())
         })
     }
@@ -152,7 +152,7 @@ impl OpenPage {
     /// Opens the port for a command that has a page if `web` is given.
     ///
     /// # Errors
-    /// The port is taken, or a token is given without a page.
+    /// The port cannot be opened, or a token is given without a page.
     pub fn open(web: Option<SocketAddr>, token: &TokenArgs) -> anyhow::Result<Option<Self>> {
         ensure!(web.is_some() || token.token.is_none(), "--token protects the page of --web, and there is none");
         web.map(|address| token.open(address)).transpose()
@@ -165,7 +165,7 @@ impl OpenPage {
         live::serve(self.listener, self.access, FlightSource::Recorded(Arc::new(player)), interrupts)
     }
 
-    /// Starts the process that serves the page of the flight in `namespace`, for which it waits.
+    /// Starts the process that serves the page of the flight in `namespace`; the process waits for the flight.
     pub fn beside(self, namespace: &str) -> anyhow::Result<Beside> {
         let Self { listener, access } = self;
         eprint_line(&format!("live page: {}", access.url()));

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A command takes effect later than its sample ([`contract::delay`]). A spin turns by 13 degrees in 10 ms, so a
-//! vehicle whose descent used the present motion in place of the later one would fall.
+//! vehicle under commands for its present motion would fall.
 
 use airframe::mixing::intermediate;
 use airframe::{MixingMatrix, Parameters};
@@ -23,7 +23,8 @@ pub struct Motion {
     pub down: Vector3<f64>,
     /// Body rates \[rad/s\].
     pub rates_radps: Vector3<f64>,
-    /// Velocity in the body frame, of which the horizontal part is used. In world axes it stays constant \[m/s\].
+    /// Velocity in the body frame, of which the horizontal part is used. In world axes the velocity stays constant
+    /// \[m/s\].
     pub velocity_mps: Vector3<f64>,
     /// Vertical speed, down positive \[m/s\].
     pub sink_mps: f64,
@@ -31,20 +32,20 @@ pub struct Motion {
     pub position: Actuation,
 }
 
-/// Vehicle as a rigid body on its actuators.
+/// Rigid body of the vehicle with its actuators.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// Forces and moments of its actuators.
+    /// Forces and moments of the actuators.
     pub mixing: MixingMatrix,
-    /// Mass and inertia.
+    /// Mass, inertia and gravity.
     pub vehicle: Parameters,
     /// Time constant of the rotors \[s\].
     pub rotor_lag_s: f64,
 }
 
 impl Body {
-    /// Motion when a new command takes effect, from that of now. Until then the commands of `course` act, each for its
-    /// time \[s\]. The tilt stays, and rotor `dead` gives no thrust.
+    /// Motion when a new command takes effect, from the motion `now`. Until then the commands of `course` act, each for
+    /// its time \[s\]. The tilt stays, and rotor `dead` gives no thrust.
     pub fn ahead(&self, now: &Motion, course: impl Iterator<Item = (Actuation, f64)>, dead: Option<usize>) -> Motion {
         let mut motion = *now;
         for (command, time_s) in course {

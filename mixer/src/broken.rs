@@ -3,27 +3,28 @@
 //! | broken | forces and moments that are left | descent |
 //! |---|---|---|
 //! | rotor 1 | lift has a pitching moment; yaw and roll are one input | [spin] on rotors 2 and 3 |
-//! | rotor 2 or 3 | lift has a rolling moment, or is that of rotor 1 alone | none: thrust is cut |
-//! | tilt servo | lift, pitch and roll; yaw follows from them | level spin, which the vehicle's inertia slows |
+//! | rotor 2 or 3 | lift has a rolling moment, or only rotor 1 lifts | none: thrust is cut |
+//! | tilt servo | lift, pitch and roll, from which yaw follows | level spin, which the vehicle's inertia slows |
 //!
 //! Rotor 1 alone could carry a spin too, of 31 rad/s with four fifths of its thrust. But the regulator below, built for
-//! it, does not reach it from the motion after a rear rotor died, so thrust is cut.
+//! this spin, does not reach it from the motion after a rear rotor died, so thrust is cut.
 //!
 //! Both laws are given the motion at which their command takes effect ([`crate::ahead`]).
 //!
 //! # Rotor 1
 //!
 //! The spin is held by a linear-quadratic regulator, from the linear model of [`airframe::spin`] and the speeds that
-//! the rotors should have. Its weights are one for a lean of 0.45 rad, rates of 2.2 rad/s and a sink rate of 2.2 m/s,
-//! and for rotor speeds 1.8 times those of the spin. The error of the sink rate is clipped, so that the vehicle
-//! recovers its attitude before its height.
+//! the rotors should have. Each weighted square is one at these errors: lean 0.45 rad, rates 2.2 rad/s, sink rate 2.2
+//! m/s, commanded rotor speeds 1.8 times the speed in the spin. The error of the sink rate is clipped, so that the
+//! vehicle recovers its attitude before its height.
 //!
 //! Here `n` is the direction down, leaned by the wanted braking of the horizontal velocity, at most 17 degrees: the
 //! mean thrust is along the axis of the spin. Without this lean the vehicle keeps the speed that it gained before it
-//! spun. A vehicle in the level spin below has little speed, and the lean would brake its circling.
+//! spun. The level spin below has no such lean: its vehicle has little speed, and the lean would only brake its
+//! circling.
 //!
 //! A vehicle whose rotors cannot bring it up to the spin in half a second, such as the ten-inch vehicle, would tumble
-//! to the ground before, so its thrust is cut.
+//! to the ground before that, so its thrust is cut.
 //!
 //! # Tilt servo
 //!
@@ -36,7 +37,7 @@
 //! Izz dr/dt = M_z + (Ixx - Iyy) n_x n_y r^2
 //! ```
 //!
-//! so the law leans against the spin, in a direction that is fixed in the body, and the further the faster it is:
+//! so the law leans against the spin, in a direction that is fixed in the body, and leans more in a faster spin:
 //!
 //! ```text
 //! n_y* = a(r) + n_y,trim max(0, 1 - |r| / r_0),      n_x* = -sign(r (Ixx - Iyy)) a(r)
@@ -66,7 +67,7 @@ const MAX_SPIN_UP_S: f64 = 0.5;
 const SPIN_WEIGHTS: [f64; spin::STATES] = [5.0, 5.0, 0.2, 0.2, 0.2, 0.2, 1e-9, 1e-9];
 /// Weight of a rotor speed, times the square of its speed in the spin.
 const SPIN_INPUT_WEIGHT: f64 = 0.3;
-/// Bound to which the spin clips the error of the sink rate \[m/s\].
+/// Bound to which the regulator of the spin clips the error of the sink rate \[m/s\].
 const MAX_SINK_ERROR_MPS: f64 = 2.0;
 /// Gain of the braking of horizontal speed \[1/s\].
 const DRIFT_GAIN_RADPS: f64 = 1.5;
@@ -75,11 +76,11 @@ const MAX_BRAKING_MPS2: f64 = 3.0;
 /// Shortest lag of a rotor in the model of the spin \[s\].
 const MIN_LAG_S: f64 = 1e-3;
 
-/// Lean of each axis in a level spin, `a_0`: together 16 degrees, which the feet of a landing allow.
+/// Lean of each axis in a level spin, `a_0`: together 16 degrees, which the feet allow at a landing.
 const LEAN: f64 = 0.2;
 /// Rate from which on each axis leans by `a_0`: `r_0` \[rad/s\].
 const LEAN_RADPS: f64 = 8.0;
-/// Rate at which the lean of each axis would be 1, `r_1` \[rad/s\]: a spin above 16 rad/s leans more.
+/// Rate at which the lean of each axis would be 1, `r_1` \[rad/s\]: above 16 rad/s the lean exceeds `a_0`.
 const STEEP_RADPS: f64 = 80.0;
 /// Largest lean of each axis, `a_max`: together 30 degrees.
 const MAX_LEAN: f64 = 0.35;
@@ -128,8 +129,8 @@ impl Broken {
     }
 
     /// Computes the command of a descent without `part`, from the newest measurements, the `position` that sound
-    /// actuators should have, and the `course` of commands, each with its time \[s\], until this one takes effect; the
-    /// caller clips it. `None` if the vehicle cannot descend, or if a number overflows.
+    /// actuators should have, and the `course` of commands, each with its time \[s\], until the new command takes
+    /// effect; the caller clips the new command. `None` if the vehicle cannot descend, or if a number overflows.
     pub fn command(
         &self,
         part: BrokenPart,
@@ -194,11 +195,12 @@ impl Broken {
 }
 
 impl OnRearRotors {
-    /// Builds spin and regulator; `None` if the vehicle has no such spin.
+    /// Builds spin and regulator; `None` if the vehicle has no spin or cannot reach it in time, or if no regulator
+    /// exists.
     fn new(vehicle: &Parameters, law: &ActuatorLaw, sample_s: f64) -> Option<Self> {
         let [_, right, left] = law.limits.rotor_speed_max;
         let spin = Spin::solve(vehicle, right.min(left))?;
-        let most_nm = 2.0 * vehicle.km * spin.rotor_speed * spin.rotor_speed; // with the thrust on one side
+        let most_nm = 2.0 * vehicle.km * spin.rotor_speed * spin.rotor_speed; // with all thrust on one rear rotor
         if vehicle.izz_kgm2 * spin.rates_radps.z > MAX_SPIN_UP_S * most_nm {
             return None;
         }
@@ -252,7 +254,7 @@ impl Remaining {
         })
     }
 
-    /// Rotor speeds for `lift_n`, `lon_nm` and `lat_nm`. If they are outside the set, lift is changed first, and the
+    /// Rotor speeds for `lift_n`, `lon_nm` and `lat_nm`. If these are outside the set, lift is changed first, and the
     /// moments are scaled down only if no lift allows them in full.
     pub fn allocate(&self, lift_n: f64, lon_nm: f64, lat_nm: f64) -> [f64; 3] {
         let moments = self.per_moment[0] * lon_nm + self.per_moment[1] * lat_nm;

@@ -21,7 +21,7 @@ pub struct Damage {
     tilt_rad: f64,
 }
 
-/// Number of the servo, after the three rotors.
+/// Number of the servo in `part`, after the three rotors.
 const TILT: u64 = 4;
 
 impl Damage {

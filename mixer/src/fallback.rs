@@ -9,11 +9,12 @@
 //! | 30 ms or older | below 500 ms | trim only | the trim command |
 //! | 30 ms or older | 500 ms or older, or none | cut | no thrust |
 //!
-//! Every tick selects its rung anew: the first fresh demand is used at once. Only a dead rotor ([`crate::rotors`]) and
-//! a landing ([`crate::landing`]) end the flight for good. Without a ground a descent lasts until demands come again.
+//! Every tick selects its rung anew: the first fresh demand is used at once. Only a broken
+//! part ([`crate::rotors`]) and a landing ([`crate::landing`]) end the flight for good. Without a ground a descent
+//! lasts until demands come again.
 //!
 //! A vehicle that descends with a broken part ([`crate::broken`]) uses no demand, because demands are for a whole
-//! vehicle: its ladder begins at the fourth row, with the law for that part.
+//! vehicle: the ladder then begins at the fourth row, with the law for the broken part.
 //!
 //! ```text
 //! lon = Iyy (-a^2 theta             - 2 a q) - d_lon
@@ -23,9 +24,9 @@
 //! ```
 //!
 //! Both poles of an axis are at `-a`. The loop crosses over at 2.06 a, where the law has a phase margin of 76 degrees.
-//! At a = 5 rad/s 30 ms of actuator lag and a period of 20 ms take 29 degrees of it; a demand every 20 ms from a state
-//! of 40 ms ago is still stable. `d` is the controller's last estimate of the disturbance, by the air or by a weak
-//! rotor; the disturbance is assumed to persist.
+//! At a = 5 rad/s 30 ms of actuator lag and a period of 20 ms take 29 degrees of this margin; with a demand every 20 ms
+//! from a state 40 ms old the loop is still stable. `d` is the controller's last estimate of the disturbance, by the
+//! air or by a weak rotor; the disturbance is assumed to persist.
 
 use airframe::Parameters;
 use contract::message::Kinematics;
@@ -96,7 +97,7 @@ impl LevellingLaw {
     }
 
     /// Computes col, lon, lat, ped \[N, N m, N m, N m\] that level the vehicle and bring its vertical speed to zero, or
-    /// to that of the descent if `descending`. The disturbance is not subtracted.
+    /// to `DESCENT_MPS` if `descending`. The disturbance is not subtracted.
     pub fn demand(&self, measured: &Kinematics, descending: bool) -> Vector4<f64> {
         let ([phi, theta, _], [p, q, r]) = (measured.attitude_rad, measured.rates_radps);
         let a = BANDWIDTH_RADPS;

@@ -1,7 +1,8 @@
 //! Land detector: decides when the rotors idle on the ground, and when they stop for good.
 //!
-//! Three stages, like those of PX4's (ground contact, maybe landed, landed), follow from measurements and demands; the
-//! detector does not know the height of the ground. `a` is the demanded acceleration downwards, without disturbance.
+//! Three stages, like the stages of PX4's detector (ground contact, maybe landed, landed), follow from measurements and
+//! demands; the detector does not know the height of the ground. `a` is the demanded acceleration downwards, without
+//! the share that cancels the disturbance.
 //!
 //! | stage | begins | command |
 //! |---|---|---|
@@ -22,14 +23,15 @@ use contract::message::Kinematics;
 use contract::rest::{Rest, is_at_rest};
 use settings::Scenario;
 
-/// Demanded acceleration above which the vehicle should sink, or upwards climb \[m/s2\]. A vehicle a tenth lighter than
-/// its model hovers at that acceleration downwards.
+/// Demanded acceleration downwards above which the vehicle should sink \[m/s2\]; upwards, above which it should climb.
+/// A vehicle a tenth lighter than its model hovers at this demand downwards.
 const INTENT_MPS2: f64 = 1.0;
 /// Vertical speed below which the vehicle does not sink \[m/s\].
 const HELD_UP_MPS: f64 = 0.2;
 /// Change of height below which the vehicle does not sink \[m\].
 const LEVEL_M: f64 = 0.15;
-/// Time without sinking that makes a contact \[ns\]; in free air the vehicle sinks faster after 0.4 s at most.
+/// Time without sinking that makes a contact \[ns\]; in free air the vehicle sinks faster than `HELD_UP_MPS` after 0.4
+/// s at most.
 const CONTACT_NS: u64 = 500_000_000;
 /// Sink rate above which a contact ends \[m/s\].
 const FALLING_MPS: f64 = 0.5;
@@ -44,7 +46,7 @@ const CLIMBING_MPS: f64 = 0.3;
 pub struct LandDetector {
     /// 1 once the vehicle has flown, else 0.
     has_flown: u64,
-    /// Time for which the vehicle has not sunk though it should \[ns\], at most [`CONTACT_NS`].
+    /// Time for which the vehicle has not sunk although it should \[ns\], at most [`CONTACT_NS`].
     held_up_ns: u64,
     /// Down position at the beginning of `held_up_ns` \[m\].
     from_down_m: f64,
@@ -81,7 +83,8 @@ impl LandDetector {
         }
     }
 
-    /// Updates the stage by a sample `elapsed_ns` after the one before, with the acceleration downwards demanded since.
+    /// Updates the stage by a sample `elapsed_ns` after the last one, with the demanded acceleration downwards
+    /// \[m/s2\].
     pub fn observe(&mut self, measured: &Kinematics, wanted_mps2: f64, elapsed_ns: u64) {
         let sink_mps = measured.sink_mps();
         if self.held_up_ns == 0 {
@@ -97,7 +100,7 @@ impl LandDetector {
                     if is_held_up { self.held_up_ns.saturating_add(elapsed_ns).min(CONTACT_NS) } else { 0 };
             }
             LandingStage::Contact if wanted_mps2 < -INTENT_MPS2 => (self.held_up_ns, self.rest) = (0, Rest::default()),
-            LandingStage::Contact if self.has_flown == 0 => {} // it waits
+            LandingStage::Contact if self.has_flown == 0 => {} // the vehicle waits for its first climb
             LandingStage::Contact if sink_mps > FALLING_MPS || sunk_m > FALLEN_M => {
                 (self.held_up_ns, self.rest) = (0, Rest::default());
             }

@@ -6,15 +6,15 @@
 //! | [`fallback`] | fallback ladder for missing demands | |
 //! | [`landing`] | land detector | |
 //! | [`rotors`] | detection of a dead rotor and a stuck tilt servo | |
-//! | [`damage`] | the broken part | |
+//! | [`damage`] | record of the broken part | |
 //! | [`broken`] | descent of a broken vehicle | |
 //! | [`ahead`] | motion of a broken vehicle when a new command takes effect | |
 //! | [`memory`] | state kept from tick to tick | |
 //!
-//! With `mixer.projection` a demand that the actuators cannot produce is replaced by the nearest one that they can
-//! ([`airframe::projection`]) before the allocation.
+//! With `mixer.projection` a demand that the actuators cannot produce is replaced by the nearest demand that they can
+//! produce ([`airframe::projection`]) before the allocation.
 //!
-//! For any input the command is finite and inside the actuators' limits, except that a command without thrust is below
+//! For any input the command is finite and inside the actuators' limits, except that a rotor without thrust is below
 //! the idle speed.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
@@ -57,9 +57,9 @@ pub struct Mixer {
     projection: Option<Projection>,
     level: LevellingLaw,
     rotors: RotorModel,
-    /// Laws of a broken vehicle; `None` if the scenario has its thrust cut.
+    /// Laws of a broken vehicle; `None` if the scenario cuts its thrust.
     broken: Option<Broken>,
-    /// Speed of rotors that idle on the ground; `None` without a ground.
+    /// Speed of rotors that idle on the ground \[rotor speed unit\]; `None` without a ground.
     idle_speed: Option<f64>,
     mass_kg: f64,
     sample_ns: u64,
@@ -82,14 +82,14 @@ impl Core for Mixer {
         snapshot::pack(&self.memory)
     }
 
-    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if the snapshot is foreign, torn or not finite.
     fn restore(&mut self, snapshot: &Snapshot) -> bool {
         snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 }
 
 impl Mixer {
-    /// Builds the allocation of `scenario`; `mixer.tilt_reaction` makes it exact for a plant that has that moment.
+    /// Builds the allocation of `scenario`; `mixer.tilt_reaction` makes it exact for a plant with the tilt reaction.
     pub fn new(scenario: &Scenario) -> Self {
         let tilt_reaction = scenario.mixer.tilt_reaction;
         let mixing = MixingMatrix::new(&scenario.airframe, tilt_reaction);
@@ -122,13 +122,13 @@ impl Mixer {
     /// limits or without thrust; flags report every deviation from the demand.
     ///
     /// A demand that is not finite, or that the controller only repeated, counts as missing; so does a state that is
-    /// not finite. [`fallback`] describes the command without them, [`landing`] that on the ground. With the projection
-    /// the limits do not clip.
+    /// not finite. [`fallback`] describes the command without a demand or a state, [`landing`] the command on the
+    /// ground. With the projection, no limit clips a demand.
     pub fn step(&mut self, tick: u64, controls: &Controls, state: &State) -> Actuators {
         self.store_demand(controls);
         let elapsed_ns = self.store_state(state);
         let MixerMemory { demand_tick, demand, disturbance, state_tick, measured, damage, .. } = self.memory;
-        // A broken vehicle uses no demand, because demands are for a whole one.
+        // A broken vehicle uses no demand, because demands are for a whole vehicle.
         let demand_ns = if damage.part().is_some() { u64::MAX } else { self.age_ns(tick, demand_tick) };
         let rung = Rung::of(demand_ns, self.age_ns(tick, state_tick));
         let mut actuators = match (self.stage(rung, elapsed_ns), rung) {
@@ -166,8 +166,8 @@ impl Mixer {
         }
     }
 
-    /// Stores a new, finite state and updates the evidence on the rotors. Returns the time since the state before it
-    /// \[ns\]; 0 for the first state, and for one that is not stored.
+    /// Stores a new, finite state and updates the evidence on the rotors. Returns the time since the previous state
+    /// \[ns\]; 0 for the first state, and for a state that is not stored.
     fn store_state(&mut self, state: &State) -> u64 {
         let m = &state.measured;
         let finite = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps].iter().all(|v| is_finite(v));
@@ -193,7 +193,7 @@ impl Mixer {
         elapsed_ns
     }
 
-    /// Notes the first damage that the evidence shows; a stuck servo only if a descent could follow.
+    /// Notes the first damage that the evidence shows; notes a stuck servo only if the vehicle may descend without it.
     fn note_damage(&mut self) {
         let MixerMemory { evidence, damage, .. } = self.memory;
         let stuck = || self.rotors.stuck_tilt(&evidence).filter(|_| self.broken.is_some()).map(BrokenPart::Tilt);
@@ -208,7 +208,8 @@ impl Mixer {
         self.broken.as_ref().is_some_and(|broken| broken.descends_without(part))
     }
 
-    /// Updates the land detector, if there is a ground, by a sample `elapsed_ns` after the one before.
+    /// Updates the land detector, if there is a ground, by a sample `elapsed_ns` after the last one, and returns its
+    /// stage.
     fn stage(&mut self, rung: Rung, elapsed_ns: u64) -> LandingStage {
         let MixerMemory { demand, disturbance, measured, .. } = self.memory;
         let wanted = match rung {
@@ -228,7 +229,7 @@ impl Mixer {
         of.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(self.sample_ns))
     }
 
-    /// Computes the command for a demand \[N, N m, N m, N m\], with `flags` and those of projection and saturation.
+    /// Computes the command for a demand \[N, N m, N m, N m\], with `flags` and the flags of projection and saturation.
     fn allocate(&mut self, demand: &Vector4<f64>, mut flags: u64) -> Actuators {
         if !is_finite(demand.as_slice()) {
             return self.trim(flags | mixer_flags::TRIM_ONLY); // the levelling demand overflowed
@@ -253,7 +254,7 @@ impl Mixer {
         Actuators { command: command.into(), flags, ..Actuators::default() }
     }
 
-    /// Command of a descent without a broken part.
+    /// Command of a descent without `part`, which is broken.
     fn descend_without(&self, part: BrokenPart) -> Actuators {
         let MixerMemory { measured, evidence, state_tick, delay, .. } = &self.memory;
         let in_force = bytemuck::cast(delay.command);
@@ -291,7 +292,7 @@ impl Mixer {
         Actuators { command: still.into(), flags, ..Actuators::default() }
     }
 
-    /// Command without thrust, because the vehicle cannot fly on.
+    /// Command without thrust, with `flags` and the flag `CUT`.
     fn cut(&self, flags: u64) -> Actuators {
         self.stop(flags | mixer_flags::CUT)
     }

@@ -1,4 +1,4 @@
-//! State of the mixer from tick to tick. All its other fields are fixed at construction or buffers.
+//! State of the mixer from tick to tick. All other fields of the mixer are fixed at construction, or are buffers.
 
 use bytemuck::{Pod, Zeroable};
 use contract::delay::Delay;

@@ -1,18 +1,18 @@
-//! Detection of a dead rotor and of a stuck tilt servo, by comparing the measured acceleration with the one that the
-//! commands should cause.
+//! Detection of a dead rotor and of a stuck tilt servo, by comparing the measured acceleration with the acceleration
+//! that the commands should cause.
 //!
 //! The mixer does not measure rotor speeds or thrust. From the command in force it computes the speeds that the rotors
 //! should have, the contribution `a_i` of each to the acceleration along the body's z axis and to the angular
-//! accelerations, and the remainder `e` that they do not explain:
+//! accelerations, and the remainder `e` that these contributions do not explain:
 //!
 //! ```text
 //! a_i  = (force / m along z,  J^-1 moment) of rotor i, by command, lag and limits
 //! e    = (dw/dt + (omega x v - gravity) along z,  d omega / dt + J^-1 (omega x J omega))  -  sum a_i
 //! ```
 //!
-//! A rotor without thrust leaves `e = -a_i`. Both are averaged over 30 ms, which removes the noise. A rotor is declared
-//! dead if for 50 ms in a row most of its moment is missing, in the direction of that moment, and half of its lift too,
-//! while its commanded moment is not small. With `m` for the moments and `f` for the force in `a` and `e`:
+//! A rotor without thrust leaves `e = -a_i`. `e` and `a_i` are averaged over 30 ms, which removes the noise. A rotor is
+//! declared dead if for 50 ms in a row most of its moment is missing, in the direction of that moment, and half of its
+//! lift too, while its commanded moment is not small. With `m` for the moments and `f` for the force in `a` and `e`:
 //!
 //! ```text
 //! -e_m . m_i >= 0.7 |m_i|^2,     (e_m . m_i)^2 >= 0.8 |e_m|^2 |m_i|^2,     |m_i| >= 0.4 |m_i at hover|
@@ -27,15 +27,15 @@
 //! effect differs in size, direction or duration.
 //!
 //! The yawing moment of rotor 1 is `R Omega1^2 sin(mu - psi)`, with `R = |(l1 K_F, K_M)|` and `psi` the trim tilt (27).
-//! So the angle of the servo follows from its own part of the yaw acceleration, expected and missing:
+//! So the angle of the servo follows from the yaw acceleration of rotor 1, its expected part plus the remainder:
 //!
 //! ```text
 //! sin(mu - psi) = Izz (a_1 + e)_r / (R Omega1^2)
 //! ```
 //!
-//! The servo is declared stuck if that angle is 10 degrees or more from the angle that it should have, for 150 ms in a
-//! row, and the missing yawing moment is larger than the missing rolling moment. A dead rotor is declared earlier, and
-//! a dead rear rotor leaves more roll than yaw.
+//! The servo is declared stuck if this angle differs by 10 degrees or more from the expected angle, for 150 ms in a
+//! row, and the missing yawing moment is larger than the missing rolling moment. A dead rotor is not taken for a stuck
+//! servo: it is declared earlier, and a dead rear rotor leaves more roll than yaw.
 
 use airframe::mixing::intermediate;
 use airframe::{ActuatorLaw, MixingMatrix};
@@ -51,15 +51,16 @@ const AVERAGE_S: f64 = 0.03;
 const MIN_DEAD_S: f64 = 0.05;
 /// Smallest missing share of a dead rotor's moment: not all, because attitude-mpc's estimate makes up for 20 %.
 const MIN_MISSING: f64 = 0.7;
-/// Smallest missing share of its lift: lower, because velocity is measured worse than rates, and wind lifts too.
+/// Smallest missing share of a dead rotor's lift: lower, because velocity is measured worse than rates, and wind lifts
+/// too.
 const MIN_LIFT_MISSING: f64 = 0.5;
-/// Smallest square of the cosine between the missing moment and the rotor's.
+/// Smallest squared cosine of the angle between the missing moment and the moment of the rotor.
 const MIN_ALIGNMENT: f64 = 0.8;
 /// Smallest moment at which a rotor can be judged, as a share of its moment at hover.
 const MIN_MOMENT: f64 = 0.4;
-/// Smallest error of the tilt that counts \[rad\]: 10 degrees, twice the error of a servo that is slightly wrong.
+/// Smallest error of the tilt that counts \[rad\]: 10 degrees, twice the error of a servo that is slightly misaligned.
 const MIN_TILT_ERROR_RAD: f64 = 0.175;
-/// Time for which the tilt must be wrong to be declared stuck \[s\]: longer than a dead rotor takes.
+/// Time for which the tilt must be wrong for the servo to be declared stuck \[s\]: longer than for a dead rotor.
 const MIN_STUCK_S: f64 = 0.15;
 /// Longest gap between two samples that can be judged \[s\].
 const MAX_GAP_S: f64 = 0.05;
@@ -75,11 +76,11 @@ pub struct RotorModel {
     g_mps2: f64,
     /// Squared moment `|m_i|^2` at hover.
     hover: [f64; 3],
-    /// Trim tilt psi \[rad\], and yawing moment R of rotor 1 per squared speed a quarter turn from it.
+    /// Trim tilt psi \[rad\], and yawing moment R of rotor 1 per squared speed at a tilt a quarter turn from psi.
     yaw: (f64, f64),
 }
 
-/// Evidence for dead rotors, from the samples so far.
+/// Evidence for dead rotors and a stuck servo, from the samples so far.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RotorEvidence {
@@ -115,8 +116,8 @@ impl RotorModel {
         RotorEvidence { actuation: self.law.limits.clip(command), ..RotorEvidence::zeroed() }
     }
 
-    /// Updates the evidence by a sample `elapsed_s` after the one before, from the measurements at both and the command
-    /// in force between them. A gap that is too long, or numbers that overflow, reset the evidence.
+    /// Updates the evidence by a sample `elapsed_s` after the last one, from the measurements at both samples and the
+    /// command in force between them. A gap longer than `MAX_GAP_S`, or a number that overflows, resets the evidence.
     pub fn observe(
         &self,
         before: &RotorEvidence,
@@ -151,7 +152,7 @@ impl RotorModel {
         evidence
     }
 
-    /// Angle of the servo \[rad\], once it is declared stuck.
+    /// Angle of a servo that is declared stuck \[rad\], else `None`.
     pub fn stuck_tilt(&self, evidence: &RotorEvidence) -> Option<f64> {
         (evidence.stuck_s >= MIN_STUCK_S).then(|| self.apparent_tilt(evidence))
     }
@@ -216,7 +217,7 @@ impl RotorModel {
 }
 
 impl RotorEvidence {
-    /// Rotor that is declared dead, 0 to 2.
+    /// Rotor that is declared dead, 0 to 2; `None` if no rotor is.
     pub fn dead_rotor(&self) -> Option<usize> {
         (self.dead_s.max() >= MIN_DEAD_S).then(|| self.dead_s.imax())
     }

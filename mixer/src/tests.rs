@@ -81,7 +81,7 @@ fn each_actuator_beyond_its_limit_raises_its_own_flag_beside_those_given() {
     assert_eq!(flags(trim.rotor_speed, trim.tilt_rad), mixer_flags::HELD);
     for rotor in 0..3 {
         let mut speed = trim.rotor_speed;
-        speed[rotor] *= 2.1; // the limit is 2
+        speed[rotor] *= 2.1; // the limit is twice the trim speed
         assert_eq!(flags(speed, trim.tilt_rad), mixer_flags::HELD | mixer_flags::ROTOR_SATURATED << rotor);
     }
     assert_eq!(flags(trim.rotor_speed, 1.6), mixer_flags::HELD | mixer_flags::TILT_SATURATED);
@@ -206,7 +206,7 @@ fn moderate_demand() -> impl Strategy<Value = [f64; 4]> {
     })
 }
 
-/// Demands of any kind: moderate ones, every class of number, and raw bytes.
+/// Demands of any kind: moderate demands, every class of number, and raw bytes.
 fn any_demand() -> impl Strategy<Value = [f64; 4]> {
     let number = |bytes: [u8; 8]| f64::from_le_bytes(bytes);
     prop_oneof![

@@ -26,14 +26,14 @@ struct Flight {
 }
 
 impl Flight {
-    /// Starts at trim displaced by an attitude \[rad\] and rates \[rad/s\], with one demand to hover.
+    /// Starts at trim, displaced by an attitude \[rad\] and rates \[rad/s\].
     fn start(profile: Profile, rate_hz: u32, attitude_rad: [f64; 3], rates_radps: [f64; 3]) -> Self {
         let mut scenario = Scenario::from(profile);
         scenario.run.rate_hz = rate_hz;
         Self::of(scenario, attitude_rad, rates_radps)
     }
 
-    /// Starts as above, with a vehicle that descends when it is broken.
+    /// Starts at trim, with a vehicle that descends when it is broken.
     fn breakable(profile: Profile, rate_hz: u32) -> Self {
         let mut scenario = Scenario::from(profile);
         scenario.run.rate_hz = rate_hz;
@@ -56,7 +56,7 @@ impl Flight {
         }
     }
 
-    /// Flies one period under an outside influence. With `hover` every tick has a demand to hover, else only the first.
+    /// Flies one period under an outside influence. With `hover` every tick has a demand to hover, else only tick 0.
     fn turn(&mut self, hover: bool, outside: &Surroundings) -> Actuators {
         let stamp = |tick| Stamp { tick, sequence: tick + 1, ..Stamp::default() };
         let mut state = State { measured: dynamics::kinematics(&self.x), ..State::default() };

@@ -2,17 +2,17 @@
 //!
 //! ```text
 //! d = -f / |f|,   e = d x m / |d x m|,   n = e x d        down, east and north in body axes (TRIAD)
-//! e_t = -(G x e_f) / g^2,   G = -f                        error of the tilt by that of the specific force f
-//! e_h = (m_z n . e_t + e . e_m) / m_x + e_d               error of the heading by those of the map's field
-//!                                                         m = (m_x, 0, m_z) and of the declination
+//! e_t = -(G x e_f) / g^2,   G = -f                        error of the tilt by the error e_f of the specific force f
+//! e_h = (m_z n . e_t + e . e_m) / m_x + e_d               error of the heading by the errors e_m of the field,
+//!                                                         (m_x, 0, m_z) by the map, and e_d of the declination
 //! ```
 //!
-//! The rows of `R` are n, e and d: three vectors from two, Shuster and Oh, *Three-axis attitude determination from
-//! vector observations* (1981), section III. The error of the tilt comes from the accelerometer's bias. Standing still
-//! does not separate the two, so the covariance has both and their correlation. The same holds for the error of the
-//! heading, the vehicle's own field and the declination. The origin of the flight's frame is where the vehicle stands,
-//! so the measurements of the receiver and the barometer there are their own errors. The rotation of the earth is left
-//! out.
+//! The rows of the rotation `R` from body to NED are n, e and d: three vectors from two, Shuster and Oh, *Three-axis
+//! attitude determination from vector observations* (1981), section III. The error of the tilt comes from the
+//! accelerometer's bias. Standing still does not separate tilt and bias, so the covariance has both and their
+//! correlation. The same holds for the error of the heading, the vehicle's own field and the declination. The origin of
+//! the flight's frame is where the vehicle stands, so receiver and barometer measure their own errors there. The
+//! rotation of the earth is left out.
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
@@ -81,8 +81,8 @@ impl Standstill {
         let down = -force.try_normalize(0.0)?;
         let level = down.cross(&field);
         let east = level.try_normalize(0.0)?;
-        // The Jacobian must be the filter's: the difference of one at the measured field would make the heading
-        // observable at rest.
+        // The Jacobian must be the filter's. A Jacobian at the measured field would differ, which would make the
+        // heading observable at rest.
         let inclination_rad = noise.inclination_rad;
         let horizontal = libm::cos(inclination_rad).max(MIN_HORIZONTAL);
         let north = east.cross(&down);
@@ -131,7 +131,7 @@ impl Standstill {
         covariance.fixed_view_mut::<3, 1>(ATTITUDE, DECLINATION).copy_from(&(down * of_declination));
         covariance.fixed_view_mut::<1, 3>(DECLINATION, ATTITUDE).copy_from(&(down * of_declination).transpose());
         if self.height.count > 0.0 {
-            // The errors by the pressure of rotors and wind begin with the flight.
+            // The start deviation remains: the errors by the pressure of rotors and wind begin with the flight.
             covariance[(BAROMETER_BIAS, BAROMETER_BIAS)] +=
                 since(noise.height_m, &noise.barometer, &self.height, time_s);
         }
@@ -139,13 +139,12 @@ impl Standstill {
     }
 }
 
-/// Variance of a mean with white noise.
+/// Variance of a mean of measurements with white noise of the standard deviation `deviation`.
 fn white(deviation: f64, mean: &Mean) -> f64 {
     deviation * deviation / mean.count
 }
 
-/// Variance of the error of a random walk at the end of `time_s`, estimated by its mean with white noise over this
-/// time.
+/// Variance of the error with which a mean over `time_s`, with white noise, estimates the end of a random walk.
 fn since(deviation: f64, wander: &Wander, mean: &Mean, time_s: f64) -> f64 {
     white(deviation, mean) + wander.walk * wander.walk * time_s / 3.0
 }

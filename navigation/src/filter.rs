@@ -4,16 +4,16 @@
 //! P  = F P F' + Q                              Sola, arXiv 1711.02508, section 5.4, eqs. 266 to 270
 //! S  = H P H' + V,   K = P H' / S              section 6, eqs. 273 to 276
 //! P  = (I - K H) P (I - K H)' + K V K'         Joseph's form: symmetric, and positive after rounding too
-//! x  = x + K y,   P = G P G'                   eqs. 282 to 287, with G = I - [K y / 2]x for the attitude: the error is
-//!                                              that of the new attitude
+//! x  = x + K y,   P = G P G'                   eqs. 282 to 287, with G = I - [K y / 2]x for the attitude: G turns
+//!                                              the error into the axes of the new attitude
 //! ```
 //!
 //! A measurement is refused if its normalised innovation `y' / S y` is above the chi-square quantile of 0.999; the
-//! horizontal and the vertical part of a receiver's measurement are gated separately. A source of which nothing was
-//! accepted for `RESET_AFTER_S` disagrees for good, and the less trusted one is reset: if it disagrees alone, its own
-//! error (drift, bias, own field); if another source of the same motion is refused too, the motion. A velocity that
-//! disagrees alone is refused as long as it does. The covariance of the states that are reset grows by the innovation,
-//! `H' y^2 H`, so that the filter accepts the innovation. Resets are counted.
+//! horizontal and the vertical part of a receiver's measurement are gated separately. A source that is refused for
+//! `RESET_AFTER_S` disagrees for good, and a reset follows: of the error of the source (drift, bias, own field) if it
+//! disagrees alone; of the motion if another source of the same motion is refused too, or if the source was silent
+//! before. A velocity that disagrees alone is refused as long as it disagrees. The covariance of the states that are
+//! reset grows by the innovation, `H' y^2 H`, so that the filter accepts the innovation. Resets are counted.
 
 use libm::hypot;
 use nalgebra::{Matrix3, RowVector3, SMatrix, SVector, Vector2, Vector3};
@@ -29,9 +29,9 @@ use crate::yaw::YawCheck;
 
 /// Time for which a source must disagree until a reset \[s\].
 const RESET_AFTER_S: f64 = 2.0;
-/// Time for which two sources must disagree at once so that the motion they both measure is reset \[s\].
+/// Time for which two sources must disagree at once before the motion that both measure is reset \[s\].
 const TOGETHER_S: f64 = 1.0;
-/// Time after which the drift has followed an antenna that turned away \[s\].
+/// Time after which the drift has followed an antenna that a turn has moved \[s\].
 const LASTS_S: f64 = 1.0;
 /// Deviation from which on a heading counts as unknown, and smallest error of a heading that counts as wrong \[rad\].
 const UNKNOWN_RAD: f64 = 0.8;
@@ -44,11 +44,11 @@ pub(crate) const MIN_HORIZONTAL: f64 = 0.1;
 pub struct Filter {
     /// Estimate.
     pub state: State,
-    /// Covariance of its error.
+    /// Covariance of the estimate's error.
     pub covariance: Covariance,
     noise: ExpectedNoise,
     g_mps2: f64,
-    /// Rates and acceleration in the last sample of the IMU \[rad/s, m/s2\].
+    /// Magnitudes of body rates and acceleration in the last sample of the IMU \[rad/s, m/s2\].
     pace: [f64; 2],
     records: [SourceRecord; SOURCES],
     yaw: YawCheck,
@@ -78,7 +78,7 @@ impl Filter {
         self.records[source as usize]
     }
 
-    /// Largest normalised innovation squared of the last measurements, as a share of its gate, up to 1.
+    /// Largest squared normalised innovation of the last measurements of all sources, as a share of its gate, up to 1.
     pub fn surprise(&self) -> f64 {
         Source::ALL.iter().fold(0.0, |most: f64, source| most.max(self.record(*source).nis / source.gate())).min(1.0)
     }
@@ -88,8 +88,8 @@ impl Filter {
         self.records.iter().any(|record| record.disputed_s() >= TOGETHER_S)
     }
 
-    /// Begins anew at the estimate of another filter. The IMU of this filter has errors of its own, as large as
-    /// `constants`. Records are kept.
+    /// Begins anew at the estimate of another filter. The IMU of this filter has errors of its own, with the deviations
+    /// `constants`. The records keep their counts of measurements and resets.
     pub fn begin_at(&mut self, other: &Self, constants: &Constants) {
         let zero = Vector3::zeros();
         self.state = State { acceleration_bias_mps2: zero, rates_bias_radps: zero, ..other.state };
@@ -110,7 +110,7 @@ impl Filter {
         }
     }
 
-    /// Moves over a sample of the IMU.
+    /// Moves state and covariance over a sample of the IMU.
     pub fn predict(&mut self, imu: &Imu, dt_s: f64) {
         self.covariance = self.covariance_after(imu, dt_s, 1.0);
         let before = self.state;
@@ -182,7 +182,8 @@ impl Filter {
         self.fuse(Source::Height, &direct(Source::Height, scalar(innovation), -1.0, noise));
     }
 
-    /// Fuses the heading of a magnetic `field`, body, as shares of its strength; none if the field is vertical.
+    /// Fuses the heading of a magnetic `field`, body, as shares of its strength; does nothing if the field is vertical
+    /// or the heading is unknown.
     pub fn fuse_field(&mut self, field: &Vector3<f64>) {
         if self.heading_error().1 < UNKNOWN_RAD * UNKNOWN_RAD
             && let Some(measured) = self.heading(field)
@@ -196,13 +197,14 @@ impl Filter {
         self.fuse(Source::Flow, &self.flow(velocity_mps));
     }
 
-    /// Measurement of the heading by a `field` without the vehicle's own, levelled by the estimated attitude. An error
-    /// of the tilt turns the level field by its vertical part over its horizontal one.
+    /// Measurement of the heading by a `field` less the vehicle's own field, levelled by the estimated attitude; `None`
+    /// if the field is vertical. An error of the tilt turns the level field by the ratio of its vertical to its
+    /// horizontal part.
     ///
-    /// The Jacobian is that of the field of the map and not of the measured field. The noise in the measured field is
-    /// correlated with the innovation, which would tilt the estimate by degrees in minutes, always in the same
-    /// direction. That noise also changes from sample to sample, as if the vehicle's own field could be told from a
-    /// wrong heading.
+    /// The Jacobian is that of the field of the map and not of the measured field. The noise of the measured field
+    /// would be in both Jacobian and innovation, which would tilt the estimate by degrees in minutes, always in the
+    /// same direction. This noise would also change the Jacobian from sample to sample, as if the vehicle's own field
+    /// could be told from a wrong heading.
     pub(crate) fn heading(&self, field: &Vector3<f64>) -> Option<Measured<1>> {
         let level = self.state.attitude * (field - self.state.hard_iron);
         let horizontal = hypot(level.x, level.y);
@@ -269,7 +271,7 @@ impl Filter {
         let (down, variance) = self.heading_error();
         if variance > UNKNOWN_RAD * UNKNOWN_RAD {
             // Far from the truth a Jacobian could turn the heading anywhere. The heading stays, as an error that is
-            // considered but not estimated, and so do the errors that are correlated with it.
+            // considered but not estimated, and so do the vehicle's own field and the declination.
             let along = down.transpose() * gain.fixed_rows::<3>(ATTITUDE);
             let mut rows = gain.fixed_rows_mut::<3>(ATTITUDE);
             rows -= down * along;
@@ -281,7 +283,8 @@ impl Filter {
     }
 
     /// Turns the attitude about the vertical to the heading that the receiver's `velocity_mps` shows, if the heading is
-    /// unknown, or if it is wrong and velocities are refused for good. The velocity then counts as unknown too.
+    /// unknown, or if it is wrong and velocities are refused for good. The variance of the velocity then grows by its
+    /// squared innovation.
     fn check_heading(&mut self, velocity_mps: &Vector2<f64>) {
         let Some((angle, deviation)) = self.yaw.turn(self.noise.velocity_mps.x) else { return };
         let (down, variance) = self.heading_error();
@@ -312,9 +315,8 @@ impl Filter {
         source.states().1.is_none() && source.fellows().iter().any(agrees)
     }
 
-    /// Enlarges the covariance of the states that a `source` that disagrees for good shows to be wrong: its own error,
-    /// or the motion that it measures if the source was silent before, has no error of its own, or does not disagree
-    /// alone.
+    /// Enlarges the covariance after `source` has disagreed for good: of its own error, or of the motion that it
+    /// measures if the source was silent before, has no error of its own, or does not disagree alone.
     fn open<const N: usize>(
         &mut self,
         source: Source,
@@ -333,7 +335,8 @@ impl Filter {
         let surprise = SMatrix::from_diagonal(&innovation.component_mul(innovation));
         self.covariance += rows.transpose() * surprise * rows;
         if matches!(source, Source::Velocity | Source::Flow) && !was_silent {
-            // While its sensor works, the velocity becomes wrong through gravity along a wrong attitude.
+            // While the sensor of the velocity works, the velocity becomes wrong only by gravity under a wrong
+            // attitude.
             let turned = innovation.norm() / (self.g_mps2 * RESET_AFTER_S);
             (ATTITUDE..ATTITUDE + 3).for_each(|i| self.covariance[(i, i)] += turned * turned);
         }
@@ -350,7 +353,7 @@ impl Filter {
         self.state = self.state.plus(error);
     }
 
-    /// Makes the covariance exactly symmetric, because a memory has one of each pair of mirrored elements.
+    /// Makes the covariance exactly symmetric, because a memory stores only one of two mirrored elements.
     pub(crate) fn symmetrise(&mut self) {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
     }

@@ -1,15 +1,15 @@
 //! Lane: one IMU with a filter of its own, and the choice among lanes.
 //!
 //! ```text
-//! worse    = integral of (surprise - surprise of the lane that flies) where they differ by more than HYSTERESIS,
+//! worse    = integral of (surprise - surprise of the lane in use) where they differ by more than HYSTERESIS,
 //!            forgotten with FORGET_S
 //! surprise = largest y' / S y of the last measurements, as a share of its gate, up to 1
 //! ```
 //!
-//! All lanes get the same measurements of the other sensors, so that only their IMUs make them differ. An IMU that
-//! gives nothing new, because it is silent or stuck, is detected by the age of its last new sample, before its lane has
-//! an error. An IMU that gives wrong numbers is detected by the innovations of its lane. PX4's `EKF2Selector` does this
-//! with sums of test ratios. There a lane that has diverged stays so; here it begins anew from the lane that flies.
+//! All lanes get the same measurements of the other sensors, so the lanes differ only by their IMUs. An IMU that gives
+//! nothing new, because it is silent or stuck, is detected by the age of its last new sample, before its lane has an
+//! error. An IMU that gives wrong numbers is detected by the innovations of its lane. PX4's `EKF2Selector` compares
+//! sums of test ratios. In PX4 a lane that has diverged stays diverged; here it begins anew from the lane in use.
 
 use nalgebra::Vector3;
 
@@ -47,7 +47,7 @@ pub(crate) struct ImuLane {
     stale_s: f64,
     /// Time for which the IMU has been well, up to [`WELL_AFTER_S`] \[s\].
     well_s: f64,
-    /// Integral of the surprise of this lane less that of the lane in use \[s\].
+    /// Integral of the surprise of this lane less the surprise of the lane in use \[s\].
     worse_s: f64,
 }
 
@@ -59,7 +59,7 @@ impl ImuLane {
     }
 
     /// Receives a sample of the IMU, and returns the sample to use: a value that is NaN or beyond the range is replaced
-    /// by the last one.
+    /// by the last value.
     pub fn receive(&mut self, measured: &Imu, period_s: f64) -> Imu {
         let (force, of_force) =
             in_range(&measured.specific_force_mps2, &self.last.specific_force_mps2, MAX_SPECIFIC_FORCE_MPS2);
@@ -85,15 +85,16 @@ impl ImuLane {
     }
 }
 
-/// Returns the values of a sensor, NaN and those beyond `range` replaced by the `last` ones, and whether all were in
-/// range and any is new.
+/// Returns the values of a sensor, with the `last` value in place of each NaN and each value beyond `range`; and `true`
+/// if all were in range and one is new.
 fn in_range(values: &Vector3<f64>, last: &Vector3<f64>, range: f64) -> (Vector3<f64>, bool) {
     let taken = values.zip_map(last, |value, last| if value.abs() <= range { value } else { last });
     (taken, taken == *values && taken != *last)
 }
 
-/// Chooses among `lanes` after a sample, and returns the lane to use in place of `flown`. The others begin anew from it
-/// when their IMU is well again, or when they are much worse; their IMUs have biases of `constants`.
+/// Chooses among `lanes` after a sample, and returns the index of the lane to use in place of `flown`. Another lane
+/// begins anew from the chosen lane when its IMU is well again, or when it is much worse; its biases then have the
+/// deviations `constants`.
 pub(crate) fn choose(lanes: &mut [ImuLane], flown: usize, constants: &Constants, period_s: f64) -> usize {
     let of_flown = lanes[flown].filter.surprise();
     for lane in &mut *lanes {

@@ -14,19 +14,20 @@
 //! ```text
 //! IMUs, position, velocity, height, field -> [ frames of the last `delay` ] -> a filter for each IMU, at the horizon
 //!                                                |                               |
-//!                                                +----- State::moved, each ------+--> estimate of now, of the best one
+//!                                                +----- State::moved, each ------+--> present estimate, lane in use
 //! ```
 //!
 //! The filter lags by the delay of the latest sensor, as in PX4's ECL: at its horizon every measurement has arrived and
-//! is fused at the time at which it was made, in order, so that no delay needs a correction and the covariance is that
-//! of an undelayed filter. The present estimate is the state at the horizon, moved over the samples of the IMU since
-//! then. A buffer of past states to return to would give the same estimates for more memory: a covariance for each
-//! sample.
+//! is fused at the time at which it was made, in order, so that no delay needs a correction and the covariance equals
+//! that of a filter without delay. The present estimate is the state at the horizon, moved over the samples of the IMU
+//! since then. A buffer of past states to return to would give the same estimates for more memory: a covariance for
+//! each sample.
 //!
-//! A measurement that equals the one before bit by bit is ignored, so a sensor that is stuck counts as silent.
+//! A measurement that equals the previous measurement bit by bit is ignored, so a sensor that is stuck counts as
+//! silent.
 //!
-//! The estimate is finite whatever the sensors give: values of an IMU that are no numbers or beyond its range are
-//! replaced by the last ones, and other measurements that cannot be true are left out.
+//! The estimate is finite whatever the sensors give: values of an IMU that are NaN or beyond its range are replaced by
+//! the last values, and other measurements out of range are left out.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -59,7 +60,7 @@ const MAX_POSITION_M: f64 = 5000.0;
 const MAX_VELOCITY_MPS: f64 = 200.0;
 const MAX_FIELD: f64 = 10.0;
 
-/// Measurements that were made with a sample of the IMU; a number that is not finite is no measurement.
+/// Measurements made at the end of a sample of the IMU; a measurement that is not finite is ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Aiding {
     /// Position, NED \[m\].
@@ -75,7 +76,7 @@ pub struct Aiding {
 }
 
 impl Aiding {
-    /// Returns the measurements that differ from the `last` of the same sensor, and makes them the last.
+    /// Returns the measurements that differ from the `last` of the same sensor, and stores all in `last`.
     fn since(&self, last: &mut Self) -> Self {
         fn news<T: PartialEq + Copy>(now: Option<T>, last: &mut Option<T>) -> Option<T> {
             let news = now.filter(|_| now != *last);
@@ -112,9 +113,9 @@ pub struct Navigation {
     lanes: Vec<ImuLane>,
     /// Index of the lane whose estimate is used.
     flown: usize,
-    /// Constant errors of the IMUs.
+    /// Standard deviations of the constant errors of the IMUs.
     constants: Constants,
-    /// Last measurements of each sensor that were fused.
+    /// Last measurement of each sensor that reached the horizon.
     last: Aiding,
     /// Frames that the filters have not reached, oldest first.
     frames: VecDeque<Frame>,
@@ -124,20 +125,21 @@ pub struct Navigation {
 }
 
 impl Navigation {
-    /// Builds an estimator from filters at the start, one for each IMU, at most [`IMUS`]; the first one flies. Samples
-    /// of the IMUs, which have errors of `constants`, are `period_s` apart. The horizon is `delay` samples ago.
+    /// Builds an estimator from filters at the start, one for each IMU, at most [`IMUS`]; the first filter is used
+    /// first. Samples of the IMUs, whose errors have the deviations `constants`, are `period_s` apart. The horizon is
+    /// `delay` samples ago.
     pub fn new(filters: impl IntoIterator<Item = Filter>, constants: Constants, period_s: f64, delay: usize) -> Self {
         let lanes = filters.into_iter().take(IMUS).map(ImuLane::new).collect();
         let frames = VecDeque::with_capacity(delay + 1);
         Self { lanes, flown: 0, constants, last: Aiding::default(), frames, delay, period_s }
     }
 
-    /// Returns the filter that flies, whose state is that of the horizon.
+    /// Returns the filter in use, whose state is the state at the horizon.
     pub fn filter(&self) -> &Filter {
         &self.lane().filter
     }
 
-    /// Number of the IMU whose filter flies, from 0.
+    /// Number of the IMU whose filter is in use, from 0.
     pub fn imu(&self) -> usize {
         self.flown
     }
@@ -181,7 +183,7 @@ impl Navigation {
         (state, last.rates_radps - state.rates_bias_radps)
     }
 
-    /// Covariance of the error of [`estimate`](Self::estimate).
+    /// Covariance of the error of [`estimate`](Self::estimate) at the same `ahead_s`.
     pub fn covariance(&self, ahead_s: f64) -> Covariance {
         let ImuLane { filter, last, .. } = self.lane();
         let samples = self.frames.len() as f64;
@@ -194,12 +196,12 @@ impl Navigation {
         filter.covariance_after(&imu, self.period_s, samples + ahead_s / self.period_s)
     }
 
-    /// Samples of the IMU that flies, from the horizon on.
+    /// Samples of the IMU in use, from the horizon on.
     fn samples(&self) -> impl Iterator<Item = &Imu> {
         self.frames.iter().map(|(imus, _)| &imus[self.flown])
     }
 
-    /// Passes the memory to `visit`, which writes it elsewhere, or replaces it by that of another estimator.
+    /// Passes the memory to `visit`, which writes it elsewhere, or replaces it by the memory of another estimator.
     pub fn visit(&mut self, visit: Visit) {
         let Self { lanes, flown, last, frames, delay, .. } = self;
         for lane in lanes.iter_mut() {
@@ -217,7 +219,7 @@ impl Navigation {
     }
 }
 
-/// Fuses the measurements at the horizon, except those that are NaN or out of range.
+/// Fuses the measurements at the horizon, except measurements that are NaN or out of range.
 fn fuse(filter: &mut Filter, aiding: &Aiding) {
     if let Some(position_m) = aiding.position_m.filter(|position| is_within(position, MAX_POSITION_M)) {
         filter.fuse_position(position_m);

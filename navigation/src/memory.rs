@@ -1,4 +1,4 @@
-//! Memory of the estimator as words, which another one continues from.
+//! Memory of the estimator as words, from which another estimator continues.
 //!
 //! The same functions write the words and read them back, so that both have the same order. Values that follow from the
 //! settings are left out.

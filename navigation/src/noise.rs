@@ -28,7 +28,7 @@ impl Wander {
         Self { start: deviation, walk: deviation * (2.0 / time_s).sqrt(), time_s }
     }
 
-    /// Share of a value that is left after `dt_s`, and the variance that is new, to first order.
+    /// Share of a value that is left after `dt_s`, and variance that the random walk adds in this time, to first order.
     pub(crate) fn step(&self, dt_s: f64) -> (f64, f64) {
         (libm::exp(-dt_s / self.time_s), self.walk * self.walk * dt_s)
     }
@@ -49,13 +49,13 @@ pub struct ExpectedNoise {
     pub position_m: Vector3<f64>,
     /// Velocity of the satellite receiver, NED \[m/s\].
     pub velocity_mps: Vector3<f64>,
-    /// Barometer \[m\].
+    /// Height by the barometer \[m\].
     pub height_m: f64,
-    /// Share of the dynamic pressure of its own velocity that the barometer takes for static pressure.
+    /// Share of the dynamic pressure of the vehicle's velocity that the barometer takes for static pressure.
     pub wind_pressure: f64,
-    /// Magnetometer, as a share of the field.
+    /// Field by the magnetometer, as a share of the earth's.
     pub field: f64,
-    /// Angle of the earth's field below the horizon, of the map \[rad\].
+    /// Angle of the earth's field below the horizon, by the map \[rad\]: a known constant.
     pub inclination_rad: f64,
     /// Velocity over the ground \[m/s\].
     pub flow_mps: f64,
@@ -72,14 +72,14 @@ pub struct ExpectedNoise {
 }
 
 impl ExpectedNoise {
-    /// Processes of the error states from [`DRIFT`] on.
+    /// Processes of the error states from [`DRIFT`] up to [`DECLINATION`], which is not included.
     pub(crate) fn wandering(&self) -> [Wander; DECLINATION - DRIFT] {
         let Self { drift: [north, east, down], barometer, hard_iron, .. } = *self;
         [north, east, down, barometer, hard_iron, hard_iron, hard_iron]
     }
 }
 
-/// Standard deviations of the error at the start; those of the wandering errors are in [`ExpectedNoise`].
+/// Standard deviations of the error at the start; the deviations of the wandering errors are in [`ExpectedNoise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InitialErrors {
     /// Position, each axis \[m\].
@@ -123,7 +123,7 @@ impl InitialErrors {
 }
 
 impl Constants {
-    /// Covariance of a filter that knows the motion exactly, and only the size of the sensors' errors.
+    /// Covariance of a filter that knows the motion exactly, but of the sensors' errors only the deviations.
     pub(crate) fn covariance(&self, noise: &ExpectedNoise) -> Covariance {
         let Self { acceleration_bias_mps2, rates_bias_radps, declination_rad } = self;
         let mut deviations = StateError::zeros();

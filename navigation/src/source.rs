@@ -37,13 +37,13 @@ impl Source {
         }
     }
 
-    /// Normalised innovation squared above which a measurement is refused: the chi-square quantile of 0.999 for the
+    /// Squared normalised innovation above which a measurement is refused: the chi-square quantile of 0.999 for the
     /// number of its components.
     pub const fn gate(self) -> f64 {
         if self.components() == 1 { 10.828 } else { 13.816 }
     }
 
-    /// Sources that measure the same motion, to first order.
+    /// Other sources that the same motion affects.
     pub(crate) const fn fellows(self) -> &'static [Self] {
         match self {
             Self::Position | Self::Heading => &[Self::Velocity, Self::Flow],
@@ -55,7 +55,8 @@ impl Source {
         }
     }
 
-    /// First error state of the measured motion, and that of the sensor's own error, if it is an error state.
+    /// First error state of the measured motion, and of the sensor's own error; `None` if the filter does not estimate
+    /// it.
     pub(crate) const fn states(self) -> (usize, Option<usize>) {
         match self {
             Self::Position => (POSITION, Some(DRIFT)),
@@ -75,30 +76,30 @@ pub const SOURCES: usize = 7;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct SourceRecord {
-    /// Measurements that were fused, those of a reset too.
+    /// Number of measurements that were fused, also by a reset.
     pub accepted: f64,
-    /// Measurements that the gate refused.
+    /// Number of measurements that the gate refused.
     pub refused: f64,
-    /// Resets.
+    /// Number of resets.
     pub resets: f64,
     /// Time since the last accepted measurement \[s\].
     pub silent_s: f64,
-    /// Measurements refused since the last accepted one.
+    /// Number of measurements refused since the last accepted one.
     pub spell: f64,
-    /// Time from the last accepted measurement to the first refused one after it \[s\].
+    /// Time from the last accepted measurement to the first refusal after it \[s\].
     pub outage_s: f64,
-    /// Normalised innovation squared of the last measurement.
+    /// Squared normalised innovation of the last measurement.
     pub nis: f64,
 }
 
 impl SourceRecord {
-    /// Time for which every measurement was refused \[s\].
+    /// Time for which every measurement was refused \[s\]; 0 if the last one was accepted.
     pub(crate) fn disputed_s(&self) -> f64 {
         if self.spell > 0.0 { self.silent_s - self.outage_s } else { 0.0 }
     }
 }
 
-/// Measurement by its innovation, its Jacobian by the error, and the variance of its noise.
+/// Measurement: its innovation, the Jacobian by the error state, and the variance of its noise.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Measured<const N: usize> {
     pub innovation: SVector<f64, N>,
@@ -106,7 +107,7 @@ pub(crate) struct Measured<const N: usize> {
     pub variance: SVector<f64, N>,
 }
 
-/// Measurement of the motion of a `source`, with its own error by the factor `own`.
+/// Measurement by a `source`, with the Jacobian 1 for the motion and `own` for the sensor's own error.
 pub(crate) fn direct<const N: usize>(
     source: Source,
     innovation: SVector<f64, N>,

@@ -34,7 +34,7 @@ pub const DECLINATION: usize = 22;
 
 /// Error of a [`State`]: position and velocity NED, attitude as a rotation vector in body axes, biases of the sensors.
 pub type StateError = SVector<f64, ERRORS>;
-/// Covariance of the error.
+/// Covariance of a [`StateError`].
 pub type Covariance = SMatrix<f64, ERRORS, ERRORS>;
 
 /// Sample of the IMU: means since the sample before.
@@ -67,12 +67,12 @@ pub struct State {
     pub hard_iron: Vector3<f64>,
     /// Bias of the barometer's height \[m\].
     pub barometer_bias_m: f64,
-    /// Azimuth of the earth's field, beyond the one that the map has \[rad\].
+    /// Azimuth of the earth's field, beyond the azimuth by the map \[rad\].
     pub declination_rad: f64,
 }
 
 impl State {
-    /// Moves over a sample of the IMU of `dt_s`, with gravity `g_mps2` down.
+    /// Returns the state after a sample of the IMU of `dt_s`, with gravity `g_mps2` down.
     #[must_use]
     pub fn moved(&self, imu: &Imu, dt_s: f64, g_mps2: f64) -> Self {
         let half = turn((imu.rates_radps - self.rates_bias_radps) * (dt_s / 2.0));
@@ -142,8 +142,8 @@ pub fn turn(vector: Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(vector)
 }
 
-/// Transition matrix of the error by its blocks. The others are those of the identity; the biases of the sensors have
-/// none here.
+/// Transition matrix of the error by its blocks. All other blocks are those of the identity; the decay of the wandering
+/// errors is not included.
 #[derive(Debug, Clone, Copy)]
 pub struct Transition {
     dt_s: f64,

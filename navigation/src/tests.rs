@@ -9,7 +9,7 @@ use crate::state::{ACCELERATION_BIAS, Covariance, DRIFT, ERRORS, POSITION, RATES
 
 pub(crate) const G_MPS2: f64 = 9.81;
 pub(crate) const DT_S: f64 = 0.005;
-/// Samples of the IMU from one fix, and one height or heading, to the next.
+/// Number of IMU samples from fix to fix, and from one height, field and flow to the next.
 const FIX: u64 = 20;
 const SLOW: u64 = 10;
 pub(crate) const DELAY: usize = 20;
@@ -24,7 +24,7 @@ pub(crate) const NOISE: ExpectedNoise = ExpectedNoise {
     height_m: 0.1,
     wind_pressure: 0.0,
     field: 0.02,
-    inclination_rad: 1.138_3, // of a field (0.42, 0, 0.91)
+    inclination_rad: 1.138_3, // inclination of a field (0.42, 0, 0.91)
     flow_mps: 0.1,
     antenna_m: 0.0,
     clock_s: 0.0,
@@ -49,7 +49,7 @@ pub(crate) const START: InitialErrors = InitialErrors {
     },
 };
 
-/// Motion that is given by formulas: turns, climbs and accelerations up to half a g.
+/// Motion that is given by formulas: turns, climbs and accelerations up to half a g on each axis.
 pub(crate) fn truth(t_s: f64) -> State {
     let wave = |size: f64, rate: f64, phase: f64| {
         let angle = rate * t_s + phase;
@@ -261,8 +261,8 @@ fn a_perfect_imu_gives_back_the_motion() {
     assert!((flight.navigation.estimate(0.0).0.attitude.norm() - 1.0).abs() < 1e-12);
 }
 
-/// Asserts that a mean of `n` draws, each of chi-square of `freedom`, is within 4 standard deviations, or 5 % for what
-/// the linear model leaves out.
+/// Asserts that a mean of `n` draws, each chi-square with `freedom` degrees of freedom, is within 4 standard deviations
+/// of `freedom`, or within 5 % for the errors of the linear model.
 pub(crate) fn check_mean(what: &str, mean: f64, freedom: f64, n: f64) {
     let bound = (4.0 * (2.0 * freedom / n).sqrt()).max(0.05 * freedom);
     assert!((mean - freedom).abs() < bound, "{what}: {mean} and not {freedom} +- {bound}");
@@ -380,7 +380,8 @@ fn without_fixes_the_deviation_grows_with_the_error_and_the_next_fix_is_accepted
     assert!(Source::ALL.iter().all(|source| flight.navigation.filter().record(*source).resets == 0.0));
 }
 
-/// Flies a hover of 20 s in which `spoil` changes what is measured, by the time since 10 s; `look` sees each sample.
+/// Flies a hover of 20 s in which `spoil` changes the measurements from 10 s on, by the time since then; `look` sees
+/// each of these samples.
 fn spoiled(spoil: impl Fn(f64, &mut Aiding), mut look: impl FnMut(&Flight)) -> Flight {
     let mut flight = Flight::new(6, hover, START);
     for sample in 0..4000_u32 {

@@ -1,5 +1,5 @@
-//! Check of the heading by the receiver's velocity: the angle between the changes of velocity by the IMU and those that
-//! the receiver measures.
+//! Check of the heading by the receiver's velocity: the angle between the changes of velocity by the IMU and the
+//! changes that the receiver measures.
 //!
 //! ```text
 //! a = change of the level velocity between two fixes by the IMU, with the estimated attitude;  b = by the receiver
@@ -7,29 +7,28 @@
 //! ```
 //!
 //! This is the turn of least squares between two sets of vectors (Wahba's problem in the plane). It needs no initial
-//! heading and holds for any angle, as the bank of filters of PX4's `EKFGSF_yaw` does; a heading that the filter itself
-//! corrects must have a small error. If the vehicle does not accelerate, the angle is unknown, which its deviation
-//! shows.
+//! heading and holds for any angle, like the bank of filters of PX4's `EKFGSF_yaw`; the filter itself corrects only
+//! small errors of the heading. If the vehicle does not accelerate, the angle is unknown, which its deviation shows.
 
 use bytemuck::{Pod, Zeroable};
 use libm::{atan2, hypot};
 use nalgebra::Vector2;
 
-/// Time after which changes of velocity are forgotten \[s\].
+/// Time constant with which changes of velocity are forgotten \[s\].
 const FORGET_S: f64 = 10.0;
 /// Largest deviation of an angle that is returned \[rad\].
 const MAX_DEVIATION: f64 = 0.2;
-/// Least changes of velocity for an angle.
+/// Smallest count of changes of velocity that gives an angle.
 const MIN_COUNT: f64 = 10.0;
 
 /// Sums over the recent changes of velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct YawCheck {
-    /// Change since the last fix by the IMU, north and east, and the time since \[m/s, s\].
+    /// Change of velocity by the IMU since the last fix, north and east, and the time since then \[m/s, s\].
     change_mps: Vector2<f64>,
     since_s: f64,
-    /// Velocity of the last fix; none before the first.
+    /// Velocity of the last fix \[m/s\]; without meaning while `fixes` is 0.
     last_mps: Vector2<f64>,
     dot: f64,
     cross: f64,
@@ -59,8 +58,8 @@ impl YawCheck {
         self.fixes = 1.0;
     }
 
-    /// Angle by which the attitude must be turned about the vertical, and its standard deviation \[rad\]; `None` if it
-    /// is not known well. The receiver's velocity has a noise of `noise_mps`.
+    /// Angle by which the attitude must be turned about the vertical, and its standard deviation \[rad\]; `None` if the
+    /// angle is not known well. The receiver's velocity has a noise of `noise_mps`.
     pub fn turn(&self, noise_mps: f64) -> Option<(f64, f64)> {
         let Self { dot, cross, of_imu, of_receiver, count, .. } = *self;
         let size = hypot(dot, cross);

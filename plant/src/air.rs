@@ -63,7 +63,7 @@ impl Air {
         self.faults.inject(from_ns, offset_s, calm)
     }
 
-    /// Wind at a sample of a finished flight, NED \[m/s\]. It equals the wind in flight, because it depends on
+    /// Wind at a sample of a finished flight, NED \[m/s\]. The result equals the wind in flight, because it depends on
     /// settings, seed and true motion alone. Must be called in the order of samples.
     pub fn wind_mps(&mut self, truth: &Truth) -> Vector3<f64> {
         let x = dynamics::assemble(&truth.actual, &truth.actuators.into());

@@ -1,5 +1,5 @@
-//! Battery: the voltage falls with the power drawn and with the energy used, and with it the speed that a command
-//! reaches.
+//! Battery: the voltage falls with the power drawn and with the energy used, and the speed that a command reaches falls
+//! with the voltage.
 //!
 //! ```text
 //! v = 1 - droop E / energy - sag P / P_hover        share of the full voltage
@@ -28,7 +28,7 @@ pub struct Battery {
 }
 
 impl Battery {
-    /// Builds the full battery of `scenario`; `None` if it has none.
+    /// Builds the full battery of `scenario`; `None` if the scenario has no battery.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = &scenario.plant.battery;
         let km = scenario.flown_airframe().km;

@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! sample      arrival        arrival + delay + jitter
-//!   |------------|----------------------|----------------> in force until a newer one takes effect
+//!   |------------|----------------------|----------------> in force until a newer command acts
 //! ```
 //!
 //! All times are integer nanoseconds since the start of the run, so that delays that are multiples of the integration
 //! step end exactly at a step.
 //!
-//! A command in force longer than [`CUT_NS`] is cut: the rotors stop, below idle, and the tilt keeps its command. A new
-//! command ends the cut.
+//! A command in force longer than [`CUT_NS`] is cut: the rotors stop, also below idle, and the tilt stays as commanded.
+//! A new command ends the cut.
 
 use std::collections::VecDeque;
 
@@ -23,13 +23,14 @@ use settings::Scenario;
 use crate::memory::Tape;
 use crate::random::Stream;
 
-/// Largest number of commands per sample that wait on the time line; further ones are lost like dropped commands.
+/// Largest number of commands per sample that wait on the time line; further commands are lost like dropped commands.
 const WAITING_PER_SAMPLE: u64 = 4;
 
 /// Longest time that a command stays in force without a successor \[ns\].
 ///
 /// A motor controller without commands stops its motor, so that a vehicle without control comes down and does not fly
-/// away. Half a second is longer than any gap that the stack must bridge, and than a vehicle survives without control.
+/// away. Half a second is longer than any gap that the stack must bridge, and longer than a vehicle survives without
+/// control.
 pub const CUT_NS: u64 = 500_000_000;
 
 /// Command on the time line.
@@ -38,14 +39,14 @@ pub const CUT_NS: u64 = 500_000_000;
 pub struct Command {
     /// Commanded positions.
     pub actuation: Actuation,
-    /// Sequence number of its message; 0 for the trim command of the start.
+    /// Sequence number of the command's message; 0 for the trim command of the start.
     pub sequence: u64,
-    /// Number of samples up to the one it answers; 0 for the trim command. The order compares `samples` before
-    /// `sequence`, because a process that takes over counts its messages from 1.
+    /// Number of samples up to the sample that the command answers; 0 for the trim command. The order compares
+    /// `samples` before `sequence`, because a process that takes over counts its messages from 1.
     samples: u64,
-    /// Time at which it takes effect \[ns\].
+    /// Time at which the command takes effect \[ns\].
     effect_ns: u64,
-    /// Time from the sample it was computed from to its effect \[ns\].
+    /// Time from the sample that the command was computed from to the effect \[ns\].
     pub age_ns: u64,
 }
 
@@ -60,7 +61,7 @@ impl Command {
 #[derive(Debug, Clone)]
 pub struct CommandLine {
     in_force: Command,
-    /// `true` if the motor controllers cut it: the rotors stop, also below their idle speed.
+    /// `true` if the motor controllers cut the command: the rotors stop, also below their idle speed.
     is_cut: bool,
     /// Commands under way, increasing in effect time and in order: the later of two is always the newer.
     waiting: VecDeque<Command>,
@@ -105,7 +106,7 @@ impl CommandLine {
     }
 
     /// Receives a command at `arrival_ns`. A command has no effect if it is lost, not finite, an answer to a future
-    /// sample, or overtaken by a newer one.
+    /// sample, or overtaken by a newer command.
     pub fn receive(&mut self, actuators: &Actuators, arrival_ns: u64) {
         // Loss and jitter are drawn for every command, so that the jitter does not depend on earlier losses.
         let lost = self.draw_loss();
@@ -133,12 +134,13 @@ impl CommandLine {
         }
     }
 
-    /// Command in force since the last [`switch`](Self::switch); a cut one has rotor speeds of 0.
+    /// Command in force since the last [`switch`](Self::switch); a cut command has rotor speeds of 0.
     pub fn in_force(&self) -> &Command {
         &self.in_force
     }
 
-    /// Time at which the next command takes effect or the present one is cut \[ns\]; `u64::MAX` if neither will happen.
+    /// Time at which the next command takes effect or the present command is cut \[ns\]; `u64::MAX` if neither will
+    /// happen.
     pub fn next_switch_ns(&self) -> u64 {
         let cut_ns = if self.is_cut { u64::MAX } else { self.cut_ns() };
         self.waiting.front().map_or(cut_ns, |c| c.effect_ns.min(cut_ns))

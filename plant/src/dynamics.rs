@@ -26,8 +26,8 @@
 //! Departure: effects that the paper neglects can be switched on: drag in moving air, a disturbance, the pitching
 //! moment `M1 sin mu` of the tilted rotor, a loss of thrust and torque, products of inertia, a centre of mass off the
 //! origin of the arms, the rotors' angular momentum `h`, and forces of moving air on the rotors
-//! ([`Rotors`](crate::rotors)). All are off by default. Test `val_plant_cases`, and one test of direction for each.
-//! Faults act here too, as [`Condition`] of the actuators and as payload.
+//! ([`Rotors`](crate::rotors)). All are off by default. Test `val_plant_cases`, and one test of direction for each
+//! effect. Faults act here too, as [`Condition`] of the actuators and as payload.
 
 use airframe::ActuatorLaw;
 use contract::actuation::Actuation;

@@ -1,8 +1,8 @@
 //! Ground: a level plane with friction that carries the feet, and the conditions of a crash.
 //!
 //! Three feet are `leg_m` below the rotors. A foot at the depth `d` that sinks at `v_n` is pushed up by `N`. Along the
-//! ground a spring and damper of the same values tie the foot to its anchor, the point where it came down; `e` is its
-//! distance from the anchor and `v_t` its velocity along the ground. Coulomb friction limits this force; beyond the
+//! ground a spring and damper of the same `k` and `c` tie the foot to its anchor, the point where it came down; `e` is
+//! its distance from the anchor and `v_t` its velocity along the ground. Coulomb friction limits this force; beyond the
 //! limit the anchor follows the foot:
 //!
 //! ```text
@@ -10,14 +10,15 @@
 //! F_t = -(k e + c v_t), no longer than friction N
 //! ```
 //!
-//! So a vehicle that is pushed by less than its friction stands still. With friction as a function of velocity alone it
-//! would creep. This model of the contact along the ground is that of Cundall and Strack (Geotechnique 29(1), 1979).
+//! So a vehicle that is pushed by less than its friction stands still. If friction were a function of velocity alone,
+//! the vehicle would creep. This model of the contact along the ground is that of Cundall and Strack (Geotechnique
+//! 29(1), 1979).
 //!
 //! A spring and a damper are the usual compliant contact model of multibody simulation; Marhefka and Orin (IEEE
 //! Transactions on Systems, Man, and Cybernetics A 29(6), 1999) discuss it and its jump of force at the first touch,
 //! which this model has too. A vehicle in the air crashes if it touches down faster or leans more than the limits
 //! below, or if a rotor or the centre touches the ground. A vehicle on its feet tips over if a rotor or the
-//! centre touches the ground. [`crate::landing`] decides whether it has landed.
+//! centre touches the ground. [`crate::landing`] decides whether the vehicle has landed.
 
 use contract::message::PlantStatus;
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -39,7 +40,7 @@ const MAX_TILT_DEG: f64 = 20.0;
 /// Stiffness \[N/m\] and damping \[N s/m\] of a foot of the vehicle of Table I, which yields 5 mm under its weight and
 /// comes to rest without a bounce.
 const FOOT: [f64; 2] = [700.0, 25.0];
-/// Mass of that vehicle \[kg\]. The stiffness of the feet of another vehicle is in proportion to its mass.
+/// Mass of the vehicle of Table I \[kg\]. The stiffness of the feet of another vehicle is in proportion to its mass.
 const FOOT_MASS_KG: f64 = 1.1;
 
 /// Ground plane, and the vehicle's points that can touch it.
@@ -56,7 +57,7 @@ pub struct Ground {
     anchors: [Option<Vector2<f64>>; 3],
 }
 
-/// Motion of the vehicle, from which that of each of its points follows.
+/// Motion of the vehicle, from which the motion of each of its points follows.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyMotion {
     /// Position of the centre of mass, NED \[m\].
@@ -77,7 +78,7 @@ impl BodyMotion {
 }
 
 impl Ground {
-    /// Builds the ground of `scenario`; `None` if it has none.
+    /// Builds the ground of `scenario`; `None` if the scenario has no ground.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = scenario.plant.ground.clone();
         let hubs = rotors::hubs(scenario);

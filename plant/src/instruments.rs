@@ -3,13 +3,12 @@
 //! ```text
 //! w = Log(R[k-1]' R[k]) / dt,   f = (R[k-1] Exp(w dt / 2))' ((v[k] - v[k-1]) / dt - g)      true means of a sample
 //! measured = (1 + scale + misalignment) (w or f) + vibration + bias + noise, rounded
-//! position, velocity: those of the antenna, at the time that the receiver's clock says
+//! position, velocity: of the antenna, at the time that the receiver's clock shows
 //! height   = -z - share |wind - v|^2 / (2 g) + rotors' pressure + bias + noise
 //! ```
 //!
-//! The truth of the IMU is the difference of two motions, as an IMU integrates between two samples; nothing but the
-//! motion of the vehicle is needed. The plant integrates up to every sample of the IMU, so that samples have the IMU's
-//! rate and not that of the run.
+//! The truth of the IMU is the difference of two motions, because an IMU integrates between two samples. The plant
+//! integrates up to every sample of the IMU, so that samples have the IMU's rate and not that of the run.
 
 use std::f64::consts::TAU;
 
@@ -28,8 +27,8 @@ use crate::memory::Tape;
 use crate::random::normal;
 use crate::sensor::Sensor;
 
-/// Smallest deviation passed to the estimator, in the units of [`ExpectedNoise`]: a sensor without errors has no
-/// variance to divide by.
+/// Smallest deviation passed to the estimator, in the units of [`ExpectedNoise`]: the estimator divides by variances,
+/// and a sensor without errors would have the variance 0.
 const MIN_DEVIATION: f64 = 1e-4;
 
 /// Changes that the filter expects: of the airspeed \[m/s\] and of the thrust, as a share of the weight, and the time
@@ -56,7 +55,7 @@ pub struct Instruments {
     imus: Vec<InertialSensors>,
     position: Sensor,
     velocity: Sensor,
-    /// `None` if absent, like the two after it.
+    /// Barometer, magnetometer and sensor of the velocity over the ground; `None` if absent.
     barometer: Option<Sensor>,
     magnetometer: Option<Sensor>,
     flow: Option<Sensor>,
@@ -69,7 +68,7 @@ pub struct Instruments {
     /// Place of the antenna, body \[m\], and error of the receiver's clock \[s\].
     antenna_m: Vector3<f64>,
     clock_s: f64,
-    /// Share of the wind's dynamic pressure at the barometer, and its error by the rotors at trim \[m\].
+    /// Share of the wind's dynamic pressure at the barometer, and error of its height by the rotors at trim \[m\].
     wind_pressure: f64,
     rotor_pressure_m: f64,
     /// Field of the earth, NED, and of the vehicle, body, as shares of the strength of the earth's field.
@@ -177,8 +176,8 @@ impl Instruments {
             antenna_m: receiver.antenna_m,
             clock_s: receiver.clock_ms / 1e3,
             drift: std::array::from_fn(|axis| {
-                // One process covers the constant place of the antenna and the drift, which decays; its size covers
-                // both.
+                // One decaying process, of the size of both errors together, stands for the constant place of the
+                // antenna and for the drift, which decays.
                 let start = hypot(bias[axis], receiver.antenna_m);
                 let share = if bias_s > 0.0 && bias[axis] > 0.0 { start / bias[axis] } else { 1.0 };
                 Wander { start, walk: bias_walk[axis] * share, time_s }
@@ -186,7 +185,7 @@ impl Instruments {
             barometer: {
                 let start = hypot(wind_m, barometer.rotor_pressure_m);
                 let walk = hypot(barometer.bias_walk, wind_m * (2.0 / LEG_S).sqrt());
-                // With this time constant the stationary deviation is that at the end of a flight of `FLIGHT_S`.
+                // With this time constant the stationary deviation equals the one at the end of a flight of `FLIGHT_S`.
                 let last = hypot(start, barometer.bias_walk * FLIGHT_S.sqrt());
                 Wander {
                     start,
@@ -198,8 +197,8 @@ impl Instruments {
         }
     }
 
-    /// Constant errors that an estimator of this `scenario` expects. Misalignment and scale of an accelerometer that
-    /// measures gravity are a bias.
+    /// Constant errors that an estimator of this `scenario` expects. Under gravity, misalignment and scale of an
+    /// accelerometer act as a bias.
     pub fn constants(scenario: &Scenario) -> Constants {
         let settings = &scenario.plant.sensors;
         let (imu, magnetometer) = (&settings.imu, &settings.magnetometer);
@@ -288,7 +287,7 @@ impl Instruments {
         sum
     }
 
-    /// Height that the barometer measures too much by the pressure of an `airflow` \[m/s\] and of the rotors \[m\].
+    /// Error of the barometer's height by the pressure of the air's flow past the vehicle and of the rotors \[m\].
     fn pressure_m(&self, airflow_mps: &Vector3<f64>, actuators: &Actuation) -> f64 {
         let share = mean_speed(actuators) / self.trim_speed;
         self.rotor_pressure_m * share * share - self.wind_pressure * airflow_mps.norm_squared() / (2.0 * self.g_mps2)
@@ -328,7 +327,7 @@ fn mean_of_sine(phase: f64, angle: f64) -> f64 {
     if angle > 0.0 { (libm::cos(phase) - libm::cos(phase + angle)) / angle } else { libm::sin(phase) }
 }
 
-/// Mean rotor speed at trim.
+/// Mean rotor speed at trim \[rotor speed unit\].
 fn trim_speed(scenario: &Scenario) -> f64 {
     mean_speed(&Trim::solve(&scenario.airframe, scenario.plant.tilt_reaction).actuation)
 }
@@ -345,7 +344,7 @@ pub fn state_of(motion: &Kinematics) -> State {
     }
 }
 
-/// Draws three normal numbers.
+/// Draws three normal numbers of the standard deviation `deviation`.
 pub fn draw(deviation: f64, random: &mut ChaCha8Rng) -> Vector3<f64> {
     Vector3::from_fn(|_, _| deviation * normal(random))
 }

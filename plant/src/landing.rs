@@ -10,9 +10,9 @@
 //! standing.
 //!
 //! A vehicle has landed if it [is at rest](contract::rest) for a second with all feet on the ground and its rotors no
-//! faster than idle, and its feet have slid no farther than `MAX_SLIDE_M` since they came down. It stays landed until
-//! its rotors drive it again, something lifts it, or its feet slide that far once more. So the outcome does not depend
-//! on how long the flight is recorded. The vehicle itself relies on the mixer's land detector.
+//! faster than idle, and its feet have slid no farther than `MAX_SLIDE_M` since they came down. The vehicle stays
+//! landed until its rotors drive it again, something lifts it, or its feet slide that far once more. So the outcome
+//! does not depend on how long the flight is recorded. The vehicle itself relies on the mixer's land detector.
 
 use contract::message::{Kinematics, PlantStatus};
 use contract::rest::{Rest, is_at_rest};
@@ -20,10 +20,10 @@ use settings::Scenario;
 
 use crate::memory::Tape;
 
-/// Multiple of the idle speed up to which a rotor counts as idling: with its lag it only approaches that speed.
+/// Multiple of the idle speed up to which a rotor counts as idling: a rotor with a lag only approaches the idle speed.
 const IDLES: f64 = 1.1;
 
-/// Longest slide of a landing \[m\]; a farther one does not count as landed.
+/// Longest slide of a landing \[m\]; after a longer slide the vehicle does not count as landed.
 const MAX_SLIDE_M: f64 = 1.0;
 
 /// Phase of a flight, from standing to landed.
@@ -86,7 +86,7 @@ impl Landing {
         tape.value(&mut self.slid_m);
     }
 
-    /// Updates the phase by a step of `dt_ns`, in which the feet have slid by `slid_m`, and that ends with this motion,
+    /// Updates the phase by a step of `dt_ns`, in which the feet have slid by `slid_m` and which ends with this motion,
     /// footing and rotor speeds.
     pub fn observe(&mut self, motion: &Kinematics, footing: Footing, slid_m: f64, rotor_speed: [f64; 3], dt_ns: u64) {
         let idles = rotor_speed.iter().all(|speed| *speed <= self.idle_speed);
@@ -228,7 +228,7 @@ mod tests {
         };
         let mut waits = landed();
         waits.go(600.0, Footing::All, 0.0, 0.0);
-        waits.go(0.01, Footing::Some, 0.5, 0.0); // a gust rocks it
+        waits.go(0.01, Footing::Some, 0.5, 0.0); // a gust rocks the vehicle
         assert_eq!(waits.0.at_the_end(), PlantStatus::Landed);
         for (seconds, end) in [(0.9, PlantStatus::Landed), (1.1, PlantStatus::Slid)] {
             let mut blown = landed();

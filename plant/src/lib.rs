@@ -17,7 +17,7 @@
 //! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
 //! | [`navigation_unit`], [`instruments`] | the navigation unit with its filter (EKF), and its sensors | |
 //! | [`telemetry`] | rotor speeds and tilt as sensed | |
-//! | [`sampler`], `process` | the plant behind its ports, in every mode, and as a process | |
+//! | [`sampler`], `process` | the plant behind its ports in every mode; the plant as a process | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //! | [`memory`] | state of the vehicle as words | |
@@ -80,10 +80,10 @@ pub struct Plant<V: Vehicle + ?Sized = Tricopter> {
     commands: CommandLine,
     /// Arrivals of commands since the present sample, and their number.
     arrivals: ([Arrival; MAX_ARRIVALS], usize),
-    /// Arrivals between the sample before and the present one, and their number.
+    /// Arrivals between the previous and the present sample, and their number.
     arrived: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
-    /// Navigation unit, which takes the place of `sensors`; `None` without one.
+    /// Navigation unit, which takes the place of `sensors`; `None` if the scenario has no EKF.
     navigation: Option<NavigationUnit>,
     sensor_faults: SensorFaults,
     telemetry: Telemetry,
@@ -100,8 +100,8 @@ impl Plant {
 }
 
 impl<V: Vehicle + ?Sized> Plant<V> {
-    /// Builds the plant of `scenario` with a `vehicle` at its [`start`](vehicle::start). The command in force holds its
-    /// actuators.
+    /// Builds the plant of `scenario` with a `vehicle` at its [`start`](vehicle::start). The first command in force
+    /// holds the actuators where they start.
     pub fn with(scenario: &Scenario, vehicle: Box<V>) -> Self {
         let (_, actuation) = vehicle::start(scenario);
         Self {
@@ -142,7 +142,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
     }
 
     /// Continues from a memory of a plant of the same scenario after sample `tick`. Returns `false` if `words` is not
-    /// such a memory; the plant can then only be restored again.
+    /// such a memory; the plant must then be restored from another memory before use.
     pub fn restore(&mut self, tick: u64, words: &[u64]) -> bool {
         let mut words = words.to_vec();
         words.resize(PLANT_WORDS.max(words.len()), 0); // a log leaves out the zeros at the end
@@ -170,7 +170,7 @@ impl<V: Vehicle + ?Sized> Plant<V> {
 
     /// Measures STATE at the present instant; every call draws new noise.
     ///
-    /// STATE names the command in force up to this instant, not one that takes effect at it.
+    /// STATE names the command in force up to this instant, not a command that takes effect at this instant.
     pub fn sample(&mut self) -> State {
         let (measured, navigation) = if let Some(unit) = &self.navigation {
             unit.estimate(self.now_ns())
@@ -212,11 +212,11 @@ impl<V: Vehicle + ?Sized> Plant<V> {
         self.commands.receive(actuators, self.now_ns().saturating_add(arrival_ns));
     }
 
-    /// Moves to the sample `periods` later, piece by piece: each ends when the command in force changes, at a sample of
-    /// the IMU if there is one, or at that sample.
+    /// Moves to the sample `periods` later, piece by piece: each piece ends when the command in force changes, at a
+    /// sample of the IMU if there is a navigation unit, or at that later sample.
     ///
     /// # Errors
-    /// The code of the vehicle has failed.
+    /// Fails if the code of the vehicle fails.
     pub fn advance(&mut self, periods: u64) -> Result<PlantStatus, SessionError> {
         let mut now_ns = self.now_ns();
         self.tick += periods;

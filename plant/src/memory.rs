@@ -1,4 +1,4 @@
-//! State of the vehicle as words, for the log and for a replay that starts there.
+//! State of the plant as words, for the log and for a replay that starts from this state.
 //!
 //! The same functions write the words and read them back, so that both have the same order. Values that follow from the
 //! settings are left out.
@@ -27,7 +27,7 @@ impl<'a> Tape<'a> {
         tape
     }
 
-    /// Begins to read `words`; they do not fit if they have another type or version.
+    /// Begins to read `words`; words of another type or version make the memory invalid.
     pub fn to_read(words: &'a mut [u64]) -> Self {
         let mut tape = Self { words, at: 0, reads: true, fits: true };
         let mut name = 0;
@@ -66,7 +66,7 @@ impl<'a> Tape<'a> {
         self.words(bytemuck::cast_slice_mut(std::slice::from_mut(value)));
     }
 
-    /// Writes or reads a count; refuses one above `most`.
+    /// Writes or reads a count; refuses a count above `most`.
     pub fn count(&mut self, count: &mut usize, most: usize) {
         let mut word = *count as u64;
         self.value(&mut word);

@@ -6,8 +6,9 @@
 //!
 //! The sensors are here and not in `navigation`, because they are physics: only their measurements and the expected
 //! size of their errors pass to the estimator. The estimator starts near the true motion, with an error drawn from
-//! `plant.sensors.alignment`, as after an alignment on another vehicle: a flight begins in the air, where the position
-//! is unknown before the first fix arrives. With `standing_s` it aligns itself by its own sensors, as on the ground.
+//! `plant.sensors.alignment`, as after a transfer alignment: a flight begins in the air, where the position
+//! is unknown before the first fix arrives. With `standing_s` the estimator aligns itself by the unit's own sensors, as
+//! on the ground.
 
 use contract::actuation::Actuation;
 use contract::message::{Kinematics, Navigation as Account};

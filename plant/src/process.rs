@@ -7,7 +7,7 @@ use runtime::session::NodeSession;
 use crate::sampler::Sampler;
 use crate::vehicle::Vehicle;
 
-/// Flies a `vehicle`, at the start of the session's scenario, until the run is over or the vehicle has diverged.
+/// Flies a `vehicle` from the start of the session's scenario until the run is over or the vehicle has diverged.
 ///
 /// Every sample is published and valid until the next release; a command that arrives in between acts from the instant
 /// of its arrival, with the delay of the scenario.

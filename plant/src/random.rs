@@ -12,15 +12,15 @@ use rand::distr::Open01;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Words of a stream that [`begin_tick`] reserves for each tick, which uses about ten.
+/// Words of a stream that [`begin_tick`] reserves for each tick; a tick uses a few tens at most.
 const WORDS_PER_TICK: u128 = 256;
-/// Number of the first fault's stream; those of features are below.
+/// Number of the first fault's stream; the streams of features have lower numbers.
 const FAULTS: u64 = 1 << 32;
 
 /// Width `x_0` of a rectangle of height `f(x_1)` that has the area of the bottom layer with its tail.
 const X_0: f64 = 3.910_757_959_537_09;
 const X_1: f64 = 3.654_152_885_361_009;
-/// Pairs `x_i` and `f(x_i)`; the last is the top of f.
+/// Pairs `x_i` and `f(x_i)`; the last pair is the top of f.
 static LAYERS: LazyLock<[(f64, f64); 257]> = LazyLock::new(|| {
     let f = |x: f64| libm::exp(-x * x / 2.0);
     let area = X_0 * f(X_1);
@@ -86,7 +86,7 @@ pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     loop {
         let bits = random.next_u64();
         let [(x_i, f_i), (x_next, f_next)] = [0, 1].map(|above| LAYERS[(bits & 0xff) as usize + above]);
-        // The upper 52 bits are the mantissa of a number from 2 to below 4; minus 3, it is from -1 to below 1.
+        // The upper 52 bits are the mantissa of a number from 2 to below 4; minus 3, the number is from -1 to below 1.
         let share = f64::from_bits((bits >> 12) | 2_f64.to_bits()) - 3.0;
         let x = share * x_i;
         if x.abs() < x_next {

@@ -28,7 +28,7 @@ use settings::Scenario;
 /// Sense of rotation `s_i`: 1 for a torque on the vehicle along the thrust.
 const SENSES: [f64; 3] = [1.0, -1.0, 1.0];
 
-/// Condition of the actuators at one instant; sound by default.
+/// Condition of the actuators at one instant; healthy by default.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Condition {
     /// Factor on thrust and torque of each rotor, in addition to the scenario's.

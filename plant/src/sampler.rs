@@ -1,10 +1,10 @@
 //! The plant behind its ports: a process, the ring in one thread and a replay sample it in the same order.
 //!
 //! ```text
-//! command  each one that arrives after the newest sample: `plant.command`
+//! command  passes each command that arrives after the newest sample to `plant.command`
 //! sample   integrates to the next sample, applies the faults that were given since, and measures STATE
-//! send     STATE, which the nodes wait for, then TRUTH
-//! memory   of the plant after this sample, from which a replay can begin
+//! send     sends STATE, which the nodes wait for, then TRUTH
+//! memory   returns the plant's memory after this sample, from which a replay can begin
 //! ```
 
 use std::any::Any;
@@ -25,7 +25,7 @@ use crate::vehicle::Vehicle;
 pub struct Sampler {
     /// The plant; the owner of the ports passes commands and memories to it directly.
     pub plant: Plant<dyn Vehicle>,
-    /// Input of the commands; silent in a replay, which has their instants.
+    /// Input of the commands; silent in a replay, which takes commands and their instants from the log.
     pub commands: Input<Actuators>,
     member: Member,
     states: Output<State>,
@@ -37,7 +37,7 @@ impl Sampler {
     /// Opens the ports of `member`, with the plant of `scenario` and this `vehicle` at its start.
     ///
     /// # Errors
-    /// A port cannot be opened.
+    /// Fails if a port cannot be opened.
     pub fn open(
         ports: &mut Ports,
         member: &Member,
@@ -58,7 +58,7 @@ impl Sampler {
     /// stays where it is.
     ///
     /// # Errors
-    /// The code of the vehicle has failed.
+    /// Fails if the code of the vehicle fails.
     pub fn sample(&mut self, tick: u64, known: Option<&dyn Any>) -> Result<State, SessionError> {
         let known = self.states.known(known);
         if known.is_none() {
@@ -75,7 +75,7 @@ impl Sampler {
         self.truths.send(self.plant.truth(), &self.states);
     }
 
-    /// Returns the memory after the newest sample; `None` if the plant has none to continue from.
+    /// Returns the memory after the newest sample; `None` if the plant has no memory to continue from.
     pub fn memory(&mut self) -> Option<&[u64]> {
         let length = self.plant.memory(&mut self.words)?;
         Some(&self.words[..length])

@@ -6,7 +6,7 @@
 //!
 //! The noise is white: of a standard deviation (`plant.noise`), or of a density, one-sided as in data sheets, whose
 //! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a random value and
-//! walks from there, or back to 0 by its time constant (first-order Gauss-Markov).
+//! walks from there; with a time constant it also decays to 0 (first-order Gauss-Markov).
 
 use rand_chacha::ChaCha8Rng;
 use settings::SensorSettings;
@@ -58,7 +58,7 @@ impl Sensor {
         tape.value(&mut self.due_ns);
     }
 
-    /// Lets the time of the flight begin: the next measurement is due at once.
+    /// Restarts the sensor's time at 0, the start of the flight: the next measurement is due at once.
     pub fn rewind(&mut self) {
         self.due_ns = 0;
     }
@@ -71,7 +71,7 @@ impl Sensor {
 
     /// Standard deviation of a measurement with its rounding, per axis.
     pub fn deviation(&self) -> [f64; 3] {
-        // The error of rounding is uniform: its variance is that of its width, by twelve.
+        // The error of rounding is uniform: its variance is the square of its width divided by twelve.
         std::array::from_fn(|i| libm::hypot(self.deviation[i], self.quantum[i] / 12_f64.sqrt()))
     }
 

@@ -55,7 +55,7 @@ impl Telemetry {
         sensed
     }
 
-    /// Writes or reads the past positions. The present ones are the vehicle's, so there is nothing to store if
+    /// Writes or reads the past positions. The memory of the vehicle has the present positions, so nothing is stored if
     /// measurements have no age.
     pub fn remember(&mut self, tape: &mut Tape, now: &Actuation) {
         let age = self.past.len() - 1;

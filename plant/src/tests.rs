@@ -147,7 +147,7 @@ fn state_names_the_command_that_was_in_force_up_to_it() {
 
 #[test]
 fn a_command_acts_from_its_arrival_on() {
-    // The rotor lag has a closed form, so that the speed shows since when the command has been in force.
+    // The rotor lag has a closed form, so that the speed shows for how long the command has been in force.
     for arrival_ns in [0, 3 * MS, 3_141_593, 9_999_999] {
         let mut plant = Plant::new(&scenario());
         let from = plant.truth().actuators.rotor_speed[0];
@@ -174,8 +174,8 @@ fn a_command_may_arrive_periods_later() {
 
 #[test]
 fn a_delay_of_whole_substeps_adds_no_integration_steps() {
-    // Commands at a multiple of the substep do not change the grid of steps: the flight has the same bits as one whose
-    // commands arrive later by the delay.
+    // Commands at a multiple of the substep do not change the grid of steps: the flight has the same bits as a flight
+    // whose commands arrive later by the delay.
     let fly = |delay_ms: u64, arrival_ms: u64| {
         let mut scenario = scenario();
         scenario.run.command_delay_ms = delay_ms as f64;
@@ -201,7 +201,7 @@ fn several_periods_at_once_are_the_same_flight() {
         one_by_one.advance(1).unwrap();
     }
     at_once.advance(7).unwrap();
-    // A sample reports the commands since the sample before it, which was seven periods ago for one of them.
+    // A sample reports the commands since the previous sample, which was seven periods ago for `at_once`.
     let (one, other) = (one_by_one.sample(), at_once.sample());
     assert_eq!((one.arrived, other.arrived, other.arrivals[0].after_ns), (0, 1, 4 * MS));
     assert_eq!(one, State { arrivals: one.arrivals, arrived: one.arrived, ..other });
@@ -302,7 +302,7 @@ proptest! {
     }
 }
 
-/// Velocity 0.1 s after hover at the reference height of the wind above the plane, NED \[m/s\].
+/// Velocity after 0.1 s in the wind, from a hover at the reference height above the ground plane, NED \[m/s\].
 fn blown(roughness_m: f64, ground_m: Option<f64>, wind_ned_mps: [f64; 3]) -> [f64; 3] {
     let mut scenario = scenario();
     scenario.plant.drag_linear_nspm = [1.0; 3];
@@ -340,7 +340,7 @@ fn shear_leaves_the_vertical_wind_alone() {
     assert!(sink(0.0) > 0.1 && sink(0.05) == sink(0.0), "{} and {}", sink(0.05), sink(0.0));
 }
 
-/// Scenarios of vehicles in which every part has a memory.
+/// Scenarios in which, taken together, every part of a plant has a memory.
 fn vehicles() -> Vec<Scenario> {
     let load = |name: &str, more: &[&str]| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenarios/{name}.toml"));

@@ -26,7 +26,7 @@ pub struct Tricopter {
     sample_ns: u64,
     substep_ns: u64,
     pub(crate) x: StateVector,
-    /// Reason for which the integration stopped, if it did.
+    /// Reason for which the integration stopped; `None` while it goes on.
     diverged: Option<PlantStatus>,
 }
 
@@ -73,13 +73,13 @@ impl Tricopter {
     /// 0 (a cut or a stop) stay 0.
     fn demand(&self, command: &Actuation) -> Actuation {
         let clipped = self.dynamics.clip(command);
-        // A command of zero stops the motors instead of idling them; the mixer disarms with it.
+        // A command of zero stops the motors instead of idling them; the mixer disarms by this command.
         if command.rotor_speed == [0.0; 3] { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
     }
 }
 
 impl Vehicle for Tricopter {
-    /// Integrates; every step ends at the next multiple of the substep, the last one at `until_ns`.
+    /// Integrates; every step ends at the next multiple of the substep, the last step at `until_ns`.
     fn advance(&mut self, from_ns: u64, until_ns: u64, command: &Actuation) -> Result<(), SessionError> {
         let mut now_ns = from_ns;
         while now_ns < until_ns && self.diverged.is_none() {

@@ -7,7 +7,7 @@
 //! s_w = 0.1 W20,  s_u = s_v = s_w / (0.177 + 0.000823 h)^0.4
 //! ```
 //!
-//! For a vehicle that crosses the frozen field at the airspeed V, their spectra are those of white noise filtered by
+//! For a vehicle that crosses the frozen field at the airspeed V, the gusts have the spectra of white noise filtered by
 //!
 //! ```text
 //! H_u = s_u sqrt(2 T) / (1 + T s)                                 T = L / V
@@ -19,9 +19,9 @@
 //! the vehicle is small compared with the scales.
 //!
 //! W20, h and V are settings by default: the process is stationary, and its spectrum can be tested. With `from_wind`
-//! they are the present ones: the mean wind of `plant.wind_ned_mps`, the height above the ground, clamped to 10 to 1000
-//! feet, for which the formulas hold, and the speed relative to the mean wind. The filters then have deviation 1 and
-//! are tuned at each sample, and their output is multiplied by the present deviation.
+//! the present values are used: the mean wind of `plant.wind_ned_mps`, the height above the ground, clamped to 10 to
+//! 1000 feet, for which the formulas hold, and the speed relative to the mean wind. The filters then have deviation 1
+//! and are tuned at each sample, and their output is multiplied by the present deviation.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -57,7 +57,7 @@ pub struct Turbulence {
     across: Axis,
     down: Axis,
     to_ned: Rotation3<f64>,
-    /// `true` if wind, height and airspeed are the present ones, `false` if they are settings.
+    /// `true` if wind, height and airspeed are the present values, `false` if they are settings.
     from_wind: bool,
     dt_s: f64,
     random: ChaCha8Rng,
@@ -81,7 +81,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// Starts a component of deviation `sigma_mps` and time scale `t_s` in its stationary state, by samples of `dt_s`.
+    /// Starts a component of deviation `sigma_mps` and time scale `t_s` in its stationary state, for samples of `dt_s`.
     fn new(sigma_mps: f64, t_s: f64, dt_s: f64, from: [f64; 2], random: &mut ChaCha8Rng) -> Self {
         let share = dt_s / t_s;
         let (decay, noise) = (libm::exp(-share), covariance_root(sigma_mps, share));
@@ -135,7 +135,7 @@ fn scales(height_m: f64, wind_mps: f64) -> ([f64; 2], [f64; 2]) {
 }
 
 impl Turbulence {
-    /// Builds the turbulence of `scenario`; `None` if it has none.
+    /// Builds the turbulence of `scenario`; `None` if the scenario has no turbulence.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = &scenario.plant.turbulence;
         let ([l_u, l_w], [s_u, s_w]) = scales(settings.height_m, settings.wind_at_6m_mps);
@@ -157,7 +157,7 @@ impl Turbulence {
         })
     }
 
-    /// Writes or reads the filters at sample `tick`; refuses if the newest gust is not that of the sample before.
+    /// Writes or reads the filters at sample `tick`; refuses if the newest gust is not the gust of the previous sample.
     pub fn remember(&mut self, tape: &mut Tape, tick: u64) {
         for Axis { a, b, decay, share, noise, scale, .. } in [&mut self.along, &mut self.across, &mut self.down] {
             tape.value(noise);
@@ -177,7 +177,7 @@ impl Turbulence {
     }
 
     /// Gust of sample `tick`, NED \[m/s\]; must be called in the order of samples. With `from_wind` the `moment` of the
-    /// first call for a sample determines it.
+    /// first call for a sample determines the gust.
     pub fn at(&mut self, tick: u64, moment: &GustConditions) -> Vector3<f64> {
         let before = match self.newest {
             Some((newest, gust)) if newest == tick => return gust,
@@ -276,7 +276,7 @@ mod tests {
         let first = |moment: GustConditions| from_wind(3, 1, &moment)[0];
         assert_eq!(first(moment(8.0, 0.0)), Vector3::zeros(), "no wind, no gusts");
         assert!((first(moment(8.0, 6.0)) - first(moment(8.0, 3.0)) * 2.0).norm() < 1e-12);
-        // Higher up the gusts along the wind are weaker, and the vertical ones as strong but slower.
+        // Higher up the gusts along the wind are weaker, and the vertical gusts as strong but slower.
         let (low, high) = (first(moment(5.0, 6.0)), first(moment(50.0, 6.0)));
         let base = |h_m: f64| 0.177 + 0.000_823 * h_m / 0.3048;
         assert!((high.x / low.x - (base(5.0) / base(50.0)).powf(0.4)).abs() < 1e-12 && (high.z - low.z).abs() < 1e-12);

@@ -9,18 +9,18 @@ use settings::{Fault, Scenario};
 
 use crate::memory::Tape;
 
-/// Largest position on any axis \[m\], far beyond every mission.
+/// Largest position on any axis \[m\]; the check of a scenario keeps missions inside.
 const MAX_POSITION_M: f64 = 500.0;
 /// Largest body rate on any axis \[rad/s\], sixteen turns a second.
 const MAX_RATE_RADPS: f64 = 100.0;
 
-/// Vehicle that the plant moves: [`Tricopter`](crate::tricopter::Tricopter), or one in another language.
+/// Vehicle that the plant moves: [`Tricopter`](crate::tricopter::Tricopter), or a vehicle in another language.
 pub trait Vehicle {
     /// Moves from `from_ns` to `until_ns` under one `command`; rotor speeds of 0 stop the motors. A vehicle that has
     /// diverged stays as it is.
     ///
     /// # Errors
-    /// The code of the vehicle has failed: the process shall end.
+    /// Fails if the code of the vehicle fails; the process shall then end.
     fn advance(&mut self, from_ns: u64, until_ns: u64, command: &Actuation) -> Result<(), SessionError>;
     /// Present motion.
     fn motion(&self) -> Kinematics;

@@ -1,4 +1,4 @@
-//! A flight allocates nothing, with any fault.
+//! Test that a flight allocates nothing, with any fault.
 
 use contract::message::{Actuators, Stamp};
 use plant::Plant;

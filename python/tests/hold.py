@@ -1,4 +1,4 @@
-"""Mixer at trim, and guidance that holds the place: the node is the argument."""
+"""Mixer that stays at trim, or guidance that holds the position; the argument names the node."""
 
 import sys
 

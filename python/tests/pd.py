@@ -1,4 +1,4 @@
-"""PD law as a process of the ring. Setting ``fail_at``: the tick at which it raises an exception."""
+"""PD law as a process of the ring. Setting ``fail_at``: tick at which the law raises an exception."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The closed loop, stepped."""
+"""Flights that the test steps."""
 
 import ctypes
 import os

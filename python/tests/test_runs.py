@@ -1,4 +1,4 @@
-"""Flights and campaigns by the launcher, and what they leave."""
+"""Flights and campaigns by the launcher, and their results."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Plant in Python: a rigid body whose actuators follow at once."""
+"""Plant in Python: a rigid body whose actuators follow the command at once."""
 
 import sys
 from math import ceil, cos, sin

@@ -8,25 +8,26 @@ use crate::working_set::{HeldConstraint, WorkingSet};
 
 /// Accepted violation, in units of the slacks.
 const TOLERANCE: f64 = 5e-10;
-/// Ratio of the dual objective to that of the first violated constraint alone above which no point is feasible.
+/// Ratio of the dual objective to that of the first violated constraint alone, above which no point counts as feasible.
 const UNBOUNDED: f64 = 1e12;
 
-/// Bound on all numbers: the dual objective has its square, and a turn its fourth power.
+/// Bound on all numbers: the dual objective contains their squares, and a turn their fourth powers.
 const MAX_MAGNITUDE: f64 = 1e50;
 
-/// Dual objective above which its value is mostly rounding.
+/// Dual objective above which most of the value is rounding.
 const MAX_EXACT_DUAL: f64 = 1e10;
 
 /// Share of a constraint's square that must remain after elimination for it to be independent of the others.
 const INDEPENDENT: f64 = 1e-11;
-/// Squared share in a dependent constraint, relative to its square, below which it is rounding.
+/// Square of a member's part in a dependent constraint, relative to the square of the constraint, below which the part
+/// is rounding.
 const ROUNDING: f64 = 1e-20;
 /// Share of the linearly predicted ascent that a turn must reach.
 const ARMIJO: f64 = 0.1;
 /// Largest number of times that a turn is shortened.
 const HALVINGS: u32 = 40;
 /// Share of the sum of all `|l_i M_ij l_j|` by which rounding may lower the dual: a Cholesky factor and its solves are
-/// exact for a matrix whose entries differ by about 1e-16 times the number of members.
+/// exact for a matrix whose entries differ from `M` by about 1e-16 times the number of members, relatively.
 const DUAL_ROUNDING: f64 = 1e-13;
 
 /// Solver of one set-up.
@@ -43,7 +44,7 @@ pub struct ActiveSet {
     factor: CholeskyFactor,
     /// Step of the multipliers.
     step: Vec<[f64; 4]>,
-    /// Flags of the held rows, then of the held discs.
+    /// `true` for every held row, and after the rows for every held disc.
     is_held: Vec<bool>,
     /// Centre c.
     centre: Vec<[f64; 4]>,
@@ -62,7 +63,7 @@ pub struct ActiveSet {
 /// Result of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
-    /// Reason of the end.
+    /// Reason for which the solve ended.
     pub termination: Termination,
     /// Number of steps: each solves the equations of one working set.
     pub iterations: u32,
@@ -75,7 +76,7 @@ pub struct Outcome {
 pub enum Termination {
     /// `x` is the optimum.
     Optimal,
-    /// `x` is the last iterate: not feasible.
+    /// `x` is the last iterate, which is not feasible.
     IterationLimit,
     /// No `x` satisfies all hard constraints.
     Infeasible,
@@ -97,7 +98,7 @@ impl ActiveSet {
         max_iterations: u32,
     ) -> Self {
         let basis = Basis::new(hessian, rows, softness, discs);
-        // Hard members are independent, so at most n; soft rows need not be.
+        // Hard members are independent, so there are at most n; soft rows may depend on each other.
         let soft = softness.iter().filter(|softness| **softness > 0.0).count();
         let members = (basis.variables + soft).min(basis.rows + basis.discs);
         let capacity = members + basis.discs;
@@ -153,7 +154,7 @@ impl ActiveSet {
             (outcome.termination, outcome.iterations) = self.ascend(offsets, first);
             outcome.active = self.held.len() as u32;
             if first > MAX_EXACT_DUAL {
-                self.forget(); // a working set found among rounding is no useful start
+                self.forget(); // a working set found by rounding is no good start
             }
         } else {
             self.forget();
@@ -241,7 +242,8 @@ impl ActiveSet {
         }
     }
 
-    /// Goes to the optimum of the working set; `false` if a multiplier became zero first and its member was dropped.
+    /// Moves to the optimum of the working set. Returns `false` if a multiplier became zero first, and its member was
+    /// dropped.
     fn step(&mut self, offsets: &[f64]) -> bool {
         self.aim();
         let steps = self.step.as_flattened();
@@ -284,7 +286,7 @@ impl ActiveSet {
         }
     }
 
-    /// Computes the slacks at `x`; that of a held soft row includes its excess.
+    /// Computes the slacks at `x`; the slack of a held soft row includes the excess of the row.
     fn observe(&mut self, offsets: &[f64]) {
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
         for ((member, held), multiplier) in self.working_set.members.iter().zip(&self.held).zip(&self.multipliers) {
@@ -294,11 +296,12 @@ impl ActiveSet {
         }
     }
 
-    /// Adds a constraint with its `multiplier`; `false` if no point satisfies it together with those it depends on.
+    /// Adds a constraint with its `multiplier`. Returns `false` if the constraint depends on held ones, and no point
+    /// satisfies all of them.
     ///
-    /// A constraint that depends on held ones replaces one of them: its multiplier grows while theirs shrink, until the
-    /// first of theirs is zero and is dropped. A dependent constraint that is satisfied gives its multiplier to the
-    /// held ones in the same way, because without it the dual would fall.
+    /// A constraint that depends on held ones replaces one of them: the new multiplier grows while those of the held
+    /// ones shrink, until the first is zero and its constraint is dropped. A dependent constraint that is satisfied
+    /// gives its multiplier to the held ones in the same way, because the dual would fall if the multiplier were lost.
     fn join(&mut self, member: HeldConstraint, mut multiplier: f64, offsets: &[f64]) -> bool {
         let constraint = self.basis.constraint(member);
         let size = self.basis.square(&constraint);
@@ -332,9 +335,10 @@ impl ActiveSet {
         true
     }
 
-    /// Member whose multiplier is the first to reach zero as that of the joining constraint grows (`sign` 1) or shrinks
-    /// (-1), and the change of the joining one until then; `None` if none does. `size` is the square of the joining
-    /// constraint: shares that are rounding relative to it do not count.
+    /// Finds the member whose multiplier is the first to reach zero as the multiplier of the joining constraint grows
+    /// (`sign` 1) or shrinks (-1). Returns the change of the joining multiplier until then, and the index of the
+    /// member; `None` if no multiplier reaches zero. `size` is the square of the joining constraint: shares that are
+    /// rounding relative to `size` do not count.
     fn first_exhausted(&self, size: f64, sign: f64) -> Option<(f64, usize)> {
         let mut first: Option<(f64, usize)> = None;
         for (j, (share, held)) in self.step.as_flattened().iter().zip(&self.held).enumerate() {
@@ -375,12 +379,13 @@ impl ActiveSet {
         }
     }
 
-    /// Appends a constraint to the factor; `false` if it depends on the members, or if n hard ones are held already.
+    /// Appends a constraint to the factor. Returns `false` if the constraint depends on the members, or is hard while n
+    /// hard ones are held already.
     fn extend(&mut self, constraint: &Combination) -> bool {
         self.extend_at(self.held.len(), constraint)
     }
 
-    /// Appends a constraint to the factor of the first `count` members, as [`extend`](Self::extend).
+    /// Appends a constraint to the factor of the first `count` members, like [`extend`](Self::extend).
     fn extend_at(&mut self, count: usize, constraint: &Combination) -> bool {
         let Self { factor, basis, held, .. } = self;
         let entry = basis.entries(constraint);
@@ -404,7 +409,8 @@ impl ActiveSet {
         }
     }
 
-    /// Makes a Newton step on the multipliers and the angles of all held tangents; `false` if no point is feasible.
+    /// Makes a Newton step on the multipliers and the angles of all held tangents. Returns `false` if no point is
+    /// feasible.
     fn turn(&mut self, offsets: &[f64]) -> bool {
         let count = self.held.len();
         self.hold_angles();
@@ -483,7 +489,7 @@ impl ActiveSet {
         (share, blocking)
     }
 
-    /// Sets angle and multiplier of each tangent from those of its two rows.
+    /// Sets the angle and multiplier of each tangent from the multipliers of its two rows.
     fn read_angles(&mut self, count: usize) {
         for (sideways, cut) in (count..).zip(&self.turning) {
             let (along, across) = (self.multipliers[*cut], self.multipliers[sideways]);

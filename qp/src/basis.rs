@@ -105,7 +105,7 @@ impl Basis {
         }
     }
 
-    /// Returns a function for the entries of the Gram matrix between `a` and others, without softness.
+    /// Returns a function for the entries of the Gram matrix between `a` and other constraints, without softness.
     pub fn entries<'a>(&'a self, a: &Combination) -> impl Fn(&Combination) -> f64 + use<'a> {
         let [first, second] = a.basis.map(|row| &self.gram[row * self.len()..][..self.len()]);
         let weights = a.weights;
@@ -149,7 +149,7 @@ impl Combination {
     }
 }
 
-/// Tiles of a matrix that are not zero.
+/// Splits a matrix into tiles, and leaves out tiles of zeros.
 fn tiles(matrix: &DMatrix<f64>) -> Vec<Tile> {
     let mut tiles = vec![];
     for rows in 0..matrix.nrows().div_ceil(4) {

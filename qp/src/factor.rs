@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 pub struct CholeskyFactor {
     len: usize,
     /// Tiles on and below the diagonal, one column of tiles after the other, each `stride` long; a tile is four
-    /// columns. Left of the diagonal they have `L`, on it 0, elsewhere undefined numbers.
+    /// columns. Entries left of the diagonal are those of `L`, entries on the diagonal 0, all others undefined.
     tiles: Vec<[[f64; 4]; 4]>,
     stride: usize,
     /// Inverse diagonal `1 / L_ii`.
@@ -63,13 +63,13 @@ impl CholeskyFactor {
         square
     }
 
-    /// Writes the `shares` of the rows before it in the row reduced last.
+    /// Computes the `shares` of the rows of the factor in the row that was reduced last.
     pub fn composition(&self, shares: &mut [[f64; 4]]) {
         shares.copy_from_slice(&self.row);
         self.backward(shares);
     }
 
-    /// Solves `L y = x` in place. The numbers behind the last row in its block are undefined.
+    /// Solves `L y = x` in place. After the last row, the numbers up to the end of its block are undefined.
     fn forward(&self, x: &mut [[f64; 4]]) {
         for (block, inverse) in self.inverse_diagonal[..self.blocks()].iter().enumerate() {
             let [diagonal, below @ ..] = self.column(block) else { return };
@@ -125,7 +125,7 @@ impl CholeskyFactor {
         &self.tiles[block * self.stride..][block..self.blocks()]
     }
 
-    /// Largest deviation of `L L'` from a matrix with these entries, relative to its diagonal; for checks.
+    /// Largest deviation of `L L'` from the matrix with these entries, relative to the diagonal; for checks.
     pub fn misfit(&self, entry: impl Fn(usize, usize) -> f64) -> f64 {
         let l = |i: usize, j: usize| match i.cmp(&j) {
             Ordering::Less => 0.0,

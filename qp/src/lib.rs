@@ -1,6 +1,6 @@
-//! Solver of strictly convex quadratic programs with linear rows, soft rows and discs, by a dual active-set method. It
-//! is made for a sequence of small problems that share their matrices, as in a controller: a solve starts from the last
-//! solution and allocates nothing.
+//! Solver of strictly convex quadratic programs with linear rows, soft rows and discs, by a dual active-set method. The
+//! solver is made for a sequence of small problems that share their matrices, as in a controller: a solve starts from
+//! the last solution and allocates nothing.
 //!
 //! # The problem
 //!
@@ -50,9 +50,9 @@
 //!
 //! 1. **Step** to the optimum of the working set, `(M + W^-1) dl = -(s + l/w)`. If a multiplier would become negative,
 //!    stop where it is zero and drop its constraint.
-//! 2. **Join**: if no constraint was dropped, add the one violated most in the norm of `H^-1`. A disc is represented by
-//!    its tangent towards the present point. A constraint that depends on held ones replaces the first of these whose
-//!    multiplier becomes zero as its own grows; if none does, no point is feasible.
+//! 2. **Join**: if no constraint was dropped, add the most violated one, in the norm of `H^-1`. A disc is represented
+//!    by its tangent towards the present point. A constraint that depends on held ones replaces one of them: the first
+//!    whose multiplier becomes zero as that of the new constraint grows. If none becomes zero, no point is feasible.
 //! 3. **Turn**: a disc that is held and still violated is held at the wrong angle. Kelley would add a tangent and
 //!    converge slowly; here the angles of all held tangents become unknowns. Turning by `da` changes the gradient by
 //!    `l da (sin a g_a - cos a g_b)`; by the curvature of the disc this is a row with the softness `1/l`. One Newton
@@ -68,7 +68,7 @@
 //!   factor of its Gram block is recomputed, so that no error accumulates.
 //! - `Optimal` means that no constraint is violated by more than 5e-10, and that the cost is minimal to about 1e-6 of
 //!   the problem's size. The tests check random problems by a certificate and by Clarabel.
-//! - Every input has an answer: numbers that are not finite end the solve before it starts, and `x` is finite.
+//! - Every input has an answer, with a finite `x`. A number that is not finite is reported before the first step.
 //! - It is not guaranteed that the iteration limit is never reached. A million random problems took fewer than the 100
 //!   steps of the controller's limit (`cargo test --release -p qp million -- --ignored --nocapture`).
 //!

@@ -88,7 +88,8 @@ fn a_dependent_turned_tangent_gives_its_multiplier_to_the_others() {
     problem.offsets.iter_mut().for_each(|offset| *offset *= 10_f64.powf(4.252_015_350_575_705));
     let (mut solver, mut x) = (problem.solver(STEPS), problem.centre.clone());
     for _ in 0..2 {
-        let termination = solver.solve(&problem.centre, &problem.offsets, &mut x).termination; // checks that the dual rises
+        // In debug builds, `solve` itself asserts that the dual does not fall.
+        let termination = solver.solve(&problem.centre, &problem.offsets, &mut x).termination;
         assert_eq!(termination, Termination::Infeasible);
     }
 }
@@ -105,7 +106,7 @@ proptest! {
         prop_assert!(problem.violation(&x) <= 1e-9, "{:e}", problem.violation(&x));
     }
 
-    /// Any start leads to the same cost, and equal starts to equal bits.
+    /// Checks that any start leads to the same cost, and equal starts to equal bits.
     #[test]
     fn a_warm_start_does_not_change_the_optimum(seed: u64) {
         let mut uniform = uniform(seed);
@@ -127,7 +128,7 @@ proptest! {
         }
     }
 
-    /// For any numbers the solver does not panic, and its answer is finite.
+    /// Checks that the solver does not panic, whatever the numbers, and that its answer is finite.
     #[test]
     fn any_numbers_get_an_answer(
         seed: u64, decades in -320.0..320.0_f64, of in 0_usize..3,
@@ -170,7 +171,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// By the certificate of optimality and by Clarabel no feasible point costs less.
+    /// Checks by the certificate of optimality and by Clarabel that no feasible point costs less.
     #[test]
     fn no_point_inside_costs_less(seed: u64) {
         let problem = Problem::draw(&mut uniform(seed));
@@ -186,7 +187,7 @@ proptest! {
     }
 }
 
-/// Scale of cost differences: the cost with the constant `1/2 c'H c`, which the solver's objective lacks.
+/// Scale of cost differences: the cost of `x`, or `1/2 c'H c` if that is larger.
 fn relative_to(problem: &Problem, x: &[f64]) -> f64 {
     let centre = nalgebra::DVector::from_column_slice(&problem.centre);
     problem.cost(x).max(0.5 * (&problem.hessian * &centre).dot(&centre))
@@ -219,7 +220,7 @@ fn an_optimum_has_no_gap_and_its_neighbour_has() {
     assert!(disc.gap(&[-0.6, -0.8]) > 1.0, "on the far side: {}", disc.gap(&[-0.6, -0.8]));
 }
 
-/// Run as `cargo test --release -p qp million -- --ignored --nocapture`; takes a minute.
+/// Runs by `cargo test --release -p qp million -- --ignored --nocapture`; takes a minute.
 #[test]
 #[ignore = "a minute in a release build; the same as random_problems_are_solved and no_point_inside_costs_less, of more problems"]
 fn a_million_random_problems_are_solved() {

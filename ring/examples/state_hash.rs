@@ -1,5 +1,5 @@
-//! Flies a scenario in one thread and prints its state hash: `state_hash fly SCENARIO`, as `trefoil fly` has it in its
-//! JSON. `.ci/processors` builds this for an emulated processor, where the whole program would take ten minutes.
+//! Flies a scenario in one thread and prints its state hash, as the JSON of `trefoil fly` does: `state_hash fly FILE`.
+//! `.ci/processors` builds this example for an emulated processor, where the whole program would take ten minutes.
 
 use std::error::Error;
 use std::path::Path;

@@ -8,7 +8,7 @@ use contract::message::{Message, Stamp, Truth};
 
 use crate::record::Record;
 
-/// Newest stamp of each process of a node, for the last few that have sent.
+/// Count of the messages of all nodes: the newest stamps of the last few processes of each.
 #[derive(Debug, Default)]
 pub struct Count {
     newest: [[Stamp; PROCESSES]; Topic::COUNT],
@@ -18,7 +18,7 @@ pub struct Count {
     unchecked: bool,
 }
 
-/// Processes of a node that are followed: the active one, a standby, and earlier ones whose messages may still arrive.
+/// Number of processes followed per node: the active one, a standby, and earlier ones whose messages may still arrive.
 const PROCESSES: usize = 4;
 
 impl Count {
@@ -28,7 +28,7 @@ impl Count {
     }
 
     /// Returns the previous stamp of the same process, with sequence number 0 if there is none. `None` if the message
-    /// is not counted: its publisher is on standby, it is late and withheld, damaged, or its number came before. `None`
+    /// is not counted: its publisher is on standby, it was withheld, it is damaged, or its number is not new. `None`
     /// also for TRUTH, which has no stamp.
     pub fn before(&mut self, record: &Record) -> Option<Stamp> {
         let (topic, stamp) = record.stamped()?;
@@ -47,7 +47,7 @@ impl Count {
         (!stamp.is_standby()).then_some(before)
     }
 
-    /// Returns the number of messages missed just before this one; `None` if it is not counted.
+    /// Returns the number of messages missed just before `record`; `None` if `record` is not counted.
     pub fn gap(&mut self, record: &Record) -> Option<u64> {
         if let Record::Truth(truth) = record {
             return self.gap_of_truth(truth);
@@ -60,14 +60,14 @@ impl Count {
         if !self.unchecked && !truth.is_intact() {
             return None;
         }
-        // A TRUTH whose STATE was withheld has the number of the one before.
+        // A TRUTH whose STATE was withheld has the same number as the TRUTH before.
         let next = self.truth.saturating_add(1);
         self.truth = self.truth.max(truth.sequence);
         Some(truth.sequence.saturating_sub(next))
     }
 }
 
-/// Returns the messages of one topic that are counted, each with the previous stamp of the same process.
+/// Selects the messages of one topic that are counted, each with the previous stamp of the same process.
 pub fn counted<M: Message>(messages: &[M]) -> impl Iterator<Item = (&M, Stamp)>
 where
     Record: From<M>,

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum Ended {
     /// The plant flew to the end.
     Flown,
-    /// Ctrl-C, or `stop`.
+    /// The user ended the flight, by Ctrl-C or `trefoil stop`.
     Interrupted,
     Lost(String),
     /// A node missed a deadline whose policy is `stop`.

@@ -10,10 +10,10 @@ use crate::limits::REASON_CHARS;
 /// One event of a process, of a fault, or of the files around the processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Event {
-    /// Tick of the plant at that time; for the recorder, at the launcher's look.
+    /// Tick of the plant at the event; for the recorder, when the launcher noticed the event.
     #[serde(default)]
     pub tick: u64,
-    /// Node: publisher of a topic, recorder or launcher; target of a fault; host for shared memory.
+    /// Publisher of a topic, `recorder` or `launcher`; the target of a fault; `host` for files in shared memory.
     pub node: String,
     /// Epoch of the process, from 1; 0 if there is none.
     pub epoch: u32,
@@ -28,7 +28,7 @@ pub struct Event {
     /// Index of the swap whose program and settings the started process uses, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<usize>,
-    /// Sender of the command, if it was ordered in flight.
+    /// Sender of the command, if a command in flight caused the event.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<Sender>,
     /// Fault given or ended in flight: its number, and its settings from then on.
@@ -73,7 +73,7 @@ impl TimedEvent {
 /// Process that sent a command to a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Sender {
-    /// Process id; 0 if the process is not visible from here.
+    /// Process id; 0 if the launcher cannot see the process.
     pub pid: i32,
     /// User id.
     pub user: u32,
@@ -85,7 +85,7 @@ pub struct Sender {
 pub enum What {
     /// The process ended without being asked to.
     Died,
-    /// The process made no progress or was cut off, and is killed; the launcher, which may be cut off too, is not.
+    /// The process made no progress or was cut off, and is killed. A launcher that is cut off is not killed.
     Hung,
     /// The process was started.
     Started,
@@ -130,7 +130,7 @@ impl Event {
     }
 }
 
-/// Returns the size of a fault in words, with its unit; `None` where none was given.
+/// Returns the size of a fault in words, with its unit; `None` if no size was given.
 pub fn size_in_words(fault: &Fault) -> Option<String> {
     use FaultTarget as T;
     let unit = match fault.target {

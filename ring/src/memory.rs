@@ -7,7 +7,7 @@ use runtime::shared_role::{Origin, SnapshotCell};
 /// Snapshot of one node's internal state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Memory {
-    /// Plant sample after which it was requested.
+    /// Plant sample after which the snapshot was requested.
     pub tick: u64,
     /// Topic that the node publishes.
     pub topic: Topic,
@@ -24,7 +24,7 @@ impl Memory {
         Self { tick, topic, origin, words: words[..length].to_vec() }
     }
 
-    /// Reads the snapshots of all nodes from the page of a stack; `None` if the plant has none of sample `tick`.
+    /// Reads the snapshots of all nodes that left one on the `page`; `None` if the plant left none of sample `tick`.
     pub fn of_all(page: &ControlPage, tick: u64) -> Option<Vec<Self>> {
         let vehicle =
             Self::of(Topic::State, &page.plant_memory, tick).filter(|memory| memory.origin.done == tick + 1)?;

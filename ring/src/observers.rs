@@ -54,7 +54,7 @@ impl Observers {
             + self.one(&*self.actuators, &mut each)
     }
 
-    /// Returns the number of messages of a [kind](Record::kind) that were sent so far, and of those passed on.
+    /// Returns how many messages of a [kind](Record::kind) were sent so far, and how many [`Self::drain`] passed on.
     pub fn sent_and_drained(&self, kind: usize) -> (u32, u64) {
         let of_topic = Topic::ALL.get(kind).map(|topic| &self.page.role(*topic).sent_by_all);
         (of_topic.unwrap_or(&self.page.truths_sent).get(), self.drained[kind].get())
@@ -70,7 +70,7 @@ impl Observers {
         self.failures.get()
     }
 
-    /// Connects to the publishers of a [kind](Record::kind) anew, with an empty queue; without effect if that fails.
+    /// Connects to the publishers of a [kind](Record::kind) anew, with an empty queue; no effect if that fails.
     pub fn reconnect(&self, kind: usize) {
         // The next attempt of the caller may succeed.
         let _ = match Topic::ALL.get(kind) {
@@ -88,7 +88,7 @@ impl Observers {
         let before = drained.get();
         let mut take = |message: &M, from| {
             received.set(received.get() + u32::from(from == role.port(role.active())));
-            // A fault that flips bits can make any message look like a probe, but not an intact one.
+            // A fault that flips bits can make any message look like a probe, but then the checksum does not fit.
             let is_probe = message.stamp().is_probe() && message.is_intact();
             if role.knows(from) && !is_probe {
                 each(&(*message).into());

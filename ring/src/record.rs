@@ -33,7 +33,7 @@ impl Record {
     /// Number of kinds of records.
     pub const KINDS: usize = Topic::COUNT + 1;
 
-    /// Returns the number of its kind: that of the topic, then TRUTH.
+    /// Returns the number of the record's kind: the number of the topic, or [`Topic::COUNT`] for TRUTH.
     pub fn kind(&self) -> usize {
         self.stamped().map_or(Topic::COUNT, |(topic, _)| topic as usize)
     }
@@ -84,7 +84,7 @@ impl Record {
         with_message!(self, message => message)
     }
 
-    /// Returns the message; `None` if it is no `M`.
+    /// Returns the message; `None` if it is of another type than `M`.
     pub fn message<M: 'static>(&self) -> Option<&M> {
         self.as_any().downcast_ref()
     }

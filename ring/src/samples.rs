@@ -12,7 +12,7 @@ const MOST_WAITING: usize = 2 * MAX_OBSERVER_DEPTH;
 /// Ticks after which a TRUTH is dropped: more than a fault can hold a STATE back.
 const KEPT_TICKS: u64 = 2 * HELD_MESSAGES as u64;
 
-/// Joins STATE and TRUTH, which may come in any order. If one of a tick is lost, the tick has no sample.
+/// Joins STATE and TRUTH, which may come in any order. If one of the two is lost, their tick has no sample.
 #[derive(Debug, Clone, Default)]
 pub struct Samples {
     states: VecDeque<State>,
@@ -43,7 +43,7 @@ impl Samples {
         Some(sample)
     }
 
-    /// Returns the TRUTH of `tick`, if it has come and is not long past.
+    /// Returns the TRUTH of `tick`, if it has come and was not dropped yet.
     pub fn truth(&self, tick: u64) -> Option<&Truth> {
         self.truths.iter().rev().find(|truth| truth.tick == tick)
     }
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn what_waits_in_vain_takes_bounded_memory() {
+    fn unmatched_messages_take_bounded_memory() {
         let mut samples = Samples::default();
         for tick in 0..3 * MOST_WAITING as u64 {
             assert!(samples.join(&if tick.is_multiple_of(2) { state(tick) } else { truth(tick) }).is_none());

@@ -1,8 +1,8 @@
-//! The ring in one thread, flown part by part of a tick, so that its caller can also be one of its nodes.
+//! The ring in one thread. Each tick is flown in parts, so that the caller can also be one of the nodes.
 //!
 //! ```text
 //! begin    the plant takes a sample and sends STATE and TRUTH
-//! answer   guidance, attitude-mpc, mixer: each answers, one call each, in this order
+//! answer   guidance, attitude-mpc and mixer answer, in this order, in one call or more
 //! end      observers get the messages, and the plant the command
 //! ```
 
@@ -51,7 +51,7 @@ pub struct Stepped {
     sample: (State, Stamp),
     /// Tick of the next sample.
     next: u64,
-    /// End of the flight; `None` before.
+    /// End of the flight; `None` while it lasts.
     ended: Option<Ended>,
     failures: Vec<String>,
 }
@@ -61,7 +61,7 @@ impl Stepped {
     /// order of [`Topic::OF_CONTROLLERS`].
     ///
     /// # Errors
-    /// Something derived from `scenario`, such as the gain of the controller, does not exist.
+    /// A value derived from `scenario`, such as the gain of the controller, does not exist.
     pub fn new(
         scenario: &Scenario,
         vehicle: Box<dyn Vehicle>,
@@ -115,7 +115,7 @@ impl Stepped {
         Ok(self.over())
     }
 
-    /// Takes the next sample and sends it; returns `false` if the flight is over, or the plant is lost and so ends it.
+    /// Takes the next sample and sends it. Returns `false` if the flight is over, or ends because the plant is lost.
     ///
     /// # Errors
     /// A new process of a node cannot be built.
@@ -150,7 +150,7 @@ impl Stepped {
         Ok(true)
     }
 
-    /// Lets the processes of the nodes on `topics` answer to the sample, except those that leave instead.
+    /// Lets the processes of the nodes on `topics` answer to the sample, except those that a fault ends instead.
     pub fn answer(&mut self, topics: &[Topic]) {
         let sample = self.sample.1;
         for topic in topics {
@@ -162,16 +162,16 @@ impl Stepped {
         }
     }
 
-    /// Returns the node on `topic` whose caller computes its answer to the sample, with the provenance of that answer;
-    /// `None` if no process of it works. Processes that leave instead of an answer do so now.
+    /// Returns the node on `topic` if its caller computes its answers, with the provenance of the sample to answer;
+    /// `None` otherwise, or if no process of the node works. Processes that a fault ends instead of an answer end now.
     pub fn asked(&mut self, topic: Topic) -> Option<(&mut dyn Asked, Stamp)> {
         self.leave(topic);
         let sample = self.sample.1;
         Some((self.workers(topic).asked()?, sample))
     }
 
-    /// Returns the memories of all nodes after the sample; none if memories are not stored after this sample, or if the
-    /// vehicle has no memory to continue from.
+    /// Returns the memories of all nodes after the sample; an empty list if memories are not stored after this sample,
+    /// or if the vehicle has no memory to continue from.
     pub fn memories(&mut self) -> Vec<Memory> {
         let tick = self.sample.1.tick;
         if !self.scenario.is_remembered(tick) {
@@ -186,8 +186,8 @@ impl Stepped {
         std::iter::once(vehicle).chain(self.nodes.iter().filter_map(of_node)).collect()
     }
 
-    /// Passes the messages of the tick to `watch`, and the command to the plant; the flight is over if this sample was
-    /// its last, or if `watch` returns `false`.
+    /// Passes the messages of the tick to `watch`, and the command to the plant. The flight is over if this sample was
+    /// the last, or if `watch` returns `false`.
     pub fn end(&mut self, mut watch: impl FnMut(&Record) -> bool) {
         let mut go_on = true;
         self.observers.drain(|record| {
@@ -204,7 +204,7 @@ impl Stepped {
         }
     }
 
-    /// Returns the result; a flight that is not over is interrupted.
+    /// Returns the result; a flight that is not over counts as interrupted.
     pub fn over(self) -> SteppedResult {
         let refused = refused_by_listener(&self.ring.page);
         let ended = self.ended.unwrap_or(Ended::Interrupted);
@@ -221,16 +221,16 @@ impl Stepped {
         let Some(workers) = self.nodes.iter_mut().find(|workers| workers.topic == topic) else { return Ok(()) };
         match action {
             Action::Spawn(epoch, origin) => {
-                let own = origin.and_then(|i| candidate(run, &run.swap[i]).ok()); // its errors were reported before
+                let own = origin.and_then(|i| candidate(run, &run.swap[i]).ok()); // errors were reported at the check
                 workers.begin(epoch, own.as_ref().unwrap_or(run), run)?;
             }
             Action::Signal(epoch, role::Signal::Kill) => workers.end(epoch),
-            _ => {} // the simulated roles have carried it out
+            _ => {} // the simulated roles have carried out this action
         }
         Ok(())
     }
 
-    /// Ends the processes of the node on `topic` that a fault of their own settings ends instead of an answer.
+    /// Ends the processes of the node on `topic` that a fault of their own settings ends before they answer.
     fn leave(&mut self, topic: Topic) {
         let tick = self.sample.1.tick;
         while let Some(epoch) = self.workers(topic).leaves(tick) {

@@ -14,7 +14,7 @@ use runtime::realtime::ControlPage;
 use runtime::shared_role::Origin;
 use settings::Scenario;
 
-/// Control page and queues that a ring in process shares.
+/// Control page and queues that the nodes of a ring in process share.
 #[derive(Clone)]
 pub struct Ring {
     pub page: Arc<ControlPage>,
@@ -29,8 +29,8 @@ impl Ring {
         Ok(Self { page, queues: Queues::default(), with_checksums })
     }
 
-    /// Creates a process of the node that answers on `topic`, with its place in the role and its ports. It carries
-    /// out the exit faults of its own settings only if their list of faults differs from that of the `run`.
+    /// Creates a process of the node that publishes `topic`, with its place in the role and its ports. The process
+    /// carries out the exit faults of its `own` settings only if their list of faults differs from that of the `run`.
     pub fn member(&self, topic: Topic, epoch: u32, own: &Scenario, run: &Scenario) -> (Member, Ports) {
         self.page.role(topic).offer(epoch);
         let member = Member::in_process(self.page.clone(), topic, epoch, own, own.fault != run.fault);
@@ -63,8 +63,8 @@ struct Worker {
 }
 
 impl Worker {
-    /// Returns the memory that another process begins with; its origin is the default if the core keeps none. A process
-    /// that has not answered yet has the memory of the process before it; `None` if it began without one.
+    /// Returns the memory that another process begins with; the origin is the default if the core keeps no memory. A
+    /// process that has not answered yet has the memory of the process before it; `None` if it began without a memory.
     fn memory(&self) -> Option<(Origin, Snapshot)> {
         let memory = self.node.memory();
         let continues = self.member.continues.get();
@@ -83,8 +83,8 @@ impl Workers {
         Ok(workers)
     }
 
-    /// Starts process `epoch`, with its `own` settings or those of the `run`, and the memory of the last active
-    /// process.
+    /// Starts process `epoch` with its `own` settings, which may be those of the `run`, and with the
+    /// [memory](Self::memory) of the process before it.
     pub fn begin(&mut self, epoch: u32, own: &Scenario, run: &Scenario) -> Result<(), SessionError> {
         let (member, mut ports) = self.ring.member(self.topic, epoch, own, run);
         let mut node = (self.open)(&mut ports, &member, own)?;
@@ -96,7 +96,7 @@ impl Workers {
         Ok(())
     }
 
-    /// Returns the memory of the active process, or of the last one that was.
+    /// Returns the memory of the active process, or of the process that ended last.
     pub fn memory(&self) -> Option<(Origin, Snapshot)> {
         let active = self.ring.page.role(self.topic).active();
         let active = self.all.iter().find(|worker| worker.member.epoch == active);
@@ -123,7 +123,7 @@ impl Workers {
     }
 
     /// Lets every process that works answer to a sample; `sample` is the provenance of a new chain. Returns the epochs
-    /// of those whose core failed instead, with the errors.
+    /// of the processes whose core failed instead, with the errors.
     pub fn answer(&mut self, sample: Stamp) -> Vec<(u32, SessionError)> {
         let assignment = self.ring.page.role(self.topic).assignment();
         let working = self.all.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));

@@ -43,7 +43,7 @@ impl Core for PdController {
     fn step(&mut self, tick: u64, (references, states): &Self::Inputs) -> Result<Controls, SessionError> {
         let (reference, state) = (references.known(), states.known());
         let fresh = state.stamp.sequence > 0 && state.stamp.tick >= tick;
-        let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // the mixer ignores stale ones
+        let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // the mixer ignores stale demands
         Ok(Controls { demand: self.demand(state, reference), status: status as u64, ..Controls::default() })
     }
 

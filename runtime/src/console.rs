@@ -1,10 +1,10 @@
-//! Output for people: data on stdout, everything else on stderr. Neither can end the process.
+//! Output for people: data on stdout, everything else on stderr. An error of a stream never ends the process.
 //!
-//! Stderr may be full, closed, a stopped terminal, or a pipe that is not read. A thread of its own writes there, so
-//! that no flight waits for it. Output on stdout was requested by the user: if it cannot be written, the exit code
-//! shows it.
+//! Stderr may be full, closed, a stopped terminal, or a pipe that is not read. A thread of its own writes to stderr, so
+//! that no flight waits for the stream. Output on stdout was requested by the user: if it cannot be written, the exit
+//! code shows the failure.
 //!
-//! Names of files, scenarios and nodes come from elsewhere: characters that control a terminal are escaped ([`plain`]).
+//! Names of files, scenarios and nodes come from outside: characters that control a terminal are escaped ([`plain`]).
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -19,11 +19,11 @@ use crate::limits::{LAST_LINES, WAITING_LINES};
 use contract::exit;
 use rustix::io::fcntl_dupfd_cloexec;
 
-/// Channel to the thread that writes to stderr; `None` if it could not be started.
+/// Channel to the thread that writes to stderr; `None` if the thread could not be started.
 static WRITER: OnceLock<Option<SyncSender<Word>>> = OnceLock::new();
 /// Duplicate of stdout that is written to instead.
 static KEPT_STDOUT: OnceLock<File> = OnceLock::new();
-/// First number of a descriptor that [`keep_stdout`] takes: beyond those that code of users may close or replace.
+/// Lowest descriptor that [`keep_stdout`] takes: above those that code of users may close or replace.
 const KEPT_FROM: i32 = 700;
 /// First error of stdout.
 static STDOUT_ERROR: OnceLock<io::Error> = OnceLock::new();
@@ -37,7 +37,7 @@ enum Word {
     Flush(SyncSender<()>),
 }
 
-/// Replaces characters that control a terminal or change the direction of writing by their numbers, such as `\u{1b}`.
+/// Replaces characters that control a terminal, or change the direction of text, by their numbers, such as `\u{1b}`.
 /// Ends of lines and tabs stay.
 pub fn plain(text: &str) -> Cow<'_, str> {
     let turns = |c: char| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
@@ -78,14 +78,14 @@ fn coloured(text: &str) -> String {
     result
 }
 
-/// Keeps stdout for what is printed, before a library is loaded that may close it or put another file in its place.
+/// Duplicates stdout for all that is printed. Call it before a library is loaded that may close or replace stdout.
 ///
 /// # Errors
 /// Stdout is closed, or there are too many descriptors.
 pub fn keep_stdout() -> io::Result<()> {
     // The second attempt is for a low `ulimit -n`.
     let kept = fcntl_dupfd_cloexec(stdout(), KEPT_FROM).or_else(|_| fcntl_dupfd_cloexec(stdout(), 3));
-    let _ = KEPT_STDOUT.set(File::from(kept?)); // kept already
+    let _ = KEPT_STDOUT.set(File::from(kept?)); // fails if stdout is kept already
     Ok(())
 }
 
@@ -94,7 +94,7 @@ pub fn print(text: &str) {
     print_after("", text);
 }
 
-/// Prints `text` to stdout, after clearing the screen if that is a terminal.
+/// Prints `text` to stdout, after clearing the screen if stdout is a terminal.
 pub fn print_anew(text: &str) {
     print_after(if stdout().is_terminal() { CLEAR } else { "\n" }, text);
 }
@@ -107,7 +107,7 @@ fn print_after(before: &str, text: &str) {
         None => stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()),
     };
     if let Err(error) = written {
-        let _ = STDOUT_ERROR.set(error); // the first is kept
+        let _ = STDOUT_ERROR.set(error); // the first error is kept
     }
 }
 

@@ -2,16 +2,15 @@
 //!
 //! ```text
 //! wakes for          Timer                                           Barrier
-//! the input          a message of the node before came: answer       that node is done with the sample: answer
-//! lateness           that message is late: answer without it         -  (a vacant role before it: answer)
+//! the input          a message of the node before came: answer       the node before is done with the sample: answer
+//! lateness           the input is late: answer without it            -  (the role before is vacant: answer)
 //! the warm-up        shortly before the next sample                  -
-//! the role           a sample is taken: it may begin with that one   the same
+//! the role           a sample is taken: the process may begin        the same
 //! looking around     100 ms have passed, or the run ends             the same
 //! ```
 //!
-//! A node answers to every sample once, even if its input is old or missing; its core handles that. A slot that the
-//! process slept through is skipped and counted. An input that comes after its sample was answered is used at the next
-//! one.
+//! A node answers to every sample once; its core handles an input that is old or missing. A slot that the process slept
+//! through is skipped and counted. An input that comes after its sample was answered is used at the next sample.
 
 use contract::message::Stamp;
 use contract::snapshot::Snapshot;
@@ -132,7 +131,7 @@ impl CycleLoop {
     fn sleep(&mut self, period_ns: u64, input: &mut dyn Upstream) -> Wake {
         let now = now_ns();
         let look_around_ns = now + LOOK_AROUND_NS;
-        let rung = self.member.page.doorbell(Topic::State).count(); // before the look, so that no tick is slept through
+        let rung = self.member.page.doorbell(Topic::State).count(); // read first, so that no tick is slept through
         let is_assigned = self.is_assigned();
         let page = &self.member.page;
         let state_bell = page.doorbell(Topic::State);
@@ -181,7 +180,7 @@ impl CycleLoop {
         let page = self.member.page.clone();
         let doorbell = page.doorbell(topic);
         loop {
-            let rung = doorbell.count(); // before the look, so that a change after it is not slept through
+            let rung = doorbell.count(); // read first, so that no change is slept through
             if self.is_over() {
                 return None;
             }
@@ -192,8 +191,8 @@ impl CycleLoop {
         }
     }
 
-    /// Returns whether this process is active or on standby. One that has just become so begins with the tick that its
-    /// role names.
+    /// Returns whether this process is active or on standby. If it has just become active or standby, its next sample
+    /// is the tick that its role names.
     fn is_assigned(&mut self) -> bool {
         let Member { page, topic, epoch, .. } = &self.member;
         let role = page.role(*topic);

@@ -3,11 +3,11 @@
 //! ```text
 //! release   when the work was due: by the clock for the plant; for other nodes when the input was sent, or became late
 //! start     when the process began;            release jitter (plant) or hop (others) = start - release
-//! publish   when it sent;                      execution = publish - start
+//! publish   when the process sent;             execution = publish - start
 //!                                              response  = publish - sample time;  miss = response > deadline
 //! slip      a period without a cycle, because the process slept; it counts as a miss too, and is never made up for
-//! late      a message that misses its deadline is counted. It is sent, skipped, replaced by the last timely one, or
-//!           ends the run, as the scenario's `[deadline]` says
+//! late      a message that misses its deadline is counted. It is sent, skipped, replaced by the last timely message,
+//!           or ends the run, as the scenario's `[deadline]` says
 //!
 //! publish           warm-up: CPU clock, loan      arrival: receive, step, send
 //!    |  ...sleep...     |       ...sleep...            |
@@ -15,10 +15,10 @@
 //! ```
 //!
 //! In the milliseconds between two cycles the caches lose the memory of a node. Sending one message touches 250 cache
-//! lines on 50 pages: it takes 17 us after 10 ms asleep and 0.3 us right after another one (`measure timing` of commit
+//! lines on 50 pages: it takes 17 us after 10 ms asleep and 0.3 us right after another send (`measure timing` of commit
 //! 12abaa4), and four such messages lie between sample and actuator. The warm-up touches that memory while no other
-//! node waits.
-//! It also closes the previous cycle: it reads the thread's CPU clock (a system call), which only the record needs.
+//! node waits. The warm-up also closes the previous cycle: it reads the thread's CPU clock (a system call), which only
+//! the record needs.
 //!
 //! In lockstep there is no warm-up: no process sleeps long enough, and no release is known in advance. In process no
 //! clock is read: all times are zero.
@@ -89,7 +89,7 @@ impl CycleTiming {
         }
     }
 
-    /// Sets the present time of a node without clock; no effect on others.
+    /// Sets the present time of a node without clock; no effect on a node that reads the system's clock.
     pub fn set_now_ns(&self, to_ns: u64) {
         if let Clock::Set(now_ns) = &self.clock {
             now_ns.set(to_ns);
@@ -156,8 +156,8 @@ impl CycleTiming {
         stamp.slips = self.slips.get();
     }
 
-    /// Reads the thread's CPU clock once for the previous cycle, whose CPU time counts from one closing to the next.
-    /// The system call takes a microsecond, so it is made in the warm-up if there is one.
+    /// Closes the previous cycle, if it is open, by reading the thread's CPU clock; the CPU time of a cycle counts from
+    /// one closing to the next. The system call takes a microsecond, so it is made in the warm-up if there is one.
     fn close(&self) {
         if self.open.replace(false) {
             let used_ns = thread_cpu_ns();
@@ -166,7 +166,7 @@ impl CycleTiming {
     }
 }
 
-/// Returns the time to warm up for the sample after that of `sample_ns`; `None` if it has passed.
+/// Returns the time at which to warm up for the sample after that of `sample_ns`; `None` if that time has passed.
 pub fn warm_up_ns(period_ns: u64, sample_ns: u64, now_ns: u64) -> Option<u64> {
     let due_ns = sample_ns + period_ns - WARM_UP_LEAD_NS.min(period_ns / WARM_UP_PARTS);
     (now_ns < due_ns).then_some(due_ns)

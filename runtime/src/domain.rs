@@ -15,9 +15,10 @@
 //! reason, and the lock is seen from every PID namespace and without `/proc`. A killed launcher wipes nothing; the
 //! user's next launcher wipes every folder whose lock it gets.
 //!
-//! Every user can create any file in `/dev/shm`. So it is never listed, and one folder in it is used, opened without
-//! following links: it must be this user's, and no other user may enter it. If something else has its name, the next of
-//! eight names is tried. No other user can do anything below the user's folder, whatever the modes there.
+//! Every user can create any file in `/dev/shm`. So `/dev/shm` is never listed, and one folder in it is used, opened
+//! without following links: the folder must be this user's, and no other user may enter it. If another file has its
+//! name, the next of eight names is tried. No other user can do anything below the user's folder, whatever the modes
+//! there.
 
 mod shm;
 
@@ -116,7 +117,7 @@ impl Domain {
         self.folder.join(name)
     }
 
-    /// Creates a file with the content `text` in the run's folder; an error if it exists.
+    /// Creates a file with the content `text` in the run's folder; an error if the file exists.
     pub fn write(&self, name: &str, text: &str) -> io::Result<PathBuf> {
         let path = self.file(name);
         let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path)?;
@@ -181,7 +182,7 @@ pub fn wipe_the_dead() {
     }
 }
 
-/// Removes a run's folder, and the user's folder if that is empty then.
+/// Removes a run's folder, and the user's folder if it is then empty.
 fn remove(folder: &Path) {
     // Errors are ignored: the folder may be gone already.
     let _ = fs::remove_dir_all(folder);
@@ -204,7 +205,7 @@ fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
     Ok(still_there.then_some(lock))
 }
 
-/// Returns an error unless `namespace` can be the name of one.
+/// Returns an error unless `namespace` consists of 1 to 40 letters, digits, `-` and `_`.
 pub fn check_name(namespace: &str) -> Result<(), DomainError> {
     let fits = (1..=40).contains(&namespace.len())
         && namespace.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');

@@ -116,5 +116,5 @@ pub enum SessionError {
 /// Returns the message of a panic that was caught.
 pub fn words_of_panic(panic: &(dyn Any + Send)) -> &str {
     let said = panic.downcast_ref::<String>().map(String::as_str);
-    said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why")
+    said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic without a message")
 }

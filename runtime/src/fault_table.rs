@@ -1,8 +1,9 @@
 //! The fault table: faults given in flight, on the control page that all processes share.
 //!
 //! The launcher enters a fault, and every process takes it at its next tick ([`FaultUpdates`]). Each fault has a
-//! number. Those of the scenario come first, and stand in the table only if they end earlier than the scenario says. An
-//! entry is never removed. Only its end changes, which is one word, so that no reader sees half of a change.
+//! number. Faults of the scenario have the first numbers, and are in the table only if they end earlier than the
+//! scenario says. An entry is never removed. Only its end changes, which is one word, so that no reader sees half of a
+//! change.
 //!
 //! ```text
 //! word  0       1                       2     3      4   5      6 7 8   9            10
@@ -36,7 +37,7 @@ impl Default for FaultTable {
 }
 
 impl FaultTable {
-    /// Enters fault `number`, or changes its end if it is in the table. Returns `false` if there was no room.
+    /// Enters fault `number`, or changes its end if the table has it. Returns `false` if there was no room.
     pub fn enter(&self, number: usize, fault: &Fault) -> bool {
         let words = pack(number, fault);
         if let Some(entry) = self.find(number) {
@@ -177,7 +178,7 @@ mod tests {
             prop_assert_eq!(unpack(&pack(number, &fault)), Some((number, fault)));
         }
 
-        /// Reads any words as a fault that could have been entered, or as none.
+        /// Checks that any words are read as a fault that could have been entered, or as no fault.
         #[test]
         fn words_that_are_no_fault_are_left_out(words: [u64; WORDS], what in 0u64..1 << 21) {
             for words in [words, { let mut near = words; near[1] = what; near }] {

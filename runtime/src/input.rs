@@ -12,7 +12,7 @@ use contract::guard::{Guard, Refusal};
 use contract::message::{Message, Stamp};
 use contract::topic::Topic;
 
-/// Input from the node before this one, whose messages wake it.
+/// Input from the node before this one, whose messages wake this node.
 pub trait Upstream {
     /// Topic of the messages.
     fn topic(&self) -> Topic;
@@ -42,13 +42,13 @@ impl<M: Message> Input<M> {
         Self { port, member, guard, seen: 0 }
     }
 
-    /// Newest accepted message, without waiting; the default (sequence 0) before the first.
+    /// Newest accepted message, without waiting; the default (sequence 0) before the first message.
     pub fn newest(&mut self) -> &M {
         self.look();
         self.guard.newest()
     }
 
-    /// Newest message that was accepted so far, without a look for later ones; the default before the first.
+    /// Newest message that was accepted so far, without a look for later ones; the default before the first message.
     pub fn known(&self) -> &M {
         self.guard.newest()
     }
@@ -81,7 +81,7 @@ impl<M: Message> Input<M> {
             if !stamp.is_delivered() {
                 return; // from a process on standby, lost by a fault, or a probe: no refusal
             }
-            // The epoch of the active process, through the port of another.
+            // The message has the epoch of the active process, but came through the port of another process.
             let forged = stamp.epoch == u64::from(active) && !from_active;
             let samples = caller.samples_by_now(page, samples_taken, stamp.tick);
             let judged = if forged { Err(Refusal::Publisher) } else { self.guard.take(message, active, samples) };
@@ -112,7 +112,7 @@ impl<M: Message> Upstream for Input<M> {
         let page = self.member.page.clone();
         let doorbell = page.doorbell(M::TOPIC);
         loop {
-            let rung = doorbell.count(); // before the look, so that a message after it is not slept through
+            let rung = doorbell.count(); // read first, so that no message is slept through
             if self.look() {
                 return true;
             }

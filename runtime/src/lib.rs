@@ -10,21 +10,21 @@
 //! | [`cycle_loop`] | the loop of a node that answers |
 //! | [`node`] | a node that answers: its core with its ports, and the program that runs it |
 //! | [`cycle_timing`] | the timing record of a cycle, and the warm-up before it |
-//! | [`input`], [`output`] | where a node receives and sends |
+//! | [`input`], [`output`] | the receiving and the sending side of a node |
 //! | [`ports`] | the ports of one process, tested before the run begins |
 //! | [`port`] | message transport between processes; the only module that names iceoryx2 |
 //! | [`queue`] | message transport in one thread |
 //! | [`process_faults`] | the faults of one process, updated once a tick |
 //! | [`link`] | faults of messages on their way |
 //! | [`fault_table`] | faults given in flight |
-//! | [`shared_role`] | which process runs a node, in shared memory |
+//! | [`shared_role`] | the processes that run a node, in shared memory |
 //! | [`domain`] | everything that a run owns in shared memory, by namespace |
 //! | [`realtime`] | time, priority, the control page; the only `unsafe` |
 //! | [`console`] | output on stdout and stderr |
 //! | [`limits`], [`error`] | every limit, every error |
 //!
-//! One message, from the plant to a node that answers: [`sample_loop`] releases the tick, [`output`] stamps it,
-//! [`link`] lets it pass, [`port`] carries it, [`input`] judges it, [`cycle_loop`] wakes the node.
+//! Path of a message from the plant to a node that answers: [`sample_loop`] releases the tick, [`output`] stamps the
+//! message, [`link`] lets it pass, [`port`] carries it, [`input`] judges it, [`cycle_loop`] wakes the node.
 //!
 //! Processes need Linux. On other targets, such as WebAssembly, the crate has what a flight in process needs.
 

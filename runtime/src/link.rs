@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! message with checksum -> drop? burst? rate? -> garbage, wrong, stale (with a new checksum)
-//!                       -> corrupt (without)  -> late, twice, reordered
+//!                       -> corrupt (with the old checksum) -> late, twice, reordered
 //! ```
 
 use crate::limits::HELD_MESSAGES;

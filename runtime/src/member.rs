@@ -1,4 +1,4 @@
-//! The member: data that the ports and the loop of one process of a node share, or those of one node in process.
+//! The member: data that the ports and the loop of a process share, or the ports of a node in process.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -23,13 +23,13 @@ pub struct Member {
     pub epoch: u32,
     /// Caller of the node.
     pub caller: Caller,
-    /// Timing of its cycles.
+    /// Timing of the process's cycles.
     pub timing: Rc<CycleTiming>,
     /// Faults of the process.
     pub faults: Rc<ProcessFaults>,
     /// Origin of the snapshot that the process began with; the default if there was none.
     pub continues: Rc<Cell<Origin>>,
-    /// Process that has joined the run; `None` in process, where a copy shares nothing with it.
+    /// Process that has joined the run; `None` in process, where a copy (`fork`) would share no ports.
     pub process: Option<ThisProcess>,
     /// `true` if sent messages carry checksums and received ones are checked. May be `false` only in process, when no
     /// log is written.
@@ -37,8 +37,8 @@ pub struct Member {
 }
 
 impl Member {
-    /// Makes a process with the settings `scenario`. With `acts` the process carries out the faults
-    /// `exit` and `hog` itself; otherwise the launcher does.
+    /// Makes a process with the settings `scenario`. With `acts` the process carries out the faults `exit` and `hog`
+    /// itself; otherwise the launcher does.
     pub fn new(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario, acts: bool) -> Self {
         let release = Release::of(scenario);
         let timing = Rc::new(CycleTiming::new(release.deadline(scenario.deadline_of(topic as usize))));
@@ -71,7 +71,7 @@ impl Member {
         Self { caller: Caller::Recording, timing, ..Self::new(page, topic, epoch, scenario, false) }
     }
 
-    /// Ends a copy of the process that has joined the run: two must not send through one port.
+    /// Ends the calling process if it is a copy of the one that joined the run: two must not send through one port.
     pub fn leave_if_copied(&self) {
         self.process.iter().for_each(|process| process.leave_if_copied());
     }

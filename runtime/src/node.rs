@@ -28,7 +28,7 @@ pub trait Core: Sized + 'static {
     fn step(&mut self, tick: u64, inputs: &Self::Inputs) -> Result<Self::Answer, SessionError>;
     /// Packs the memory; [`NO_MEMORY`] if the core cannot be continued by another.
     fn snapshot(&self) -> Snapshot;
-    /// Continues from the memory of another process; returns `false` if it does not fit, and counts as none.
+    /// Continues from the memory of another process. Returns `false` if the memory does not fit, and is ignored.
     fn restore(&mut self, memory: &Snapshot) -> bool;
     /// Adds fault `number`, or changes it to `fault`; a core without faults of its own ignores it.
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}
@@ -40,9 +40,9 @@ pub trait Core: Sized + 'static {
 pub trait Inputs: Sized {
     /// Opens the inputs of `member`.
     fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError>;
-    /// Returns the input from the node before this one, which wakes it.
+    /// Returns the input from the node before this one, which wakes this node.
     fn upstream(&mut self) -> &mut dyn Upstream;
-    /// Accepts the messages that have come.
+    /// Takes the messages that have come from the queues.
     fn look(&mut self);
     /// Returns the provenance of an answer to `sample` that is computed from the newest messages.
     fn provenance(&self, sample: Stamp) -> Stamp;
@@ -87,17 +87,17 @@ impl<M: Message> Inputs for (Input<M>, Input<State>) {
 
 /// Node that answers to the plant.
 pub trait Node {
-    /// Returns the input from the node before this one, which wakes it.
+    /// Returns the input from the node before this one, which wakes this node.
     fn upstream(&mut self) -> &mut dyn Upstream;
-    /// Answers to a sample; `sample` is the provenance of a new chain. A `known` message of the node's topic is sent in
-    /// place of an answer of the core.
+    /// Answers to a sample; `sample` is the provenance of a new chain. A `known` message, which a replay gives, is sent
+    /// in place of an answer of the core.
     ///
     /// # Errors
     /// The core has failed, and nothing was sent: the process shall end.
     fn answer(&mut self, sample: Stamp, known: Option<&dyn Any>) -> Result<(), SessionError>;
     /// Returns the memory of the core.
     fn memory(&self) -> Snapshot;
-    /// Continues from the memory of another process; returns `false` if it does not fit, and counts as none.
+    /// Continues from the memory of another process. Returns `false` if the memory does not fit, and is ignored.
     fn restore(&mut self, memory: &Snapshot) -> bool;
     /// Adds fault `number` of the core, or changes it to `fault`.
     fn apply_fault(&mut self, number: usize, fault: &Fault);
@@ -110,7 +110,7 @@ pub trait Node {
 /// Node whose answers its caller computes, as bytes of the types in `trefoil.h`. [`Node::answer`] sends the answer that
 /// was given.
 pub trait Asked: Node {
-    /// Accepts the messages that have come, and returns the input for the answer to `sample`.
+    /// Takes the messages that have come, and returns the input for the answer to `sample`.
     fn ask(&mut self, sample: Stamp) -> &[u8];
     /// Takes the answer to send next, of as many bytes as the node's answers have.
     fn give(&mut self, answer: &[u8]);
@@ -123,7 +123,7 @@ pub trait Asked: Node {
 /// Count of a node's newest answers in a row that receivers refuse, because a number is not finite or out of range.
 ///
 /// Such numbers may be in the memory too, as in the warm start of a solver, and would persist. So after such an answer
-/// the process leaves no memory, and after too many of them in a row it ends, to be replaced.
+/// the process leaves no memory, and after too many such answers in a row it ends, to be replaced.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Implausible {
     in_a_row: u32,

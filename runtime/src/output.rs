@@ -23,14 +23,14 @@ pub struct Output<M> {
 }
 
 impl<M: Message> Output<M> {
-    /// Opens the output of `member`. This also claims the place in the role that the launcher offered to its epoch.
+    /// Opens the output of `member`, and claims the place in the role that the launcher offered to its epoch.
     pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
         let port = ports.sender(member.epoch)?;
         member.timing.warm_up_with(port.clone());
         Ok(Self { port, member: member.clone(), link: Link::new(scenario), sequence: 0, timely: None })
     }
 
-    /// Returns the `known` message of a replay, if there is one; the output continues with its number.
+    /// Returns the `known` message of a replay, if there is one; the next send reuses the number of that message.
     pub fn known(&mut self, known: Option<&dyn Any>) -> Option<M> {
         let known: &M = known?.downcast_ref()?;
         self.sequence = known.stamp().sequence.saturating_sub(1);
@@ -38,7 +38,7 @@ impl<M: Message> Output<M> {
     }
 
     /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes the processes that wait for
-    /// it. A late message is treated by the deadline's policy; a withheld one is sent too, marked as such. Returns
+    /// it. A late message is treated by the deadline's policy; a withheld message is sent too, marked as such. Returns
     /// `true` if the next cycle shall do less, because this one was late under the policy `degrade`.
     pub fn send(&mut self, message: M, mut provenance: Stamp) -> bool {
         self.member.leave_if_copied();

@@ -1,9 +1,9 @@
-//! Ports: how messages leave a node and reach it.
+//! Ports, through which messages leave a node and reach it.
 //!
 //! | module | holds |
 //! |---|---|
 //! | `shared_memory`, `storage` | ports between processes, by iceoryx2 |
-//! | `descriptors` | descriptors of iceoryx2, checked before it uses their numbers |
+//! | `descriptors` | descriptors of iceoryx2, checked before iceoryx2 uses their numbers |
 //! | [`crate::queue`] | ports of one thread |
 //!
 //! The rest of the crate uses ports through [`SendPort`] and [`ReceivePort`].
@@ -43,19 +43,19 @@ pub trait SendPort<M>: WarmUp {
 /// Port that receives one kind of message.
 pub trait ReceivePort<M> {
     /// Passes the oldest unread message, if any, to `take`, with the number of the port that it was sent through.
-    /// Returns whether there was one. The message does not change during `take`. In process, `take` must not send on
-    /// the topic.
+    /// Returns whether there was a message. The message does not change during `take`. In process, `take` must not send
+    /// on the topic.
     ///
     /// # Errors
     /// The queue could not be read. A publisher that cannot be reached looks like one that sends nothing.
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure>;
     /// Returns whether a connection to the publisher behind `port` was tried and failed.
     fn cannot_reach(&self, port: u64) -> bool;
-    /// Connects to every publisher anew, with an empty queue. Too slow for the loop.
+    /// Connects to every publisher anew, with an empty queue; too slow to be called in the loop.
     fn reconnect(&self) -> Result<(), PortError>;
 }
 
-/// Depth of the queues of recorder and launcher, which must receive every message, at `rate_hz`.
+/// Depth of the queues of recorder and launcher, which must receive every message, at `rate_hz` \[messages\].
 pub fn observer_depth(rate_hz: u32) -> usize {
     (rate_hz as usize * OBSERVER_S).clamp(MIN_OBSERVER_DEPTH, MAX_OBSERVER_DEPTH)
 }

@@ -1,4 +1,4 @@
-//! The ports of one process: opened when it joins, and tested before the run begins.
+//! The ports of one process: opened when the process joins, and tested before the run begins.
 //!
 //! Before the run begins every sending port sends probes, and every receiving port waits for a probe of its active
 //! publisher. A process is ready when all its ports work.
@@ -80,7 +80,7 @@ impl Ports {
         Ok(port)
     }
 
-    /// Opens the sending side of TRUTH, for the plant that has the place in its role. It works also without a receiver.
+    /// Opens the sending side of TRUTH, for the plant that has the place in its role. A receiver is not needed.
     pub fn truth_sender(&mut self) -> Result<Rc<dyn SendPort<Truth>>, SessionError> {
         let port = self.open_sender()?;
         self.page.truth_port.set(port.number());
@@ -131,8 +131,8 @@ impl Ports {
     }
 
     /// Waits until every port works, calls `ready`, and goes on sending probes until the run begins, so that other
-    /// processes can test their ports. If the run has begun already the process is ready at once: no other waits for
-    /// it, and the launcher replaces one that cannot receive or be received.
+    /// processes can test their ports. If the run has begun already, the process is ready at once: no other process
+    /// waits for it, and the launcher replaces a process that cannot receive or be received.
     pub fn probe(&mut self, ready: impl Fn()) -> Result<(), SessionError> {
         let limit_ns = now_ns() + PROBE_LIMIT_NS;
         let mut is_ready = false;
@@ -166,8 +166,8 @@ impl Ports {
     }
 }
 
-/// Makes the test of a receiving port: whether a message of `node` through the port `publisher` has arrived; called
-/// again and again.
+/// Makes the test of a receiving port, which is called repeatedly: it returns whether a message of `node` has arrived
+/// through the port that `publisher` returns.
 ///
 /// # Errors
 /// The run has begun, and the publisher cannot be connected to.

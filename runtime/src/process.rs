@@ -51,7 +51,7 @@ pub fn run_as(
 }
 
 /// Makes the kernel kill this process when its parent ends. The parent must be the launcher of `namespace`, or a
-/// debugger that the launcher started and that traces this process; any other is an error.
+/// debugger that the launcher started and that traces this process; any other parent is an error.
 ///
 /// The launcher binds programs other than ours before they begin ([`realtime::die_with_parent`]).
 pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
@@ -70,7 +70,7 @@ pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
     }
 }
 
-/// Reads a number in the status of a process; `None` if there is none.
+/// Reads the number in a `field` of the status of a process; `None` if there is no such field or process.
 fn number_of(process: &str, field: &str) -> Option<i32> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     status.lines().find_map(|line| line.strip_prefix(field)?.trim().parse().ok())

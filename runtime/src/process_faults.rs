@@ -8,9 +8,9 @@
 //!                                                 --> the node's core (vehicle, sensors, solver): new faults
 //! ```
 //!
-//! An exit or a hog affects the process that works on the tick on which it begins, and none that is started later. In
-//! lockstep and in process the launcher carries out the exits and hogs of the run, and a process only those that its
-//! own settings add.
+//! An exit or a hog affects the process that works on the tick on which the fault begins, and none that is started
+//! later. In lockstep and in process the launcher carries out the exits and hogs of the run. A process carries out
+//! those of its own settings, if their faults differ from the run's.
 //!
 //! The offset of a clock shifts the time that the process reads for its stamps and for the check of its own deadline,
 //! and nothing else. The kernel and the other processes decide when it is woken.
@@ -82,7 +82,7 @@ impl ProcessFaults {
         self.sum(tick, FaultKind::Slow, |fault| (fault.ms.unwrap_or(USUAL_SLOW_MS) * 1e6) as i64) as u64
     }
 
-    /// Time that the process reads on `tick` when it is `now_ns`; always 0 in process, where no clock is read.
+    /// Time that the process reads on `tick` when its clock shows `now_ns`; 0 in process, where no clock is read.
     pub fn read_ns(&self, tick: u64, now_ns: u64) -> u64 {
         let offset = |fault: &Fault| (fault.ms.unwrap_or(USUAL_OFFSET_MS) * 1e6) as i64;
         if now_ns == 0 { 0 } else { now_ns.saturating_add_signed(self.sum(tick, FaultKind::Offset, offset)) }
@@ -94,7 +94,7 @@ impl ProcessFaults {
         began(&schedule, FaultKind::Exit, next, tick).next().is_some()
     }
 
-    /// First tick after the hogs that begin at a sample from `next` to `tick`; `None` if there are none.
+    /// First tick after the hogs that begin at a sample from `next` to `tick`; `None` if no hog begins there.
     pub fn burns_until(&self, next: u64, tick: u64) -> Option<u64> {
         let schedule = self.schedule();
         began(&schedule, FaultKind::Hog, next, tick).map(|hog| hog.ticks.end).max()
@@ -113,7 +113,7 @@ pub fn burn(page: &ControlPage, until_ns: u64) {
     }
 }
 
-/// Active faults of a kind that began at a sample from `next` to `tick`; none if `next` is 0, before the first sample.
+/// Active faults of a kind that began at a sample from `next` to `tick`; empty if `next` is 0, before the first sample.
 fn began(
     schedule: &FaultSchedule<Fault>,
     kind: FaultKind,
@@ -151,10 +151,10 @@ mod tests {
         of(Topic::Actuators, &faults.iter().map(fault).collect::<Vec<_>>())
     }
 
-    /// No tick.
+    /// Empty list of ticks.
     const NONE: [u64; 0] = [];
 
-    /// Ticks below 100 on which a process ends that works from tick `first` on and misses none.
+    /// Ticks below 100 on which a process ends that works on every tick from `first` on.
     fn leaves(faults: &ProcessFaults, first: u64) -> Vec<u64> {
         (first..100).filter(|tick| faults.leaves(*tick, *tick)).collect()
     }

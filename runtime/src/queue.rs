@@ -1,8 +1,8 @@
 //! The queues: message transport in process, where one thread calls all nodes.
 //!
 //! Queues behave like the ports between processes ([`crate::port`]): a receiver has a queue for each publisher, which
-//! loses the oldest message when full; a receiver that joins later gets a publisher's last message together with the
-//! next one.
+//! loses the oldest message when it is full. A receiver that joins later gets a publisher's last message together with
+//! the next one.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};

@@ -1,10 +1,11 @@
-//! The release: the event that begins a cycle. It is chosen once, when a process joins. Every choice that depends on it
-//! is made here, except the waiting itself ([`crate::sample_loop`], [`crate::cycle_loop`]).
+//! The release: the event that begins a cycle. It is chosen once, when a process joins. What depends on it is
+//! decided here, except the waiting ([`crate::sample_loop`], [`crate::cycle_loop`]) and the setup of a process
+//! ([`crate::session`]).
 //!
 //! ```text
 //!           the plant samples                 a node answers                        wakes by
 //! Timer     at t0 + k T, whatever happens     its input came, or is late            ringing at every message
-//! Barrier   all are done with the last tick   the node before it is done            ringing at the end of a cycle
+//! Barrier   all have done the tick before     the node before it is done            ringing at the end of a cycle
 //! ```
 //!
 //! In process the caller of the nodes is the barrier: no node waits or wakes another, and no clock is read
@@ -92,11 +93,11 @@ impl Caller {
                 0
             }
             Self::Loop(Release::Barrier) => held_ns,
-            Self::Recording => 0, // the recorded times contain it
+            Self::Recording => 0, // the recorded times contain the delay
         }
     }
 
-    /// Announces a sent message, which wakes its receivers in real time only; else [`Release::cycle_done`] does.
+    /// Announces a sent message. In real time this wakes the receivers; in lockstep [`Release::cycle_done`] does.
     pub fn message_sent(self, doorbell: &Doorbell) {
         match self {
             Self::Loop(Release::Timer { .. }) => doorbell.ring(),

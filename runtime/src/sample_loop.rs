@@ -4,7 +4,7 @@
 //! ```text
 //! wakes for            Timer                                        Barrier
 //! a command            it came: it acts from this instant           - (the command of a tick is read at its end)
-//! the release          t0 + k T                                     all that work are done with this sample
+//! the release          t0 + k T                                     all working processes are done with this sample
 //! the warm-up          shortly before the release                   -
 //! the observers        -                                            launcher and recorder are close enough behind
 //! the launcher         -                                            it has assigned the roles of the next tick
@@ -43,8 +43,8 @@ impl SampleLoop {
         Self { member, release, tick: None }
     }
 
-    /// Passes every received command to `command`, with its arrival after the sample \[ns\], until the next sample is
-    /// due. Then begins that tick and returns it; `None` if the run is over.
+    /// Passes every received command to `command`, with the time from the sample to its arrival \[ns\], until the next
+    /// sample is due. Then begins the next tick and returns it; `None` if the run is over.
     ///
     /// # Errors
     /// A fault ends the process, or the process has missed a deadline with the policy `stop`.
@@ -82,7 +82,7 @@ impl SampleLoop {
         Stamp::at(tick, self.release.sample_ns(&self.member.page, tick))
     }
 
-    /// Marks `tick` as the last; call it before its STATE is sent. The tick is finished, and no other begins.
+    /// Marks `tick` as the last, before its STATE is sent: this tick is finished, and no other begins.
     pub fn ends_with(&self, tick: u64) {
         self.member.page.total_samples.set(tick + 1);
     }
@@ -175,7 +175,7 @@ impl SampleLoop {
             command(message, message.stamp().held_ns);
         }
         for seen in [&page.watched, &page.recorded] {
-            self.wait_for(seen, || tick < u64::from(seen.count()) + LEAD_TICKS)?; // no effect on the flight
+            self.wait_for(seen, || tick < u64::from(seen.count()) + LEAD_TICKS)?; // does not affect the flight
         }
         self.member.timing.begin(now_ns());
         Some(tick + 1)
@@ -202,7 +202,7 @@ impl SampleLoop {
     /// Sleeps at `doorbell` until `is_so` returns `true`; `None` if the run is over or `limit_ns` has passed first.
     fn wait_until(&self, limit_ns: u64, doorbell: &Doorbell, is_so: impl Fn() -> bool) -> Option<()> {
         loop {
-            let rung = doorbell.count(); // before the look, so that a change after it is not slept through
+            let rung = doorbell.count(); // read first, so that no change is slept through
             if is_so() {
                 return Some(());
             }

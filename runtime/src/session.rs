@@ -54,13 +54,13 @@ impl NodeSession {
     }
 
     pub(crate) fn new(ports: Ports, topic: Topic, epoch: u32, scenario: Scenario, run: &Scenario) -> Self {
-        let acts = run.run.mode == Mode::Realtime || scenario.fault != run.fault; // else the launcher acts
+        let acts = run.run.mode == Mode::Realtime || scenario.fault != run.fault; // else the launcher carries out exits
         let member = Member::new(ports.page.clone(), topic, epoch, &scenario, acts);
         let member = Member { process: Some(ThisProcess::now()), ..member };
         Self { scenario, ports, member }
     }
 
-    /// Opens a node with all its ports by `open`. Its output claims the place in the role that was offered to it.
+    /// Opens a node with all its ports by `open`. The output claims the place that the role has offered to the epoch.
     pub fn open<N>(
         &mut self,
         open: impl FnOnce(&mut Ports, &Member, &Scenario) -> Result<N, SessionError>,
@@ -68,8 +68,8 @@ impl NodeSession {
         open(&mut self.ports, &self.member, &self.scenario)
     }
 
-    /// Offers the snapshot of the previous active process, if this is not the first and there is one, to `restore`,
-    /// which returns whether it fits. All stamps of this process then name its origin.
+    /// Offers the snapshot of the previous active process to `restore`, if this process is not the first and there is a
+    /// snapshot. If `restore` returns that it fits, all stamps of this process name the origin of the snapshot.
     pub fn take_over_memory(&self, restore: impl FnOnce(&Snapshot) -> bool) {
         let memory = &self.member.page.role(self.member.topic).memory;
         let written = (self.member.epoch > 1).then(|| memory.read_whole()).flatten();
@@ -85,7 +85,7 @@ impl NodeSession {
     /// it when everything is allocated.
     ///
     /// # Errors
-    /// A node whose messages this one needs cannot be received.
+    /// The messages of a node that this one needs do not arrive.
     pub fn ready(mut self) -> Result<CycleLoop, SessionError> {
         let release = self.become_ready()?;
         let upstream = self.member.topic.upstream() as usize;
@@ -100,7 +100,7 @@ impl NodeSession {
 
     /// Enters the real-time class, tests the ports (before the run only) and says that this process is ready. A process
     /// in lockstep does not enter the real-time class: it has no deadline, and a ring that never sleeps would starve
-    /// its observers. The launcher chose its CPU, unless the scenario names others.
+    /// its observers. The launcher has chosen the CPU of such a process, unless the scenario names others.
     fn become_ready(&mut self) -> Result<Release, SessionError> {
         let Member { page, topic, epoch, timing, .. } = &self.member;
         let release = Release::of(&self.scenario);

@@ -1,6 +1,6 @@
 //! The shared role: the processes that run a node, and their progress, in shared memory.
 //!
-//! Every process that ever runs a node has its own epoch: 1 for the first, one more for each later one. Two of them may
+//! Every process that ever runs a node has its own epoch: 1 for the first, one more for each later one. Two epochs may
 //! work at once; one is active, and only its messages are delivered.
 //!
 //! ```text
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The launcher offers a place to the epoch that it is about to start ([`SharedRole::offer`]). The process takes the
-//! place by naming the port that it sends through ([`SharedRole::claim`]). Only one process gets it; a second one of
-//! the same epoch is turned away, and every receiver refuses messages with this epoch from any other port.
+//! place by naming the port that it sends through ([`SharedRole::claim`]). Only one process gets the place; a second
+//! one of the same epoch is turned away, and every receiver refuses messages with this epoch from any other port.
 //!
 //! In real time the launcher names the pending epoch, and the plant activates it between two ticks
 //! ([`SharedRole::activate_pending`]), so that a tick has one active epoch. In lockstep the launcher changes the
@@ -183,7 +183,7 @@ impl SharedRole {
         &self.slot(epoch).sent
     }
 
-    /// Number of messages on `topic` that `epoch` has received from the active process there.
+    /// Number of messages on `topic` that `epoch` has received from the active process of that topic.
     pub fn received(&self, epoch: u32, topic: Topic) -> &Word {
         &self.slot(epoch).received[topic as usize]
     }
@@ -211,12 +211,12 @@ impl SharedRole {
         self.port_of(epoch).store(VACANT, Ordering::Release);
     }
 
-    /// Takes the place of `epoch` for the process that sends through `port`; `false` if it was not offered or is taken.
+    /// Takes the place of `epoch` for the process that sends through `port`; `false` if the place is not free.
     pub fn claim(&self, epoch: u32, port: u64) -> bool {
         self.port_of(epoch).compare_exchange(VACANT, port, Ordering::AcqRel, Ordering::Relaxed).is_ok()
     }
 
-    /// Port that the process of `epoch` sends through; 0 or 1, which no port has, if the place was not taken.
+    /// Port that the process of `epoch` sends through; 0 or 1, which is no port, if the place was not taken.
     pub fn port(&self, epoch: u32) -> u64 {
         self.port_of(epoch).load(Ordering::Acquire)
     }
@@ -317,7 +317,7 @@ impl LongWord {
     }
 }
 
-/// Snapshot of a node's memory of up to `WORDS`, which one process writes and others read, whole or not at all.
+/// Snapshot of a node's memory, of up to `WORDS` words, which one process writes and others read, whole or not at all.
 ///
 /// There are two copies, written alternately: a writer that dies while writing leaves the other one intact.
 #[repr(C, align(64))]
@@ -336,10 +336,10 @@ struct Copied<const WORDS: usize> {
     words: [AtomicU64; WORDS],
 }
 
-/// Origin of a snapshot; the default means that there is none.
+/// Origin of a snapshot; the default means that there is no snapshot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Origin {
-    /// Epoch of the process whose memory it is.
+    /// Epoch of the process whose memory the snapshot is.
     pub epoch: u64,
     /// Ticks that the process had done, counted from the first of the run.
     pub done: u64,
@@ -361,7 +361,7 @@ impl<const WORDS: usize> Default for SnapshotCell<WORDS> {
 }
 
 impl<const WORDS: usize> SnapshotCell<WORDS> {
-    /// Stores `snapshot`, up to `WORDS` of it. Only one process may write at a time.
+    /// Stores up to `WORDS` words of `snapshot`. Only one process may write at a time.
     pub fn write(&self, origin: Origin, snapshot: &[u64]) {
         let count = self.written.load(Ordering::Relaxed) + 1;
         fence(Ordering::Release); // a reader that sees a word of this copy sees that the other one was finished

@@ -36,9 +36,9 @@ pub fn violations(
     candidate: LoadCandidate,
 ) -> Vec<Violation> {
     for (_, node) in merged.get_mut("node").and_then(Value::as_table_mut).into_iter().flatten() {
-        node.as_table_mut().map(|node| node.remove("settings")); // the program checks them
+        node.as_table_mut().map(|node| node.remove("settings")); // a node's program checks these
     }
-    merged.retain(|table, _| !["fault", "swap"].contains(&table)); // they are checked one by one, as those in flight are
+    merged.retain(|table, _| !["fault", "swap"].contains(&table)); // faults and swaps are checked one by one below
     let settings = ranges::collect("", Value::Table(merged));
     let mut found = Found::default();
     for (key, numbers) in &settings {
@@ -71,7 +71,7 @@ const MAX_FAULTS: usize = 1000;
 /// Largest number of swaps of one scenario: each is checked by loading its candidate's settings.
 const MAX_SWAPS: usize = 100;
 
-/// Returns whether there are at most [`MAX_FAULTS`] faults and [`MAX_SWAPS`] swaps.
+/// Requires at most [`MAX_FAULTS`] faults and [`MAX_SWAPS`] swaps; returns whether the scenario has no more.
 fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     let counts = [("fault", scenario.fault.len(), MAX_FAULTS), ("swap", scenario.swap.len(), MAX_SWAPS)];
     for (key, count, most) in counts {
@@ -80,7 +80,7 @@ fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     counts.iter().all(|(_, count, most)| count <= most)
 }
 
-/// Largest inclination of the magnetic field at which it tells the heading of a vehicle that stands \[deg\].
+/// Largest inclination of the magnetic field at which a magnetometer tells the heading of a standing vehicle \[deg\].
 const MAX_INCLINATION_DEG: f64 = 80.0;
 
 fn check_vehicle(scenario: &Scenario, found: &mut Found) {
@@ -153,7 +153,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     check_steps("plant.disturbance", &disturbance, found);
 }
 
-/// Requires with `from_wind` a horizontal wind, and no settings of the gusts besides it.
+/// With `from_wind`, requires a horizontal wind and no other setting of `plant.turbulence`.
 fn check_turbulence(plant: &PlantSettings, found: &mut Found) {
     let turbulence = &plant.turbulence;
     let horizontal = plant.wind_ned_mps.iter().any(|(_, [north, east, _])| [*north, *east] != [0.0; 2]);
@@ -172,7 +172,7 @@ fn check_turbulence(plant: &PlantSettings, found: &mut Found) {
     );
 }
 
-/// Requires that the inertia that the controllers know and the one that flies are both physically possible.
+/// Requires that both inertias are physically possible: that of `[airframe]`, and that of the flown vehicle.
 fn check_inertia(scenario: &Scenario, found: &mut Found) {
     let known = &scenario.airframe;
     let model = [[known.ixx_kgm2, 0.0, 0.0], [0.0, known.iyy_kgm2, 0.0], [0.0, 0.0, known.izz_kgm2]];
@@ -187,12 +187,12 @@ fn check_inertia(scenario: &Scenario, found: &mut Found) {
              body is nowhere negative",
         );
         if !possible {
-            break; // the flown inertia contains the known one: one message is enough
+            break; // the flown inertia is made from `[airframe]`: one message is enough
         }
     }
 }
 
-/// Requires that the models of plant and mixer both have a hover, and that it lies inside the actuators' limits.
+/// Requires that the models of plant and mixer both have a hover, inside the limits of the actuators.
 fn check_hover(scenario: &Scenario, found: &mut Found) {
     let plant = &scenario.plant;
     for (reaction, key) in
@@ -319,7 +319,7 @@ fn check_horizons(scenario: &Scenario, found: &mut Found) {
     let are_possible = horizons.map(|(key, time_s, samples)| {
         let is_possible = (1..=MAX_HORIZON).contains(&samples);
         if !is_possible {
-            found.0.retain(|other| other.keys != [key]); // the range of any rate says less
+            found.0.retain(|other| other.keys != [key]); // the message of the range for all rates says less
         }
         found.require(
             is_possible,
@@ -369,7 +369,7 @@ fn check_deadlines(scenario: &Scenario, found: &mut Found) {
     }
 }
 
-/// Requires that the times of steps are at least 0 and sorted.
+/// Requires that `times_s`, the times of the steps under `key`, are at least 0 and sorted.
 fn check_steps(key: &str, times_s: &[f64], found: &mut Found) {
     found.require(
         times_s.first().is_none_or(|first| *first >= 0.0) && times_s.is_sorted(),

@@ -10,13 +10,13 @@ use crate::table::run::{Mode, Scenario};
 
 /// Longest delay of a sensor that can be given in flight \[ms\]: the plant keeps its measurements for this long.
 pub const MAX_SENSOR_DELAY_MS: f64 = 1000.0;
-/// Longest delay of a sensor, in samples: the memory of the plant has room for as many.
+/// Longest delay of a sensor \[samples\], for which the memory of the plant has room.
 pub const MAX_SENSOR_DELAY_TICKS: u64 = 1000;
 /// Largest number of faults that can be given in flight: the room in shared memory and in every schedule.
 pub const MAX_LIVE_FAULTS: usize = 128;
 
-/// Faults of one part of the stack: first those of the scenario in the order of their numbers, then those given in
-/// flight. `E` is the effect of a fault on that part.
+/// Faults of one part of the stack: first the faults of the scenario in the order of their numbers, then the faults
+/// given in flight. `E` is the effect of a fault on that part.
 #[derive(Debug, Clone)]
 pub struct FaultSchedule<E> {
     entries: Vec<Entry<E>>,
@@ -48,7 +48,7 @@ impl<E> FaultSchedule<E> {
         schedule
     }
 
-    /// Adds fault `number`, or changes the end of a known one. A new fault is ignored without an `effect` or without
+    /// Adds fault `number`, or changes the end of a known fault. A new fault is ignored without an `effect` or without
     /// room. A candidate may have faults of its own in place of the run's. Then a fault given in flight can have the
     /// number of another fault, and both stay.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault, effect: Option<E>) {

@@ -29,7 +29,7 @@ impl Given {
     /// Adds the settings of a table on top.
     ///
     /// # Errors
-    /// A key that no scenario has, or a value that its key cannot have; `origin` names the table.
+    /// Fails for a key that no scenario has, or a value that its key cannot have; `origin` names the table.
     pub fn with(&self, settings: &Table, origin: &str) -> Result<Self, ScenarioError> {
         check_shape(&settings.to_string(), origin)?;
         let mut given = self.0.clone();
@@ -37,10 +37,10 @@ impl Given {
         Ok(Self(given))
     }
 
-    /// Changes the program of each node that the settings give one, by `change`, which gets the name of the node.
+    /// Calls `change` with the settings and the name of each node that has a table in these settings.
     ///
     /// # Errors
-    /// `change` fails.
+    /// Returns the first error of `change`.
     pub fn with_programs(
         mut self,
         change: impl Fn(&mut NodeSettings, &str) -> Result<(), ScenarioError>,
@@ -63,7 +63,8 @@ impl Given {
     /// array element, from 0 (`initial.attitude_deg.0`, `fault.1.value`).
     ///
     /// # Errors
-    /// A key that no scenario has, a value that its key cannot have, or settings that contradict each other.
+    /// Fails for a key that no scenario has, a value that its key cannot have, or settings that contradict each
+    /// other.
     pub fn scenario(&self, settings: &[(String, Value)]) -> Result<Scenario, ScenarioError> {
         let (elements, whole): (Vec<_>, Vec<_>) = settings.iter().partition(|(key, _)| is_element(key));
         let mut given = self.0.clone();
@@ -99,8 +100,8 @@ fn put_all(table: Table, settings: &[&(String, Value)]) -> Result<Table, Scenari
     Ok(all.try_into().expect("it was made of a table"))
 }
 
-/// Sets the dotted `key` in `place` to `value`, or returns why not. Missing tables on the way are made; arrays and
-/// their elements must exist.
+/// Sets the dotted `key` in `place` to `value`, or returns the reason for a failure. Missing tables on the way are
+/// made; arrays and their elements must exist.
 fn put(place: &mut Value, key: &str, value: &Value) -> Result<(), String> {
     let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
     let has = place.as_array().map_or(String::new(), |all| format!(" in an array of {} elements", all.len()));

@@ -15,7 +15,7 @@
 //! | [`moved`] | names of earlier versions |
 //! | `given` | settings without the defaults, as a base for the flights of a campaign |
 //! | `schema` | the JSON Schema of a scenario file, with the ranges |
-//! | `words` | words of enums and keys, and the known word nearest to an unknown one |
+//! | `words` | words of enums and keys, and the known word nearest to an unknown word |
 
 mod check;
 pub mod fault_schedule;

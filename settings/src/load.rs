@@ -18,7 +18,7 @@ use crate::table::swap::Swap;
 use crate::text::report::{MAX_PROBLEMS, Problem, ScenarioError, SettingsText};
 
 /// Loads the scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the
-/// defaults of the profile they choose. Without a file the overrides are laid on the defaults alone.
+/// defaults of the profile that both choose. Without a file the overrides are laid on the defaults alone.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     load_from(file.map(SettingsText::read).transpose()?, overrides)
 }
@@ -33,7 +33,7 @@ pub(super) fn sources(file: Option<SettingsText>, overrides: &[String]) -> Vec<S
     file.into_iter().chain(overrides.iter().map(|text| set(text))).collect()
 }
 
-/// Loads like [`load`] the scenario `text`; `origin` names it in errors.
+/// Loads like [`load`] the scenario `text`; `origin` names the text in errors.
 pub fn load_text(text: &str, origin: &str, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     load_from(Some(SettingsText { path: Some(origin.into()), text: text.into() }), overrides)
 }
@@ -43,8 +43,8 @@ pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> 
     load_text(text, origin, &[])
 }
 
-/// Prints all settings as [`to_toml`] does, with those that follow from the vehicle and from the rate as comments: a
-/// file made from this keeps following them.
+/// Prints all settings as [`to_toml`] does, but settings that still follow from the vehicle or the rate as comments: a
+/// scenario made from this text keeps following vehicle and rate.
 pub fn to_toml_that_follows(scenario: &Scenario) -> String {
     let flat = |attitude: &Attitude| {
         let Attitude { mpc, .. } = attitude;
@@ -65,8 +65,8 @@ pub fn to_toml_that_follows(scenario: &Scenario) -> String {
     })
 }
 
-/// Returns the weights `attitude.mpc.r` that the vehicle of `scenario` has by default, if its own are those of another
-/// vehicle: one of them is more than ten times larger or smaller, and the vehicle is no preset.
+/// Returns the default weights `attitude.mpc.r` for the vehicle of `scenario`, if the weights in use seem to be for
+/// another vehicle: one weight is more than ten times larger or smaller than its default, and the vehicle is no preset.
 pub fn weights_that_fit(scenario: &Scenario) -> Option<[f64; 4]> {
     let fitting = defaults_of(scenario).attitude.mpc.r;
     let is_other = |(own, fitting): (&f64, &f64)| own / fitting > OTHER_VEHICLE || fitting / own > OTHER_VEHICLE;
@@ -79,9 +79,9 @@ pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
 }
 
-/// Merges the settings of a candidate: those of `run` with its own on top, its program among them. If the candidate has
-/// faults of its own, they replace the run's. Otherwise it has the run's faults, which are not checked against its
-/// settings.
+/// Merges the settings of a candidate: the settings of `run` with its own on top, its program among them. If the
+/// candidate has faults of its own, they replace the run's. Otherwise it has the run's faults, which are not checked
+/// against its settings.
 pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = SettingsText { path: Some("the run's settings".into()), text: to_toml(&base) };
@@ -129,7 +129,7 @@ pub(super) fn without_place(violations: Vec<Violation>) -> Result<(), ScenarioEr
     if problems.is_empty() { Ok(()) } else { Err(ScenarioError::new(&problems)) }
 }
 
-/// Merges the sources, later ones on top, and checks the result.
+/// Merges the sources, later sources on top, and checks the result.
 fn resolve(sources: &[SettingsText]) -> Result<Scenario, ScenarioError> {
     let given = given(sources)?;
     let merged = with_defaults(given.clone()).expect(READ);
@@ -146,8 +146,8 @@ fn resolve(sources: &[SettingsText]) -> Result<Scenario, ScenarioError> {
     if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
 }
 
-/// Ratio of two weights of an input that makes the bandwidth of its channel differ by nearly 2: the bandwidth goes with
-/// the fourth root of the weights.
+/// Ratio of two weights of an input above which they count as weights for different vehicles. The bandwidth of the
+/// channel goes with the fourth root of the weight, and then differs by a factor of nearly 2.
 const OTHER_VEHICLE: f64 = 10.0;
 
 /// Reason why settings can always be written.
@@ -156,7 +156,7 @@ const HAS_FORM: &str = "settings have a form in TOML";
 /// Reason why merged settings always have the types of a scenario.
 const READ: &str = "every source was read as a scenario by itself";
 
-/// Merges the sources, later ones on top, without the defaults.
+/// Merges the sources, later sources on top, without the defaults.
 pub(super) fn given(sources: &[SettingsText]) -> Result<Table, ScenarioError> {
     let mut given = Table::new();
     let mut problems = vec![];
@@ -197,7 +197,7 @@ pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
 }
 
 /// Merges `above` into `below` like [`overlay`], but first drops settings of `below` that `above` switches off, and
-/// those of programs that it replaces.
+/// settings of programs that `above` replaces.
 pub(super) fn lay(below: &mut Table, above: Table) {
     let merge = |mut below, above| {
         overlay(&mut below, above);

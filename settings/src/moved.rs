@@ -4,7 +4,7 @@
 use NameKind::{Column, Command, Field, Key, Value};
 use Replacement::{Gone, Name, Seconds};
 
-/// Kind of thing that has a name.
+/// Kind of a name that may have changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NameKind {
     /// Setting of a scenario; or a table of settings, for every key in it without a row of its own.
@@ -22,11 +22,11 @@ pub enum NameKind {
 /// Replacement of a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Replacement {
-    /// New name of the same thing.
+    /// New name of the same key, value, command, column or field.
     Name(&'static str),
-    /// Key in seconds where the old one was in samples.
+    /// New key, in seconds where the old key was in samples.
     Seconds(&'static str),
-    /// None; the words say what to do.
+    /// No replacement; the text says what to do instead.
     Gone(&'static str),
 }
 
@@ -183,8 +183,8 @@ pub fn find(kind: NameKind, name: &str) -> Option<Moved> {
     Some(Moved { title, name, now: *now })
 }
 
-/// Finds the old name that Serde has refused at `key`, which may be a list of tables, by the value that was `given`
-/// there as text, or by its error for an unknown field or variant.
+/// Finds the old name that Serde has refused at `key`: by the text `given` there, or by `message`, Serde's error for an
+/// unknown field or variant. `key` may name a list of tables.
 pub(super) fn refused(key: &str, given: &str, message: &str) -> Option<Moved> {
     let find_by = |is_it: &dyn Fn(&str) -> bool| {
         let (kind, old, _) = MOVED.iter().find(|(kind, old, _)| matches!(kind, Key | Value) && is_it(old))?;

@@ -1,5 +1,5 @@
-//! Plan of a mission: its curves, and the limits of the vehicle. Survey and hover begin at the origin, and parts at the
-//! initial position.
+//! Plan of a mission: its curves, and the limits of the vehicle. Survey and hover begin at the origin; parts begin at
+//! the initial position.
 //!
 //! | limit | from |
 //! |---|---|
@@ -23,12 +23,12 @@ use crate::table::mission::{Ramp, RampName, TrajectoryKind};
 use crate::table::part::{CurveKind, HeadingRule, MissionPart, PartHeading, PartKind};
 use crate::table::run::Scenario;
 
-/// Sink rate of a landing that gives none \[m/s\]: the default of PX4, `MPC_LAND_SPEED`.
+/// Sink rate of a landing that gives no sink rate \[m/s\]: the default of PX4, `MPC_LAND_SPEED`.
 const SINK_MPS: f64 = 0.7;
-/// Direction of a figure that gives none \[deg\]: east.
+/// Direction of a figure that gives no direction \[deg\]: east.
 const DIRECTION_DEG: f64 = 90.0;
 
-/// Limits of the vehicle on the curves of a mission, and those that `mission.limits` sets.
+/// Limits on the curves of a mission: those of the vehicle, and the speed and acceleration of `mission.limits`.
 pub fn limits(scenario: &Scenario) -> VehicleLimits {
     let (vehicle, plant, own) = (&scenario.airframe, &scenario.plant, &scenario.mission.limits);
     let trim = Trim::solve(vehicle, plant.tilt_reaction).actuation;
@@ -82,7 +82,7 @@ pub fn stray(scenario: &Scenario, part: &MissionPart, planned: &Planned) -> Opti
     Stray::find(&planned.curve, &points_m, least, &limits(scenario).share(scenario.mission.limits.share))
 }
 
-/// Reads the keys of a part; missing ones, which the check refuses, are 0.
+/// Reads the keys of a part; missing keys, which the check refuses, are 0.
 fn read(part: &MissionPart, scenario: &Scenario) -> curves::PlanPart {
     let [height_m, radius_m, climb_m, duration_s] =
         [part.height_m, part.radius_m, part.climb_m, part.duration_s].map(Option::unwrap_or_default);

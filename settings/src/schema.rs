@@ -94,7 +94,7 @@ fn add_ranges(path: &str, schema: &mut Value) {
     limit(schema, high, ["maximum", "exclusiveMaximum"]);
 }
 
-/// Adds a limit to every number of a schema: a number, or those of an array or a choice.
+/// Adds a limit to every number of a schema: the schema itself, or the parts of an array or a choice.
 fn limit(schema: &mut Value, bound: Bound<f64>, [inclusive, exclusive]: [&str; 2]) {
     match schema {
         Value::Object(object) => {
@@ -117,7 +117,7 @@ fn limit(schema: &mut Value, bound: Bound<f64>, [inclusive, exclusive]: [&str; 2
     }
 }
 
-/// Returns a limit as a whole number if it is one.
+/// Returns `limit` as a JSON integer if it is whole.
 fn number(limit: f64) -> Value {
     if limit.fract() == 0.0 && limit.abs() < 1e15 { Value::from(limit as i64) } else { Value::from(limit) }
 }

@@ -59,7 +59,7 @@ fn example() -> &'static Table {
 }
 
 /// Makes an example of what `schema` allows: its default or its own example, or any value. A table with required
-/// keys has only those.
+/// keys gets only the required keys.
 fn example_of(schema: &Json) -> Value {
     let is_full = |value: &&Json| value.as_array().is_none_or(|all| !all.is_empty());
     let given = schema.get("default").filter(is_full).or_else(|| schema["examples"].get(0));
@@ -155,8 +155,8 @@ impl Keys<'_> {
         (format!("unknown key `{}`", shortened(&key)), help)
     }
 
-    /// Returns help on the key `old`, a number of samples: its value as that of the key `new`, at the rate that this
-    /// source sets, or else at that of the profiles.
+    /// Returns help on the key `old`, a number of samples: the same time as a value of the key `new`, at the rate that
+    /// this source sets, or else at the default rate.
     fn in_seconds(&self, old: &str, new: &str) -> String {
         let number = |of: &Table, key: &str| {
             let (table, name) = key.split_once('.')?;
@@ -188,7 +188,7 @@ fn help_on(path: &str, name: &str, known: &Table) -> String {
     format!("{hint}known {table}: {}", list(known))
 }
 
-/// Returns whether the table at `key` may have any keys: settings and environment of a program.
+/// Returns whether the table at `key` may have any keys: settings, environment and file hashes of a program.
 fn has_any_keys(key: &str) -> bool {
     matches!(key.split('.').collect::<Vec<_>>()[..], ["node", _, "settings" | "env" | "files"])
 }
@@ -216,8 +216,8 @@ fn wrong_type<'a>(source: &'a SettingsText, tree: &DeTable, message: &str, span:
     }
 }
 
-/// Finds the first array that is longer than the part that Serde `kept`, and returns its key and both lengths. Serde
-/// stops reading where an array of fixed length is full.
+/// Finds the first array that is longer than the part of it that Serde `kept`, and returns its key and both lengths:
+/// Serde stops reading where an array of fixed length is full.
 fn surplus(path: &str, given: &Value, kept: &Value) -> Option<(String, usize, usize)> {
     match (given, kept) {
         (Value::Table(given), Value::Table(kept)) => {
@@ -231,7 +231,8 @@ fn surplus(path: &str, given: &Value, kept: &Value) -> Option<(String, usize, us
     }
 }
 
-/// Bytes of the value of a dotted key; a number in it is the index of an array element, from 0.
+/// Bytes of the value of a dotted key; a number in the key is the index of an array element, from 0. `None` if the key
+/// is not in the tree.
 fn span_of(tree: &DeTable, key: &str) -> Option<Range<usize>> {
     let Some((name, rest)) = key.split_once('.') else { return tree.get(key).map(Spanned::span) };
     match tree.get(name)?.get_ref() {

@@ -287,7 +287,7 @@ fn the_weights_of_the_inputs_follow_the_vehicle_unless_they_are_given() {
     assert_eq!(drawn.attitude.mpc.r[0], default[0] / 4.0, "a campaign's draw too");
 }
 
-/// Settings as `--set` gives them, with the horizons \[samples\] that they make.
+/// Returns the horizons Np and Nu \[samples\] of a scenario with `settings` given by `--set`.
 fn horizons(settings: &[&str]) -> [usize; 2] {
     let scenario = from_set(settings).unwrap_or_else(|error| panic!("{settings:?}: {error}"));
     [scenario.np(), scenario.nu()]
@@ -347,7 +347,7 @@ fn a_law_by_its_name_alone_has_defaults_that_it_uses() {
         let own = (mpc.model, mpc.constraints, named.guidance.preview_s, *disturbance_gain);
         assert_eq!(own, (model, constraints, preview_s, gain), "{law}");
         assert!(named.attitude.delay_compensation.is_measured(), "{law}");
-        // With every setting written down, those that it does not use would be refused.
+        // With every setting written down, a default that the law does not use would be refused.
         let written = to_toml(&named);
         assert_eq!(from_merged(&written, "written").unwrap_or_else(|error| panic!("{law}: {error}")), named);
         // Settings that do not depend on the law are unchanged.

@@ -1,4 +1,4 @@
-//! Words of a file: those of enums and keys, and the known word nearest to an unknown one.
+//! Words of a scenario file: values of enums, keys, and the known word nearest to an unknown word.
 
 use serde::Serialize;
 use toml::{Table, Value};
@@ -8,7 +8,8 @@ const MIN_LIKENESS: f64 = 0.7;
 /// Length above which words are neither compared nor printed in full \[bytes\].
 const MAX_WORD_BYTES: usize = 80;
 
-/// Finds the `known` word most like `word`, if above `MIN_LIKENESS`. A part of a word with hyphens has likeness 1.
+/// Finds the `known` word most like `word`, if above `MIN_LIKENESS`. A `word` that is a whole part of a known word with
+/// hyphens has likeness 1.
 pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > MAX_WORD_BYTES {
         return None;

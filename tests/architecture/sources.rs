@@ -1,4 +1,4 @@
-//! The files of a crate and which of them use which, from the syntax tree. Code under `#[cfg(test)]` is left out.
+//! Files of a crate and the uses between them, from the syntax tree. Code under `#[cfg(test)]` is left out.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ pub struct Crate {
     pub sources: Vec<Source>,
 }
 
-/// One file.
+/// Source file of a crate.
 #[derive(Default)]
 pub struct Source {
     /// Path from the top of the repository.
@@ -78,7 +78,7 @@ impl Crate {
             let uses = source.uses.iter().filter(|u| !u.is_reexport).map(|u| &u.path);
             let homes = uses.chain(&source.mentions).filter_map(|path| self.home(from, path, 8));
             arrows.extend(homes.map(|to| (from, to)));
-            // Methods that a type has in another file are used by its own file, if only by its users.
+            // A type's own file depends on other files with methods of the type, because its users may call them.
             let types = source.implemented.iter().filter_map(|name| self.home(from, std::slice::from_ref(name), 8));
             arrows.extend(types.map(|home| (home, from)));
         }
@@ -105,7 +105,7 @@ impl Crate {
         self.item(self.file(&module)?, rest, depth)
     }
 
-    /// The file that defines `path`, seen from the module of the file `at`.
+    /// Finds the file that defines `path`, seen from the module of the file `at`.
     fn item(&self, at: usize, path: &[String], depth: usize) -> Option<usize> {
         let source = &self.sources[at];
         let (first, rest) = path.split_first()?;
@@ -128,7 +128,7 @@ impl Crate {
 }
 
 impl Source {
-    /// Paths into other crates.
+    /// Returns the paths into other crates.
     pub fn foreign_paths(&self) -> Vec<String> {
         let uses = self.uses.iter().map(|u| &u.path);
         let outside = uses.chain(&self.mentions).filter(|path| !["crate", "self", "super"].contains(&path[0].as_str()));
@@ -165,7 +165,7 @@ fn read_module(file: &Path, module: &[String], sources: &mut Vec<Source>) {
     }
 }
 
-/// The file of the module `name` that `parent` declares.
+/// Returns the file of the module `name` that `parent` declares.
 fn file_of(parent: &Path, name: &str) -> PathBuf {
     let stem = parent.file_stem().expect("a file").to_str().expect("a plain name");
     let folder =
@@ -223,7 +223,7 @@ impl<'ast> Visit<'ast> for Source {
         visit::visit_path(self, path);
     }
 
-    /// The arguments of `assert!`, `format!` and their like are expressions.
+    /// Visits the arguments of `assert!`, `format!` and similar macros as expressions.
     fn visit_macro(&mut self, call: &'ast syn::Macro) {
         for argument in call.parse_body_with(Punctuated::<Expr, Token![,]>::parse_terminated).into_iter().flatten() {
             // The tree of the arguments lives only here, which `visit_expr` of this lifetime does not accept.

@@ -22,7 +22,7 @@ const server = createServer(async (request, response) => {
 await new Promise(resolve => server.listen(0, '127.0.0.1', resolve));
 const origin = `http://127.0.0.1:${server.address().port}`;
 
-// What axe-core finds wrong for people who use the page by keyboard, screen reader or with little sight.
+// Returns what axe-core finds wrong for people who use the page by keyboard, screen reader or with little sight.
 async function violations(page) {
   await page.addScriptTag({ path: here.resolve('axe-core') });
   return page.evaluate(async () => (await axe.run()).violations.map(v => `${v.id}: ${v.nodes.map(node => node.target).join(', ')}`));
@@ -61,7 +61,7 @@ try {
     const untouched = await flown();
     await page.screenshot({ path: join(shots, `fly-${width}-${colorScheme}.png`), fullPage: true });
     const found = await violations(page);
-    // By the keyboard alone.
+    // Moves a slider by the keyboard alone.
     const moved = async (slider, steps) => {
       await page.click('button[type=reset]');
       await page.waitForFunction(hash => document.getElementById('state-hash').textContent === hash, untouched.hash);

@@ -17,8 +17,8 @@
 #define SQUARE_MEMORY 12
 #define TWICE 13
 #define WRONG_ROWS 14
-#define LYING_VECTORS 15 // no trap
-#define FULL_PATTERN 16  // no trap: offsets and rows instead of the mark for dense
+#define LYING_VECTORS 15 // accepted: vectors as rows
+#define FULL_PATTERN 16  // accepted: offsets and rows instead of the mark for dense
 #ifndef TRAP
 #define TRAP 0
 #endif
@@ -82,8 +82,7 @@ int law(const double **arg, double **res, long long *iw, double *w, int mem) {
 }
 
 #ifdef JACOBIAN
-// Function beside the law, as CasADi generates it of `law.jacobian()`: the names of the law's functions are the tails of
-// its own.
+// Function beside the law, as CasADi generates it from `law.jacobian()`: its names end in those of the law's functions.
 long long jac_law_n_in(void) { return 0; }
 int jac_law(const double **arg, double **res, long long *iw, double *w, int mem) {
   (void)arg, (void)res, (void)iw, (void)w, (void)mem;

@@ -12,7 +12,7 @@ namespace {
 using Vector = std::array<double, 3>;
 using Matrix = std::array<Vector, 3>;
 
-// Rotation from the body to the world of roll, pitch, yaw.
+// Returns the rotation from the body to the world frame for roll, pitch, yaw.
 Matrix rotation(const double angles[3]) {
   const double sr = std::sin(angles[0]), cr = std::cos(angles[0]), sp = std::sin(angles[1]), cp = std::cos(angles[1]);
   const double sy = std::sin(angles[2]), cy = std::cos(angles[2]);
@@ -21,7 +21,7 @@ Matrix rotation(const double angles[3]) {
            {-sp, cp * sr, cp * cr}}};
 }
 
-// A'B.
+// Returns A'B.
 Matrix between(const Matrix &a, const Matrix &b) {
   Matrix out{};
   for (int i = 0; i < 3; i++)

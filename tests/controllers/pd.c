@@ -33,14 +33,14 @@
 #define FORK_IN_STEP 17   // both processes return, the copy first
 #define DAEMON_IN_STEP 18 // the copy returns, and its parent has ended
 #define STRAY_IN_STEP 19  // a copy in a session of its own sleeps for ever
-#define LEAVE_VARIABLE 20 // the next flight in this process fails
-#define LEAVE_FOLDER 21   // the same with the working directory
-#define LEAVE_LIMIT 22    // the same with a limit
-#define LEAVE_MASK 23     // the same with a blocked signal
+#define LEAVE_VARIABLE 20 // an environment variable makes the next flight in this process fail
+#define LEAVE_FOLDER 21   // the working directory makes the next flight in this process fail
+#define LEAVE_LIMIT 22    // a resource limit makes the next flight in this process fail
+#define LEAVE_MASK 23     // a blocked signal makes the next flight in this process fail
 #define ROUNDING_IN_SNAPSHOT 24
 #define ROUNDING_IN_RESTORE 25
 #define ROUNDING_IN_DESTROY 26
-#define NAN_FOR_EVER 27 // by a warm start, which is its memory
+#define NAN_FOR_EVER 27 // NaN in the warm start, which is part of the memory
 #define CLEAR_VARIABLES 28
 #define CLOSE_STDOUT 29
 #define FORK_IN_SNAPSHOT 30
@@ -48,9 +48,9 @@
 #ifndef TRAP
 #define TRAP 0
 #endif
-// Sample at which a trap in `step` shuts; the trial before a flight has no later sample than 0.
+// Sample at which a trap in `step` takes effect; the trial before a flight has no later sample than 0.
 #define TRAP_TICK 100
-// Share of the flights in which it shuts, by the altitude then.
+// Share of the flights in which the trap takes effect, chosen by the altitude at that sample.
 #ifndef TRAP_SHARE
 #define TRAP_SHARE 1
 #endif
@@ -71,7 +71,7 @@ static void change_rounding(void) {
 #endif
 }
 
-// Leaves something behind in this process, or returns whether it is there.
+// Returns whether this process has what the trap leaves behind; with `leave`, leaves it behind first.
 static int left_over(int leave) {
   static const char FOLDER[] = "/";
   static char folder[4096];
@@ -115,7 +115,7 @@ static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) 
   return pd;
 }
 
-// Copies the process; the copy returns at once, and the process when the copy has ended.
+// Forks: the copy returns at once, and the parent returns when the copy has ended.
 static void copy_returns(void) {
   pid_t copy = fork();
   if (copy < 0) abort();

@@ -47,7 +47,7 @@ static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) 
   return vehicle;
 }
 
-// Rate of change of `x` with these rotor speeds and this tilt, equations (7)-(22) of the paper.
+// Writes the rate of change of `x` with these rotor speeds and this tilt, equations (7)-(22) of the paper.
 static void derivative(const Vehicle *vehicle, const double *x, const double *speed, double tilt, double *dx) {
   const TrefoilSetup *v = &vehicle->vehicle;
   const double *arm = v->arms_m, *inertia = v->inertia_kgm2, *u = x + 3, *w = x + 9;
@@ -73,7 +73,7 @@ static void derivative(const Vehicle *vehicle, const double *x, const double *sp
   dx[8] = (w[1] * sr + w[2] * cr) / cp;
 }
 
-// Moves by the midpoint rule.
+// Integrates over `dt_s` by the midpoint rule.
 static void move(Vehicle *vehicle, const double *speed, double tilt, double dt_s) {
   double dx[12], middle[12];
   derivative(vehicle, vehicle->x, speed, tilt, dx);

@@ -1,5 +1,5 @@
-// Guidance and attitude controller for tests, whose gain comes from a library that it brings: dependency.c. Built with
-// GAIN, it is that library.
+// Guidance and attitude controller for tests, whose gain comes from a library beside it. Built with GAIN, this file is
+// that library.
 
 #ifdef GAIN
 
@@ -24,7 +24,7 @@ static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) 
 
 static void destroy(void *node) { (void)node; }
 
-// Stays where it begins, with a gain of heave on the way.
+// Holds the position of the start; the gain of the library acts on the altitude error.
 static int32_t guide(void *node, const void *input, void *answer) {
   const TrefoilSetup *setup = node;
   const TrefoilGuidanceInput *in = input;

@@ -1,6 +1,6 @@
-//! Any accepted settings and faults fly without a panic or a hang. Refused ones are reported with their key.
+//! Any accepted settings and faults fly without a panic or a hang. Refused settings are reported with their key.
 //!
-//! A minute of it is in `.ci/run`; an hour is `PROPTEST_CASES=400000 cargo test --workspace fuzz::flights`.
+//! `.ci/run` tries this for a minute; `PROPTEST_CASES=400000 cargo test --workspace fuzz::flights` takes an hour.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
@@ -24,7 +24,7 @@ use super::cases;
 const STUCK: Duration = Duration::from_secs(300);
 /// Largest Np Nu that is flown: larger controllers take seconds to build.
 const LARGEST_PLAN: usize = 500;
-/// The words that some keys take.
+/// Words that some keys take.
 const WORDS: [(&str, &[&str]); 13] = [
     ("mission.trajectory", &["survey", "hover", "parts"]),
     ("mission.ramp_s", &["min-jerk"]),
@@ -85,7 +85,7 @@ fn leaves(path: &str, table: &Table, found: &mut Vec<(String, Value)>) {
     }
 }
 
-/// `value` under `key` after a change; only the number `which` of an array, or all of them.
+/// Returns `value` of `key` after a change; of an array, one element or all elements change.
 fn changed(key: &str, value: &Value, (_, size, which): Change) -> Value {
     match value {
         Value::Float(x) => Value::Float(size.of(*x)),
@@ -108,7 +108,7 @@ fn changed(key: &str, value: &Value, (_, size, which): Change) -> Value {
     }
 }
 
-/// The settings of `changes` to a profile, each as after `--set`.
+/// Returns the settings of `changes` to a profile, each as after `--set`.
 fn sets(profile: Profile, changes: &[Change]) -> Vec<String> {
     let table: Table = to_toml(&Scenario::from(profile)).parse().expect("a scenario is TOML");
     let mut all = vec![];

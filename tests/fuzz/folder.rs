@@ -23,9 +23,9 @@ static FLOWN: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     (log, outcome.run().to_string())
 });
 
-/// Writes these two files into a folder, and reads it in every way.
+/// Writes these two files into a folder, and reads the folder in every way.
 fn look(flight: &[u8], run: Option<&[u8]>) {
-    // In memory, since a report is synced to the disk before it is finished.
+    // The folder is in memory, because a report is synced to the disk before it is finished.
     let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     let path = folder.path().join("flight.mcap");
     fs::write(&path, flight).expect("can be written");
@@ -43,7 +43,7 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     }
 }
 
-/// The log of the flight with some words of some messages replaced, every checksum of the file right.
+/// Returns the log of the flight with some words of some messages replaced, and with correct checksums of the file.
 fn forged(words: &[(prop::sample::Index, usize, u64)]) -> Vec<u8> {
     fn forge<M: Message>(messages: &mut [M], which: prop::sample::Index, word: usize, bits: u64) {
         let message = &mut messages[which.index(messages.len())];

@@ -1,7 +1,7 @@
-//! Folders of runs and campaigns in which something was damaged: every command that reads them ends within ten seconds
-//! and 500 MB, with a message and a regular exit code.
+//! Folders of runs and campaigns with damaged files: every command that reads them ends within ten seconds and 500 MB,
+//! with a message and a regular exit code.
 //!
-//! `PROPTEST_CASES=10000 cargo test --workspace --test stack fuzz::folders` looks longer.
+//! `PROPTEST_CASES=10000 cargo test --workspace --test stack fuzz::folders` tries more cases.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -23,7 +23,7 @@ use crate::recorded::confined;
 const LIMIT: Duration = Duration::from_secs(10);
 const LIMIT_KB: u32 = 500_000;
 
-/// Files of a folder: the path of each relative to it, and its content.
+/// Files of a folder: path relative to the folder, and content.
 type Files = Vec<(PathBuf, Vec<u8>)>;
 
 /// The folder of a short flight in which guidance is killed.
@@ -93,7 +93,7 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// Lays the folder out at `top`, with its damages.
+/// Writes the files to the folder `top`, with the damages.
 fn lay(top: &Path, files: &Files, damages: &[(Index, Damage)]) {
     for (name, bytes) in files {
         let path = top.join(name);
@@ -103,7 +103,7 @@ fn lay(top: &Path, files: &Files, damages: &[(Index, Damage)]) {
     for (which, damage) in damages {
         let (name, bytes) = which.get(files);
         let path = top.join(name);
-        let _ = fs::remove_file(&path); // two damages may meet
+        let _ = fs::remove_file(&path); // an earlier damage may have removed it
         let put = |bytes: &[u8]| drop(fs::write(&path, bytes));
         match damage {
             Damage::Edit(edits) => put(&edited(bytes.clone(), edits)),

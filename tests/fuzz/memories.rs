@@ -1,6 +1,7 @@
-//! Logs with forged memories: a replay that begins with one is refused or flown, and never crashes the launcher.
+//! Logs with forged memories: a replay that begins with a forged memory is refused or flown, and never crashes the
+//! launcher.
 //!
-//! `PROPTEST_CASES=1000 cargo test --workspace --test stack fuzz::memories` looks longer.
+//! `PROPTEST_CASES=1000 cargo test --workspace --test stack fuzz::memories` tries more cases.
 
 use std::fs;
 use std::sync::LazyLock;
@@ -19,8 +20,8 @@ use tempfile::TempDir;
 use super::cases;
 use crate::harness::fly;
 
-/// A flight through gusts with noise and a delaying link, the memories of its nodes at 10 s, and its folder without
-/// these memories.
+/// A flight through gusts with noise and a delaying link: its log after 9 s without memories, the memories of its nodes
+/// at 10 s, and its run.json.
 struct Flown {
     log: Log,
     memories: Vec<Memory>,
@@ -109,7 +110,7 @@ fn forge(memories: &mut Vec<Memory>, forgery: &Forgery) {
     }
 }
 
-/// A folder with the flight, and these memories.
+/// Makes a folder with the flight and these memories.
 fn folder(memories: &[Memory]) -> TempDir {
     let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     let log = &FLOWN.log;
@@ -139,7 +140,7 @@ fn replayed(memories: &[Memory]) -> anyhow::Result<(u8, String)> {
 #[test]
 fn what_was_remembered_flies_on() {
     let (code, text) = replayed(&FLOWN.memories).expect("flown again");
-    assert!(code == 0 && text.contains("begun with what the nodes remembered at 10.00 s"), "{text}");
+    assert!(code == 0 && text.contains("begun with the snapshots at 10.00 s"), "{text}");
 }
 
 proptest! {

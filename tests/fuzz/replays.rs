@@ -1,6 +1,6 @@
 //! Logs that were cut, thinned or mixed: a replay reports the same flight only if it compared the whole flight.
 //!
-//! `PROPTEST_CASES=1000 cargo test --workspace --test stack fuzz::replays` looks longer.
+//! `PROPTEST_CASES=1000 cargo test --workspace --test stack fuzz::replays` tries more cases.
 
 use std::fs;
 use std::sync::LazyLock;
@@ -51,7 +51,7 @@ static FLOWN: LazyLock<Vec<Flown>> = LazyLock::new(|| {
     flown.into()
 });
 
-/// Some records of a topic, or of each: every n-th of a span, whose ends are shares of all.
+/// Some records of one topic, or of every topic: every n-th record of a span, whose ends are shares of all records.
 #[derive(Debug, Clone, Copy)]
 struct Span {
     topic: Option<usize>,
@@ -105,7 +105,7 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// The log after all `damages`, closed as if it were whole.
+/// Returns the log after all `damages`.
 fn damaged(log: &Log, damages: &[Damage]) -> Log {
     let mut log = log.clone();
     for damage in damages {
@@ -132,7 +132,7 @@ fn damaged(log: &Log, damages: &[Damage]) -> Log {
     log
 }
 
-/// The file of `log`, closed.
+/// Returns the bytes of the file of `log`, closed as if it were whole.
 fn file_of(log: &Log) -> Vec<u8> {
     let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     let path = folder.path().join("flight.mcap");
@@ -147,7 +147,8 @@ fn file_of(log: &Log) -> Vec<u8> {
     fs::read(&path).expect("can be read")
 }
 
-/// Judges a folder with this log, run.json and settings; also the log as it is read. `None` if it is refused.
+/// Judges a folder with this log, run.json and settings. Returns the log as it is read, and the verdict; `None` if the
+/// folder is refused.
 fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayVerdict)> {
     let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     fs::write(folder.path().join("flight.mcap"), log).expect("can be written");
@@ -161,8 +162,8 @@ fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayV
     Some((log::read_parts(&recorded.path).ok()?, verdict))
 }
 
-/// The record without the times of the clock: a replay has its own, and the age of a command is an input, which it
-/// takes from the log (at trim, another age is the same flight).
+/// Returns the record without the times of the clock. A replay has times of its own, and takes the age of a command
+/// from the log, as an input (at trim, another age gives the same flight).
 fn timeless(record: &Record) -> Record {
     let without = |stamp: Stamp| {
         let Stamp {
@@ -193,8 +194,8 @@ fn timeless(record: &Record) -> Record {
     }
 }
 
-/// Checks that a flight is called the same only if the log is all of the flight that run.json tells of, and has exit
-/// code 0 only if all is there but for messages whose bits a fault flipped, which the verdict names.
+/// Checks that a verdict is "the same bits" only if the log has the whole flight of run.json. The exit code may be 0
+/// only if the log lacks no messages but those whose bits a fault flipped, and then the verdict names these.
 fn check(log: &[u8], flown: &Flown, with_run: bool) {
     let Some((log, verdict)) = judged(log, with_run.then_some(flown.run.as_str()), &flown.settings) else { return };
     let has = |records: &dyn Fn(&Log) -> Vec<Record>| records(&log) == records(&flown.log);

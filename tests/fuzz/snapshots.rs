@@ -25,7 +25,7 @@ fn scenario() -> impl Strategy<Value = Scenario> {
     select([&robust[..], &[of(Profile::Paper, Law::Mpc)]].concat())
 }
 
-/// Words and where to put them: any bits, small counts, numbers of any size.
+/// Words and their places in a snapshot: any bits, small counts, numbers of any size.
 fn words() -> impl Strategy<Value = Vec<(usize, u64)>> {
     let word = prop_oneof![any::<u64>(), 0..300_u64, any::<f64>().prop_map(f64::to_bits), Just(1e300_f64.to_bits())];
     vec((0..SNAPSHOT_WORDS, word), 0..20)
@@ -43,7 +43,7 @@ fn forged(mut snapshot: Snapshot, words: &[(usize, u64)]) -> Snapshot {
     snapshot
 }
 
-/// A good message of `tick`.
+/// Returns a valid message of `tick`.
 fn at<M: Message>(tick: u64) -> M {
     let mut message = M::default();
     *message.stamp_mut() = Stamp { tick, sequence: 1, epoch: 1, ..Stamp::default() };
@@ -62,7 +62,7 @@ proptest! {
         let mut guidance = Guidance::new(&scenario);
         let mut mpc = AttitudeMpc::new(&scenario);
         let mut mixer = Mixer::new(&scenario);
-        // Memories of a vehicle under way.
+        // Three steps give the nodes the memories of a vehicle under way.
         for tick in 0..3 {
             guidance.step(tick, &at(tick));
             mpc.step(tick, &at(tick), &at(tick));

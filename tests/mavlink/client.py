@@ -41,7 +41,7 @@ while time.monotonic() < deadline:
         command(REQUEST, CAMERA_INFORMATION)
         command(ARM, 0)
         command(SET_INTERVAL, ATTITUDE, 20_000)
-        command(REQUEST, HOME_POSITION, system=7)  # another vehicle's
+        command(REQUEST, HOME_POSITION, system=7)  # to another vehicle
         mav.param_request_read_send(1, 1, b"SYSID_THISMAV", -1)
         mav.param_set_send(1, 1, b"SYSID_THISMAV", 2.0, mavutil.mavlink.MAV_PARAM_TYPE_REAL32)
         mav.mission_request_list_send(1, 1, 0)

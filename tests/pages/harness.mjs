@@ -10,10 +10,10 @@ const AXE = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.mi
 export const WIDTHS = [390, 1440];
 export const SCHEMES = ['light', 'dark'];
 
-// Arguments for pages that draw in three dimensions: a machine without a graphics processor has them drawn by software.
+// Arguments for pages that draw in three dimensions: a machine without a graphics processor draws them by software.
 export const GRAPHICS = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];
 
-// Starts the browser, with `more` arguments: that of the variable CHROMIUM, or Debian's. The caller closes it.
+// Starts the browser that the variable CHROMIUM names, or Debian's, with `more` arguments. The caller closes it.
 export function start(more = []) {
   return chromium.launch({
     executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
@@ -41,8 +41,8 @@ export async function open(browser, url, { width = 1440, scheme = 'light' } = {}
   return page;
 }
 
-// Everything that is wrong with an open page, in lines for people: text that is clipped or broken inside a number or a
-// word, labels that overlap, a page wider than its window, violations of axe-core's rules, and `page.faults`.
+// Returns everything that is wrong with an open page, as lines of text: text that is clipped or broken inside a number
+// or a word, labels that overlap, a page wider than its window, violations of axe-core's rules, and `page.faults`.
 export async function problems(page) {
   const found = await page.evaluate(problemsInPage);
   await page.evaluate(AXE);
@@ -52,8 +52,8 @@ export async function problems(page) {
   return [...page.faults, ...found, ...told];
 }
 
-// Looks at `url` in every width and scheme; returns the problems, each with where it was seen. `prepare` gets each page
-// before it is judged, for a page that needs a click or a wait; `shoot` names the file of its picture, if any.
+// Looks at `url` in every width and scheme; returns the problems, each with its width and scheme. `prepare` gets each
+// page before it is judged, for a page that needs a click or a wait; `shoot` names the file of its picture, if any.
 export async function look(browser, url, { prepare = async () => {}, shoot = () => null } = {}) {
   const all = [];
   for (const width of WIDTHS) {

@@ -1,6 +1,6 @@
 // Functions that run inside a page: each is self-contained, because its source text is sent there.
 
-// Before the page's own scripts: keeps where every text is drawn on a canvas, until it is cleared.
+// Runs before the page's own scripts: keeps the box of every text that is drawn on a canvas, until that is cleared.
 export function recordCanvasText() {
   const texts = new WeakMap();
   window.canvasTexts = canvas => texts.get(canvas) ?? [];
@@ -23,7 +23,7 @@ export function recordCanvasText() {
   };
 }
 
-// What a reader would find wrong with the layout of the document, one line each.
+// Returns what a reader would find wrong with the layout of the document, one line each.
 export function problemsInPage() {
   const SLACK_PX = 1.5; // antialiasing and rounding
   const LONGEST = 24; // longer words, such as hashes and paths, may be broken
@@ -36,7 +36,7 @@ export function problemsInPage() {
     found.add(`the page is ${document.documentElement.scrollWidth} px wide in a window of ${width} px`);
   }
 
-  // The boxes that clip an element, and whether its text can be scrolled into view.
+  // Returns the boxes that clip an element, from the inside up to the first that scrolls.
   const clips = element => {
     const boxes = [];
     for (let box = element; box && box !== document.body; box = box.parentElement) {
@@ -91,7 +91,7 @@ export function problemsInPage() {
       }
     }
   };
-  // The boxes of letters reach above and below them.
+  // The boxes of labels reach above and below the letters, so boxes that overlap slightly are no fault.
   for (const all of labels.values()) overlapping([...all.values()], 3);
   for (const canvas of document.querySelectorAll('canvas')) {
     const texts = window.canvasTexts?.(canvas) ?? [];
@@ -100,7 +100,7 @@ export function problemsInPage() {
       if (left < -1 || top < -1 || right > canvas.width + 1 || bottom > canvas.height + 1) found.add(`clipped in a plot: ${quoted(text)}`);
     }
   }
-  // The figures of a flight share their time: its phases are named below the first of them.
+  // The figures of a flight share their time, so its phases are named below the first figure only.
   const named = [...document.querySelectorAll('#course .lanes, #figures .lanes')].filter(lanes => lanes.querySelector('.phase'));
   if (named.length > 1) found.add(`the phases are named below ${named.length} figures`);
   return [...found];

@@ -36,7 +36,7 @@ try {
   expect('the token has left the address', page.url() === new URL('/', url).href && await page.evaluate(() => document.cookie) === '');
   expect('the vehicle is drawn', await page.evaluate(() => document.querySelector('#scene canvas') !== null));
 
-  // By keyboard alone: the first field of the form, then on to its button.
+  // Injects a fault by keyboard alone, from the first field of the form on.
   await page.focus('#inject [name=target]');
   await page.keyboard.type('wind');
   await page.keyboard.press('Tab');
@@ -65,7 +65,7 @@ try {
   if (shots) await page.screenshot({ path: `${shots}/live-swap.png`, fullPage: true });
 
   await page.reload();
-  page.faults.length = 0; // the answer to the swap, which the reload has cut off
+  page.faults.length = 0; // a fault is the answer to the swap, which the reload has cut off
   await ready(page).catch(() => until(page, () => document.querySelectorAll('.uplot').length >= 12));
   expect('what happened is there after a reload', /wind injected/.test(await text(page, '#events')));
 

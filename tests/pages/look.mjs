@@ -1,7 +1,7 @@
 // Usage: node look.mjs [--shots DIR] PAGE...
 //
 // Looks at pages, files or addresses, at 390 and 1440 px, light and dark: prints what is wrong with them, one line each,
-// and ends with 1 if there is anything. With --shots it writes what it saw into a folder.
+// and ends with 1 if there is anything. With --shots it writes pictures of them into a folder.
 
 import { basename } from 'node:path';
 import { pathToFileURL } from 'node:url';

@@ -39,7 +39,7 @@ try {
   expect('what a log does not know is left out', !/pid|behind|\d ms/.test(await page.locator('#ring').innerText()));
   expect('restarts are known', /restarts 1/.test(await page.locator('#ring').innerText()));
 
-  // By keyboard alone: the time, its Home key, the button, the speed.
+  // Uses the keyboard: Home and End move the time, and Space plays and pauses. Then changes the speed.
   await page.focus('#player [name=position]');
   await page.keyboard.press('Home');
   await shows(page, 0);

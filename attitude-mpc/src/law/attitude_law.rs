@@ -3,13 +3,13 @@
 //! ```text
 //! observe    the model of this tick, from the measured motion
 //! estimate   the disturbance, by the laws that have an estimate of their own
-//! predict    the state at which the demand acts, and the one expected of the next sample
+//! predict    the state at which the demand acts, and the state expected at the next sample
 //! plan       the demand
 //! ```
 //!
-//! All that a law remembers from tick to tick is in [`AttitudeMemory`], which has one layout for all laws, so that a
-//! process with another law can continue the flight. A law writes to the memory of the tick, which the controller keeps
-//! if the demand is sent.
+//! All that a law remembers from tick to tick is in [`AttitudeMemory`] and [`WarmStart`], which have one layout for all
+//! laws, so that a process with another law can continue the flight. A law writes to a copy of the memory, which the
+//! controller keeps if the law returns a demand.
 
 use airframe::linear::STATES;
 use contract::actuation::Actuation;
@@ -29,12 +29,13 @@ pub trait AttitudeLaw {
     /// Updates the model of this tick from a sample.
     fn observe(&mut self, _measured: &Kinematics) {}
 
-    /// Returns whether the law estimates the disturbance itself. Else the controller does, by the law's prediction.
+    /// Returns whether the law estimates the disturbance itself. Otherwise the controller estimates it by the law's
+    /// prediction.
     fn has_own_estimate(&self) -> bool {
         false
     }
 
-    /// Updates the law's own estimate of the disturbance in `memory`, which has the state of the sample before.
+    /// Updates the law's own estimate of the disturbance in `memory`, which has the state of the previous sample.
     fn estimate(&self, _sample: &EstimateInput, _memory: &mut AttitudeMemory) {}
 
     /// Returns the change of w by coupling as a disturbance on the inputs, which the estimate must not contain.
@@ -42,7 +43,8 @@ pub trait AttitudeLaw {
         Vector4::zeros()
     }
 
-    /// Predicts as [`PredictionModel::predict`] by the model of this tick, which is `hover` if the law has no other.
+    /// Predicts as [`PredictionModel::predict`] by the model of this tick, which is `hover` if the law has no other
+    /// model.
     fn predict(
         &self,
         hover: &PredictionModel,
@@ -54,12 +56,12 @@ pub trait AttitudeLaw {
         hover.predict(x, u, d, next);
     }
 
-    /// Computes the demand for `aim` under the disturbance in `memory`, and updates the integrals there; `None` if its
-    /// numbers would overflow.
+    /// Computes the demand for `aim` under the disturbance in `memory`, and updates the integrals there; `None` if the
+    /// demand would overflow.
     fn plan(&mut self, aim: &Aim, memory: &mut AttitudeMemory) -> Option<Decision>;
 
     /// Returns the unconstrained plan of the newest tick, 4Nu, and the plan that is followed; `None` under a law that
-    /// does not plan ahead. If only the first move was computed, only that is valid.
+    /// does not plan ahead. If only the first move was computed, only this move of the followed plan is valid.
     fn plans(&mut self) -> Option<[&DVector<f64>; 2]> {
         None
     }
@@ -75,7 +77,7 @@ pub trait AttitudeLaw {
         WarmStart::default()
     }
 
-    /// Makes the next solve start from `from`. Returns `false`, and changes nothing, if it does not fit the solver.
+    /// Makes the next solve start from `from`. Returns `false`, and changes nothing, if `from` does not fit the solver.
     fn start_from(&mut self, _from: &WarmStart) -> bool {
         true
     }
@@ -99,13 +101,13 @@ pub struct Aim<'a> {
     pub tick: u64,
     /// Predicted state when the demand takes effect, n.
     pub start: &'a DVector<f64>,
-    /// Reference; its heading has the full turns that bring it nearest to that of `start`.
+    /// Reference; its heading has the full turns that bring it nearest to the heading of `start`.
     pub reference: [f64; STATES],
     /// Roll from trim and pitch of the sample \[rad\], at which guidance made the reference.
     pub attitude_rad: [f64; 2],
     /// Goal that `reference` was made from, with its preview.
     pub goal: &'a Goal,
-    /// Time from the moment of the goal to the one at which the demand acts \[ns\].
+    /// Time from the moment of the goal to the moment at which the demand acts \[ns\].
     pub age_ns: f64,
     /// Input of the command in force less the demand that it answers \[N, N m, N m, N m\].
     pub unfollowed: Vector4<f64>,
@@ -136,11 +138,11 @@ impl Decision {
 /// Effort of a plan, and the limits it touches.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PlanEffort {
-    /// Iterations of the solver.
+    /// Number of iterations of the solver.
     pub iterations: u64,
     /// Time in the solver \[ns\].
     pub solve_ns: u64,
-    /// Limits of the actuators that the plan touches.
+    /// Number of actuator limits that the plan touches.
     pub touching: u64,
 }
 

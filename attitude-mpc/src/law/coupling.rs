@@ -11,8 +11,8 @@
 //!
 //! The plan does not contain the term: guidance makes the reference of w at the measured attitude, so the reference
 //! changes with w when the vehicle pitches, and a plan against the term would counteract a change that is wanted. The
-//! change of gravity at 35 degrees of pitch, which the hover model lacks too, is a force, and the estimate finds it.
-//! Test `pitching_at_speed_is_no_force`; the figures are in `docs/mpc.md`.
+//! change of gravity along body z at 35 degrees of pitch, which the hover model lacks too, acts as a force, and the
+//! estimate finds it. Test `pitching_at_speed_is_no_force`; the figures are in `docs/mpc.md`.
 
 use contract::message::Kinematics;
 use nalgebra::Vector4;

@@ -7,9 +7,9 @@
 //! ```
 //!
 //! `[attitude.geometric]` has the gains, with the same meaning as in the law [`pid`](super::pid). The anti-windup is
-//! that of `pid` too. The errors are those of [`level`](super::level). A feedback of this kind on SO(3) with an
-//! integral is in Goodarzi, Lee and Leok, *Geometric nonlinear PID control of a quadrotor UAV on SE(3)*, ECC 2013.
-//! Tests `the_geometric_demand_gives_the_wanted_acceleration_in_the_plant` (tests/laws.rs),
+//! the same too. [`level`](super::level) has the errors. A feedback of this kind on SO(3) with an integral is in
+//! Goodarzi, Lee and Leok, *Geometric nonlinear PID control of a quadrotor UAV on SE(3)*, ECC 2013. Tests
+//! `the_geometric_demand_gives_the_wanted_acceleration_in_the_plant` (tests/laws.rs),
 //! `a_heading_error_leaves_the_tilt_alone`.
 
 use airframe::Parameters;
@@ -21,11 +21,11 @@ use super::level::RigidBody;
 use super::pid::Pid;
 use crate::memory::AttitudeMemory;
 
-/// Law of each axis as accelerations per error, for the errors of the level frame.
+/// PID law of each axis, from errors in the level frame to accelerations.
 #[derive(Debug, Clone)]
 pub struct Axes {
     pid: Pid,
-    /// State of no error, which the law of the axes subtracts.
+    /// Zero state, which the PID law subtracts from the errors.
     origin: DVector<f64>,
 }
 

@@ -1,5 +1,5 @@
-//! Incremental nonlinear dynamic inversion: the measured acceleration replaces a model of all forces and moments except
-//! those of the actuators.
+//! Incremental nonlinear dynamic inversion: the measured acceleration replaces a model of every force and moment that
+//! the actuators do not produce.
 //!
 //! ```text
 //! nu = kp e + kd (q w_ref - w)                    wanted acceleration, in the axes of the level frame
@@ -9,21 +9,21 @@
 //! `H` is one low-pass, two first-order filters in series with the bandwidth `attitude.indi.filter_radps`. Filtering
 //! the acceleration delays it, and the actuators must be delayed alike (Smeur, Chu and de Croon, *Adaptive incremental
 //! nonlinear dynamic inversion for attitude control of micro air vehicles*, Journal of Guidance, Control, and Dynamics
-//! 39(3), 2016). `H` is linear, so the law filters the difference once, and both always have the same delay:
+//! 39(3), 2016). `H` is linear, so the law filters the difference once, and both terms always have the same delay:
 //!
 //! ```text
 //! u = J nu - d        d = H(J dw/dt - u_a)
 //! ```
 //!
-//! `dw/dt` is the difference of two samples of the gyro, which is the mean over the sample between them; `u_a` is the
-//! mean of what the actuators produce at the beginning and at the end of that sample. `d` is published as the
-//! disturbance. It contains the gyroscopic moment and every error of the model. The climb is a loop of the same kind,
-//! by the acceleration of the vertical speed. The actuators' positions enter by the exact map of [`airframe::mixing`],
+//! `dw/dt` is the difference of two gyro samples over the sample time, the mean angular acceleration between them;
+//! `u_a` is the mean of the inputs that the actuators produce at these two samples. `d` is published as the
+//! disturbance. It contains the gyroscopic moment and every error of the model. The climb has a loop of the same kind,
+//! with the derivative of the vertical speed. The actuators' positions enter by the exact map of [`airframe::mixing`],
 //! not by its derivative.
 //!
-//! With `attitude.indi.actuators` = "sensed" the positions are those of the telemetry, as in that article. Departure
-//! from it: with "modelled", the default, the controller simulates them under the command in force, with the lag
-//! `attitude.actuator_lag_model_s`; docs/laws.md shows the cost of a wrong lag. Tests
+//! With `attitude.indi.actuators` = "sensed" the positions come from the telemetry, as in that article. Departure from
+//! the article: with "modelled", the default, the controller simulates the positions under the command in force, with
+//! the lag `attitude.actuator_lag_model_s`; docs/laws.md shows the cost of a wrong lag. Tests
 //! `the_actuators_alone_are_no_disturbance`, `a_constant_moment_leaves_no_offset`,
 //! `sensed_actuators_need_no_model_of_their_lag`.
 
@@ -44,7 +44,7 @@ pub struct Indi {
     level: RigidBody,
     actuators: IndiActuators,
     sample_s: f64,
-    /// Share of its error that a low-pass takes in at each sample.
+    /// Share of the difference to its input that a low-pass takes in at each sample.
     share: f64,
 }
 
@@ -56,7 +56,8 @@ impl Indi {
         Self { axes, level, actuators, sample_s, share: -libm::expm1(-filter_radps * sample_s) }
     }
 
-    /// Positions of the actuators: those `sensed`, or the `modelled` ones without telemetry.
+    /// Positions of the actuators to use: the `sensed` ones if the settings select them and all are finite, else the
+    /// `modelled` ones.
     pub fn actuators(&self, sensed: Actuation, modelled: Actuation) -> Actuation {
         if self.actuators == IndiActuators::Sensed && sensed.is_finite() { sensed } else { modelled }
     }

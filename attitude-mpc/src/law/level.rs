@@ -2,7 +2,7 @@
 //!
 //! At trim the body is rolled by `phi_trim`, so that the thrust is vertical. The level frame `L` is the body turned
 //! back by this roll: its z axis is the direction of the thrust at trim, and its Euler angles are the deviations of the
-//! state `x`. Tilt and heading are those of this frame: a turn about the body's z axis would tilt the thrust.
+//! state `x`. Tilt and heading are taken in this frame: a turn about the body's z axis would tilt the thrust.
 //!
 //! The rotation from `L` to its reference, `q = (w, x, y, z)`, is split into a tilt, about an axis in the plane of
 //! x and y, and a turn about z after it:
@@ -17,11 +17,11 @@
 //! grows up to 2 for half a turn. An inverted vehicle (n = 0) tilts about `(x, y)` and does not turn.
 //!
 //! The vertical acceleration, down positive, is `g + (F_y sin phi cos theta + F_z cos phi cos theta) / m`. The law asks
-//! for an acceleration in the world frame and not for one of w, because guidance makes the reference of w from a
-//! vertical speed at the measured attitude: the terms that turning axes add to w are in the reference too. The side
-//! force `F_y` is that of the demand itself, by the mixing matrix. Beyond 60 degrees of tilt the inverse `1 / c` of the
-//! share `c` of col that is vertical becomes `4 c`, which is small for a vehicle on its side, and negative for an
-//! inverted one.
+//! for an acceleration in the world frame and not for a derivative of w, because guidance makes the reference of w from
+//! a vertical speed at the measured attitude: the terms that turning axes add to w are in the reference too. The side
+//! force `F_y` follows from the demand by the mixing matrix. Beyond 60 degrees of tilt the inverse `1 / c` of the share
+//! `c` of col that is vertical becomes `4 c`, which is small for a vehicle on its side, and negative for an inverted
+//! one.
 
 use airframe::{MixingMatrix, Parameters, Trim};
 use contract::actuation::Actuation;
@@ -61,8 +61,8 @@ impl RigidBody {
     }
 
     /// Errors of a state `x` against its reference `r`, both (w, phi, theta, psi, p, q, r, ...) as deviations from
-    /// trim: of the vertical speed \[m/s\], then about x, y, z of the level frame of tilt and heading \[rad\] and of
-    /// the rates.
+    /// trim: the error of the vertical speed \[m/s\]; then, about x, y, z of the level frame, the errors of tilt and
+    /// heading \[rad\] and of the rates \[rad/s\].
     pub fn errors(&self, x: &DVectorView<f64>, r: &[f64; 7]) -> [f64; 7] {
         let attitude = UnitQuaternion::from_euler_angles(x[1], x[2], x[3]);
         let wanted = UnitQuaternion::from_euler_angles(r[1], r[2], r[3]);
@@ -79,12 +79,13 @@ impl RigidBody {
         let [down, ay, ax, az] = (*accelerations).into();
         let moment = self.inertia_kgm2.component_mul(&self.body(Vector3::new(ax, ay, az)));
         let moments = Vector4::new(0.0, moment.y + beside[1], moment.x + beside[2], moment.z + beside[3]);
-        let held = self.vertical_n(x, &moments); // with a col of 0
+        let held = self.vertical_n(x, &moments); // vertical force with a col of 0
         let col = (self.mass_kg * (down - self.g_mps2) - held) * inverse(self.lift(x)) + beside[0];
         moments + Vector4::new(col, 0.0, 0.0, 0.0)
     }
 
-    /// Accelerations, as in [`demand`](Self::demand), that `inputs` add to those of other inputs, to first order.
+    /// Accelerations, as in [`demand`](Self::demand), that `inputs` add to the accelerations by other inputs, to first
+    /// order.
     pub fn accelerations(&self, x: &DVectorView<f64>, inputs: &Vector4<f64>) -> Vector4<f64> {
         let moment = Vector3::new(inputs[2], inputs[1], inputs[3]);
         let turning = self.level(moment.component_div(&self.inertia_kgm2));
@@ -105,8 +106,8 @@ impl RigidBody {
         inputs
     }
 
-    /// Inputs col, lon, lat, ped for an acceleration down \[m/s2\] and angular accelerations q, p, r \[rad/s2\] beyond
-    /// those of the actuators.
+    /// Inputs col, lon, lat, ped for an acceleration down \[m/s2\] and angular accelerations q, p, r \[rad/s2\] that
+    /// the actuators do not produce.
     pub fn inputs(&self, x: &DVectorView<f64>, beyond: &Vector4<f64>) -> Vector4<f64> {
         let [ixx, iyy, izz] = self.inertia_kgm2.into();
         beyond.component_mul(&Vector4::new(self.mass_kg * inverse(self.lift(x)), iyy, ixx, izz))
@@ -156,7 +157,7 @@ fn inverse(lift: f64) -> f64 {
     lift / (lift * lift).max(LEAST_LIFT * LEAST_LIFT)
 }
 
-/// Error of tilt about x and y and of heading about z of a rotation to the reference \[rad for small errors\].
+/// Tilt error about x and y and heading error about z of the rotation `turn` to the reference \[rad for small errors\].
 pub fn attitude_error(turn: &UnitQuaternion<f64>) -> [f64; 3] {
     let Quaternion { coords } = turn.quaternion();
     let [x, y, z, w]: [f64; 4] = (*coords).into();

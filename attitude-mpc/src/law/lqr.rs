@@ -12,7 +12,7 @@ use super::mpc::condensed::{self, GIVEN, Gain};
 use crate::memory::AttitudeMemory;
 use crate::model::PredictionModel;
 
-/// Regulator.
+/// Linear-quadratic regulator, with its buffers.
 pub struct Lqr {
     /// Gain of `u = gain (x; r; d; v)`.
     gain: Gain,
@@ -21,7 +21,7 @@ pub struct Lqr {
     given: DVector<f64>,
     /// Demand, 4.
     demand: DVector<f64>,
-    /// Changes of the reference, of which there are none.
+    /// Changes of the reference: always empty, because the regulator has no preview.
     unchanged: DVector<f64>,
 }
 

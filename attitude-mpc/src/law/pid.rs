@@ -6,7 +6,7 @@
 //! ```
 //!
 //! An angle is a double integrator: all three poles at `-a` need `kd = 3a`, `kp = 3a^2`, `ki = a^3`. The climb is a
-//! single one: two poles at `-a` need `kp = 2a`, `ki = a^2`. `[attitude.pid]` has the gains.
+//! single integrator: two poles at `-a` need `kp = 2a`, `ki = a^2`. `[attitude.pid]` has the gains.
 //!
 //! Anti-windup is back-calculation (Astrom and Hagglund, Advanced PID Control, ISA 2006, section 3.5): the input that
 //! the actuators were given less the demand, `v - u`, drives the integral back with the tracking time constant `Tt`:
@@ -114,7 +114,7 @@ mod tests {
     }
 
     /// The actuator gives half of the demand under a constant error: without anti-windup the integral would grow
-    /// without bound, with it the demand settles.
+    /// without bound; with anti-windup the demand settles.
     #[test]
     fn the_integral_of_a_saturated_axis_settles() {
         let pid = Pid::new(&Parameters::default(), &PidGains::default(), 0.01);

@@ -1,4 +1,4 @@
-//! Tests of the models at speed: their predictions, and the continuity of the plan between them.
+//! Tests of the models at speed: their predictions, and the continuity of the plan from one model to the next.
 
 use airframe::{FlightPoint, LevelFlight};
 use nalgebra::{DMatrix, Rotation3, Vector3};
@@ -16,7 +16,7 @@ fn scenario(model: Model) -> Scenario {
     scenario
 }
 
-/// Sample in level flight, and the reference to stay there.
+/// Sample of level flight at the velocity `way_mps` ahead and to the right, and the reference to keep it.
 fn level(scenario: &Scenario, way_mps: [f64; 2]) -> (State, Reference) {
     let level = LevelFlight::solve(&scenario.airframe, false, &scenario.plant.drag(), way_mps).unwrap();
     let stamp = Stamp { sequence: 1, ..Stamp::default() };
@@ -63,7 +63,7 @@ fn a_plan_has_no_bump_at_a_condition() {
         let way = Vector3::new(ahead_mps, 3.0, 0.0);
         state.measured.velocity_mps = (Rotation3::from_euler_angles(phi, theta, 0.0).inverse() * way).into();
         mpc.step(0, &state, &reference);
-        mpc.plans().unwrap()[0].clone() // the solver adds its own tolerance
+        mpc.plans().unwrap()[0].clone() // without the solver, which adds its own tolerance
     };
     for knot in [-10.0, 0.0, 5.0, 10.0, 15.0] {
         let jump = (demand(knot + 1e-9) - demand(knot - 1e-9)).amax();
@@ -90,7 +90,8 @@ fn a_change_of_pitch_at_constant_climb_costs_no_climb() {
     assert!(by_pitch_rate(0.0) > 0.1 && by_pitch_rate(flight.lean[1]).abs() < 0.01, "w follows q, the climb does not");
 }
 
-/// Plans outside the set are found with the Hessian of hover: at 15 m/s costs are 0.61 to 2.0 times those at hover.
+/// The solver uses the Hessian of hover at every speed. At 15 m/s the cost of a plan is 0.61 to 2.0 times its cost at
+/// hover.
 #[test]
 fn the_hessian_of_hover_serves_at_speed() {
     let scenario = scenario(Model::Scheduled);
@@ -110,7 +111,7 @@ fn the_hessian_of_hover_serves_at_speed() {
     assert!((worst - 2.0).abs() < 0.05 && (best - 0.61).abs() < 0.005, "{best} to {worst}");
 }
 
-/// Pitching at 12 m/s changes w by `q u` under any law; the hover model takes that for a force of 2.6 N.
+/// Pitching at u = 12 m/s changes w at the rate `q u` under any law; the hover model takes this for a force of 2.6 N.
 #[test]
 fn pitching_at_speed_is_no_force() {
     let mistaken_n = |law, model| {
@@ -120,7 +121,7 @@ fn pitching_at_speed_is_no_force() {
         let (mut state, mut reference) = super::hover(&mpc, 0);
         (state.measured.velocity_mps[0], state.measured.rates_radps[1]) = (12.0, 0.2);
         mpc.step(0, &state, &reference);
-        // One sample later, by (11) and (8) with the command of trim.
+        // Moves the vehicle on by one sample, by (11) and (8) with the command of trim.
         (state.stamp.tick, reference.stamp.tick) = (1, 1);
         state.measured.velocity_mps[2] += 0.2 * 12.0 * 0.01;
         state.measured.attitude_rad[1] += 0.2 * 0.01 * mpc.model.trim.roll_rad.cos();

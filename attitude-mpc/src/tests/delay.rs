@@ -8,8 +8,8 @@ use super::*;
 
 const SAMPLE_NS: u64 = 10_000_000;
 
-/// Controller of a vehicle without lag, so that a command reaches no state of the linear model through a lag, and
-/// without an estimate, which expects a command to act from a sample on.
+/// Controller without lag in its model, so that a command acts on the linear model at once, and without a disturbance
+/// estimate, because the estimate expects commands to act from a sample on.
 fn controller() -> AttitudeMpc {
     let mut scenario = fixture::without_estimate();
     scenario.attitude.law = Law::Lqr;
@@ -26,9 +26,9 @@ fn command(mpc: &AttitudeMpc, u: &Vector4<f64>) -> Actuation {
     Actuation { rotor_speed: [front, squares[2].sqrt(), squares[3].sqrt()], tilt_rad: squares[0].atan2(squares[1]) }
 }
 
-/// Flies the linear model for 80 samples after a step of the attitude, with every demand delayed by `delay_ns` and that
-/// of the tick `lost` without effect. Returns the largest error of the state that was predicted for the demand of each
-/// tick, tick by tick.
+/// Flies the linear model for 80 samples after a step of the attitude reference. Every demand is delayed by `delay_ns`;
+/// the demand of the tick `lost` has no effect. Returns, for the demand of each tick, the largest error of the state
+/// that was predicted for the moment at which it acts.
 fn prediction_errors(delay_ns: u64, lost: Option<u64>) -> Vec<f64> {
     let mut mpc = controller();
     let mut x = DVector::zeros(STATES);
@@ -46,7 +46,7 @@ fn prediction_errors(delay_ns: u64, lost: Option<u64>) -> Vec<f64> {
         demands.push(Vector4::from(mpc.step(tick, &state, &reference).demand));
         predicted.push(mpc.work.start.clone());
 
-        // To the next sample, piece by piece: each ends when a demand is due.
+        // Moves the vehicle to the next sample in pieces; a piece ends when a demand is due.
         let (begin_ns, end_ns) = (tick * SAMPLE_NS, (tick + 1) * SAMPLE_NS);
         let mut now_ns = begin_ns;
         while now_ns < end_ns {

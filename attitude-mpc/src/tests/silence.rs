@@ -51,7 +51,7 @@ fn a_missing_reference_shows_in_the_status_from_its_first_tick_on() {
 fn without_references(flags: u64) -> Vec<[f64; 4]> {
     let mut scenario = Scenario::default();
     scenario.attitude.mpc.constraints = Constraints::None; // the descent must not depend on the limits
-    // The demand must not depend on the last one.
+    // The demand must not depend on the demand before it.
     scenario.attitude.delay_compensation = DelayCompensation::Sample(false);
     let mut mpc = AttitudeMpc::new(&scenario);
     let answer = |tick| {
@@ -86,7 +86,7 @@ fn without_references_the_demand_holds_then_levels_then_descends() {
 #[test]
 fn a_new_reference_is_followed_again() {
     let mut scenario = Scenario::default();
-    scenario.attitude.delay_compensation = DelayCompensation::Sample(false); // as above
+    scenario.attitude.delay_compensation = DelayCompensation::Sample(false); // no dependence on earlier demands
     let mut mpc = AttitudeMpc::new(&scenario);
     let (state, reference) = hover(&mpc, 400);
     assert!(mpc.step(400, &state, &Reference::default()).demand[0] > 0.1, "none came: down");
@@ -130,8 +130,8 @@ fn a_warm_start_with_unknown_or_repeated_constraints_is_refused() {
     assert_eq!(mpc.step(0, &state, &reference).status, SolveStatus::Solved as u64);
 }
 
-/// Flies `path` of (w, phi, theta, p, q, r, heading reference) with a controller. From tick `until` on a candidate that
-/// restored a snapshot answers too; returns the pairs of answers.
+/// Flies `path` with a controller. An element has (w, phi, theta, p, q, r, heading reference) and a lateness. From tick
+/// `until` on a candidate that restored a snapshot answers too; returns the pairs of answers.
 fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec<[Controls; 2]> {
     let (mut mpc, mut candidate) = (AttitudeMpc::new(scenario), None);
     let mut pairs = vec![];
@@ -143,7 +143,7 @@ fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec
             candidate = Some(other);
         }
         let tick = tick as u64;
-        let (mut state, mut reference) = hover(&mpc, tick.saturating_sub(late / 2)); // some come too late
+        let (mut state, mut reference) = hover(&mpc, tick.saturating_sub(late / 2)); // some messages come a tick late
         state.measured.velocity_mps[2] = *w;
         state.measured.attitude_rad = [*phi, *theta, 0.0];
         state.measured.rates_radps = [*p, *q, *r];

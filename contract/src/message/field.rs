@@ -5,22 +5,22 @@ use std::ops::Range;
 /// One field of a message, or of a part of a message.
 #[derive(Debug)]
 pub struct Field {
-    /// Name.
+    /// Name, as in the table of messages.
     pub name: &'static str,
     /// Place in the message or part \[words of 8 bytes\].
     pub words: Range<usize>,
-    /// Format.
+    /// Format of the value.
     pub shape: FieldShape,
-    /// Treatment that differs from that of other fields.
+    /// Special treatment; `None` for most fields.
     pub mark: Option<FieldMark>,
 }
 
-/// Mark of a field.
+/// Mark of a field that is treated specially.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FieldMark {
-    /// Value that depends on the machine and not on the flight.
+    /// Value that depends on the machine and not on the flight, so that a replay does not compare it.
     Clock,
-    /// Value that the receiver acts on.
+    /// Value that the receiver acts on, so that the fault `wrong` changes it.
     Demand,
 }
 
@@ -31,7 +31,7 @@ pub enum FieldShape {
     Number,
     /// A `u64`.
     Count,
-    /// Elements of one shape, and how many.
+    /// Elements of one shape, with their number.
     Array(&'static FieldShape, usize),
     /// Fields of a part.
     Part(&'static [Field]),

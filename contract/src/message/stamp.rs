@@ -1,5 +1,5 @@
-//! The stamp, which all messages have in common: the plant sample that a message descends from, the messages it was
-//! computed from, and the time at which each was published.
+//! The stamp, with which every message on a topic begins: the plant sample that the message descends from, the messages
+//! that it was computed from, and the times at which these were published.
 
 use bytemuck::Pod;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
@@ -9,9 +9,10 @@ use super::field::Field;
 use crate::integrity::checksum;
 use crate::topic::Topic;
 
-/// Content of a message, by which a receiver judges it.
+/// Checks of the content of a message.
 pub trait Content {
-    /// Returns whether every number that a receiver computes with is finite and within its limit.
+    /// Returns whether every number that a receiver computes with is finite and within its limit. In STATE, NaN stands
+    /// for a position or velocity whose sensor is off.
     fn plausible(&self) -> bool;
 
     /// Returns whether the message ends the flight; such a message is sent however late it is.
@@ -22,7 +23,7 @@ pub trait Content {
 
 /// Message that a port carries: one of the four of the ring, or TRUTH.
 pub trait Payload: Pod + Default + std::fmt::Debug + Send + ZeroCopySend {
-    /// Name of the messages: that of their topic, or `truth`.
+    /// Name of the messages: the name of their topic, or `truth`.
     const NAME: &'static str;
     /// All fields, in order.
     const FIELDS: &'static [Field];
@@ -57,22 +58,23 @@ pub mod delivery {
     pub const DELIVERED: u64 = 0;
     /// Message of a standby: another process of the node is active.
     pub const STANDBY: u64 = 1;
-    /// Message as computed, which a fault has lost or changed. A message delivered in its place has the same number.
+    /// Message as it was computed, before a fault lost or changed it. A message delivered in its place has the same
+    /// sequence number.
     pub const FAULT: u64 = 2;
     /// Message without content, which shows a receiver that messages of the publisher arrive.
     pub const PROBE: u64 = 4;
-    /// Message as computed, which missed its deadline and is withheld by the policy. Its number is that of the message
-    /// that is sent in its place, or of the next one.
+    /// Message that missed its deadline and is withheld by the policy. The message that is sent in its place has the
+    /// same sequence number; without such a message the next one has it.
     pub const LATE: u64 = 8;
 }
 
 impl Stamp {
-    /// Starts the provenance of a message that answers to sample `tick`, without inputs.
+    /// Starts the provenance of a message that answers to sample `tick`, taken at `sample_ns`, without inputs.
     pub fn at(tick: u64, sample_ns: u64) -> Self {
         Self { tick, sample_ns, ..Self::default() }
     }
 
-    /// Adds `parent` to the inputs. The times of a parent of another sample are not part of this chain.
+    /// Adds `parent` to the inputs. If `parent` answers to another sample, its times are not part of this chain.
     #[must_use]
     pub fn with<M: Message>(mut self, parent: &M) -> Self {
         let p = parent.stamp();
@@ -102,12 +104,12 @@ impl Stamp {
         self.delivery & delivery::FAULT != 0
     }
 
-    /// Returns whether the policy for late messages withheld it.
+    /// Returns whether the policy for late messages withheld the message.
     pub fn is_withheld(&self) -> bool {
         self.delivery & delivery::LATE != 0
     }
 
-    /// Stamp of a probe, the first message of a process: see [`delivery::PROBE`].
+    /// Stamp of a probe, which a process sends before its first message: see [`delivery::PROBE`].
     pub fn probe(epoch: u32) -> Self {
         Self { epoch: u64::from(epoch), delivery: delivery::PROBE, ..Self::default() }
     }

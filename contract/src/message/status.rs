@@ -18,11 +18,11 @@ pub enum PlantStatus {
     TooFast = 5,
     /// Last sample of a complete run: the vehicle has come down, is at rest on its feet, and its rotors idle or stand.
     Landed = 6,
-    /// Touchdown that was too hard, too fast or leaned too much, or on the rotors.
+    /// Touchdown that was too hard, too fast or too tilted, or on the rotors.
     Crashed = 7,
     /// Rotor or centre that touched the ground while the vehicle was on its feet.
     TippedOver = 8,
-    /// Last sample of a complete run: the vehicle has come down, and slid too far or still moves.
+    /// Last sample of a complete run: the vehicle has come down, but slid too far or still moves.
     Slid = 9,
     /// Last sample of a complete run: the vehicle is on the ground and has not landed, because it never took off, has
     /// not rested for a second, or its rotors turn.
@@ -76,18 +76,18 @@ impl PlantStatus {
     }
 }
 
-/// Meaning of [`Controls::status`](super::Controls::status), from the best result to the worst.
+/// Meaning of [`Controls::status`](super::Controls::status); up to `Stale` from the best result to the worst.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u64)]
 pub enum SolveStatus {
     /// Unconstrained optimum, which satisfies every constraint: one matrix-vector product. Also the answer of a law
-    /// without constraints, or of another language.
+    /// without constraints, and of a library.
     Explicit = 0,
     /// Constrained optimum, to the solver's tolerance.
     Solved = 1,
     /// Best plan found inside the set when the solver ran out of iterations or time.
     LimitReached = 2,
-    /// Unconstrained plan with each move replaced by the nearest one inside the set, because the solver found nothing.
+    /// Unconstrained plan with each move replaced by the nearest one inside the set, because the solver found no plan.
     Fallback = 3,
     /// Previous demand repeated, because an input was not finite.
     BadInput = 4,
@@ -145,9 +145,9 @@ pub mod mixer_flags {
     pub const DESCENDING: u64 = 1 << 9;
     /// Trim command, because there was neither a demand nor a usable state.
     pub const TRIM_ONLY: u64 = 1 << 10;
-    /// No thrust.
+    /// No thrust; without another flag because neither a demand nor a state came for too long.
     pub const CUT: u64 = 1 << 11;
-    /// No thrust for good, because a rotor is dead.
+    /// No thrust for good, because the vehicle cannot descend without its dead rotor.
     pub const TERMINATED: u64 = 1 << 12;
     /// Rotors at idle, because the vehicle is to sink and the ground carries it.
     pub const GROUND_CONTACT: u64 = 1 << 13;

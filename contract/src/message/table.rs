@@ -1,10 +1,10 @@
-//! The table of messages: each field once, with its type, its meaning and its mark. [`message`](super) makes the types
-//! and their [`Field`](super::field::Field)s of it, the flight log its conversion to protobuf.
+//! The table of messages: each field once, with its type, its meaning and its mark. [`message`](super) generates the
+//! types and their [`Field`](super::field::Field)s from the table, the flight log the conversion to protobuf.
 //!
 //! A field may have a mark: `as clock` if its value depends on the machine and not on the flight, so that a replay does
 //! not compare it; `as demand` if the receiver acts on it, so that the fault `wrong` changes it. `= PlantStatus` names
 //! the type that gives the numbers of a field their names. A change in this table is a new layout: raise the version
-//! in the names of all messages, and change `launcher/flight/proto/trefoil.proto` alike; the compiler compares.
+//! in the names of all messages, and change `launcher/flight/proto/trefoil.proto` too; the compiler compares both.
 
 /// Calls the macro `$with` with the table of parts and messages.
 #[macro_export]
@@ -12,24 +12,24 @@ macro_rules! messages {
     ($with:ident) => {
         $with! {
             parts {
-                /// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
+                /// Provenance and timing of one message. Times are `CLOCK_MONOTONIC` nanoseconds, except in process.
                 Stamp {
                     /// Number of the plant sample; its simulated time is `tick` times the sample time.
                     tick: u64,
-                    /// Instant of that sample: the plant's release time; in lockstep, the moment at which its tick
-                    /// began.
+                    /// Instant of the plant sample: the plant's release time; in lockstep, the moment at which the
+                    /// tick began; in process, the simulated time.
                     sample_ns: u64 as clock,
                     /// Number of this message among those of its publisher, from 1; 0 = no message yet.
                     sequence: u64,
                     /// Number of the publisher's process among all processes of its node, from 1.
                     epoch: u64,
-                    /// Sequence numbers of the messages it was computed from, by topic; 0 = none.
+                    /// Sequence numbers of the messages that this one was computed from, by topic; 0 = none.
                     inputs: [u64; Topic::COUNT],
-                    /// Epochs of those messages.
+                    /// Epochs of the messages that this one was computed from, by topic; 0 = none.
                     input_epochs: [u64; Topic::COUNT],
                     /// Epoch of the process whose snapshot the publisher restored; 0 = it restored none.
                     restored_epoch: u64,
-                    /// Number of ticks that this process had done.
+                    /// Number of ticks that the process of `restored_epoch` had done.
                     restored_ticks: u64,
                     /// Publication times along the chain, by topic, up to and including this message.
                     publish_ns: [u64; Topic::COUNT] as clock,
@@ -41,12 +41,12 @@ macro_rules! messages {
                     /// CPU time of the publisher's thread in its previous cycle, warm-up included
                     /// (`runtime::cycle_timing`) \[ns\].
                     cpu_ns: u64 as clock,
-                    /// Deadlines that the publisher has missed so far.
+                    /// Number of deadlines that the publisher has missed so far.
                     misses: u64 as clock,
-                    /// Periods that the publisher has skipped so far.
+                    /// Number of periods that the publisher has skipped so far.
                     slips: u64 as clock,
-                    /// Delay that faults added in all nodes of the chain from the sample to here, in lockstep and in
-                    /// process \[ns\].
+                    /// Delay that faults added in all nodes of the chain from the sample to this message, in lockstep
+                    /// and in process \[ns\].
                     held_ns: u64 as clock,
                     /// Number of entries and changes of the fault table (`runtime::fault_table`) that the publisher
                     /// knew of.
@@ -78,8 +78,8 @@ macro_rules! messages {
                     tilt_rad: f64,
                 }
 
-                /// Errors that the navigation unit expects of its estimate, and what became of its measurements; all
-                /// zero without the EKF.
+                /// Errors that the navigation unit expects of its estimate, and the results of its gates; all zero
+                /// without the EKF.
                 Navigation {
                     /// Standard deviations of the measured position, NED \[m\].
                     position_m: [f64; 3],
@@ -90,13 +90,13 @@ macro_rules! messages {
                     /// Normalised innovation squared of the last position, velocity, height, heading and flow, as a
                     /// share of its gate: above 1 the measurement was refused, or reset the estimate.
                     innovations: [f64; 5],
-                    /// Measurements that the gates refused so far, in the same order.
+                    /// Number of measurements that the gates refused so far, in the order of `innovations`.
                     refused: [u64; 5],
-                    /// Resets so far.
+                    /// Number of resets of the estimate so far.
                     resets: u64,
                     /// Number of the IMU whose filter flies, from 1.
                     imu: u64,
-                    /// IMUs that can be trusted: they give news, and no source contradicts their filter.
+                    /// Number of sound IMUs: they send new readings, and no source contradicts their filter.
                     imus_sound: u64,
                 }
 
@@ -104,7 +104,7 @@ macro_rules! messages {
                 Ahead {
                     /// Change of w \[m/s\].
                     w_mps: f64,
-                    /// Changes of phi, theta, psi, the last in the direction in which the heading turns \[rad\].
+                    /// Changes of phi, theta, psi; that of psi in the direction in which the heading turns \[rad\].
                     attitude_rad: [f64; 3],
                 }
 
@@ -126,7 +126,7 @@ macro_rules! messages {
                     /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim
                     /// command.
                     applied_sequence: u64,
-                    /// Age of the sample behind that command when the command took effect at the actuators \[ns\].
+                    /// Time from the sample that the command in force answers to the effect of the command \[ns\].
                     applied_age_ns: u64,
                     /// Measured motion.
                     measured: Kinematics,
@@ -166,7 +166,7 @@ macro_rules! messages {
                     flags: u64,
                     /// Time from one element of `preview` to the next, and to the first \[ns\]; 0 = no preview.
                     preview_step_ns: u64,
-                    /// Changes of the reference until these times, as far as guidance knows them.
+                    /// Changes of the reference until the later times, as far as guidance knows them.
                     preview: [Ahead; PREVIEW],
                 }
 
@@ -176,7 +176,7 @@ macro_rules! messages {
                     stamp: Stamp,
                     /// Demand of col, lon, lat, ped \[N, N m, N m, N m\].
                     demand: [f64; 4] as demand,
-                    /// Input-disturbance estimate, same axes and units.
+                    /// Estimate of the input disturbance, in the axes and units of `demand`.
                     disturbance: [f64; 4],
                     /// Wire value of a [`SolveStatus`].
                     status: u64 = SolveStatus,
@@ -186,7 +186,7 @@ macro_rules! messages {
                     solve_ns: u64 as clock,
                     /// Number of actuator constraints that are active in the published plan.
                     active_constraints: u64,
-                    /// Number of ticks so far on which a solve failed and a fallback was published.
+                    /// Number of ticks so far with the status `LimitReached` or `Fallback`.
                     fallbacks: u64,
                 }
 
@@ -206,7 +206,7 @@ macro_rules! messages {
                 Truth "trefoil.Truth.v1" 152 bytes {
                     /// Number of the plant sample.
                     tick: u64,
-                    /// Sequence number of the newest STATE at that time, from 1; 0 = no TRUTH, but a probe.
+                    /// Sequence number of the newest STATE when this message was sent, from 1; 0 = a probe.
                     sequence: u64,
                     /// Checksum of the whole message, computed with this field 0.
                     checksum: u64 as clock,

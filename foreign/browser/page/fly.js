@@ -9,7 +9,7 @@ let worker = null;
 let flying = null; // settings of the flight under way
 let wanted = null; // settings to fly next
 
-// A slider at rest changes no setting.
+// A slider at 0 changes no setting.
 function settings() {
   const lines = ({ value, dataset }) => dataset.settings.replace('{}', +(value * (dataset.scale ?? 1)).toFixed(4)).split('\n');
   return sliders.filter(slider => +slider.value).flatMap(lines);
@@ -25,7 +25,7 @@ function describe() {
   show('command', ['trefoil fly scenarios/survey.toml', ...options].join(' \\\n  '));
 }
 
-// Flies as the sliders say, once the flight under way has ended; of several changes meanwhile the last one counts.
+// Flies with the settings of the sliders, after the flight under way has ended; of several changes the last one counts.
 function fly() {
   describe();
   wanted = settings().join('\n');
@@ -49,7 +49,7 @@ function landed({ flight, took_ms }) {
   if (again) return fly();
   document.body.removeAttribute('aria-busy');
   if (flight.error) {
-    worker.terminate(); // a module that has failed may fly nothing more
+    worker.terminate(); // a module that has failed is not used again
     worker = null;
     for (const id of ['state-hash', 'max-error', 'rms-error']) show(id, '–');
     return status(`No flight: ${flight.error}`);
@@ -62,7 +62,7 @@ function landed({ flight, took_ms }) {
   draw(flight.figures);
 }
 
-// A document of its own for each flight: the report's scripts draw one flight, and run once.
+// Draws each flight in a document of its own, because the report's scripts run once and draw one flight.
 function draw(figures) {
   const script = name => `<script src="report/${name}"><\/script>`;
   const frame = document.createElement('iframe');

@@ -3,7 +3,7 @@
 //! ```text
 //! trefoil_settings(length)  ->  address   the page writes as many bytes of settings there
 //! trefoil_fly()             ->  length    of the answer, in bytes
-//! trefoil_answer()          ->  address   the page reads it there, before it calls again
+//! trefoil_answer()          ->  address   the page reads the answer there, before it calls again
 //! ```
 
 #![expect(unsafe_code, reason = "the functions are exported to JavaScript")]

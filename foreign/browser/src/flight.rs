@@ -16,7 +16,7 @@ use ring::stepped::Stepped;
 use serde_json::{Map, Value, json};
 use settings::{Scenario, load_text};
 
-/// The shipped scenario.
+/// Shipped scenario that is flown.
 const SURVEY: &str = include_str!("../../../scenarios/survey.toml");
 /// Columns of the figures, by their names in the scripts of the report.
 const COLUMNS: [&str; 7] = ["x", "y", "z", "x_wanted", "y_wanted", "z_wanted", "error"];
@@ -30,7 +30,7 @@ const COLUMNS: [&str; 7] = ["x", "y", "z", "x_wanted", "y_wanted", "z_wanted", "
 /// | `flown_s` | time of the last sample |
 /// | `max_position_error_m`, `rms_position_error_m` | as in run.json |
 /// | `figures` | data of the report's scripts |
-/// | `error` | instead of all others: why the settings were refused |
+/// | `error` | reason why the settings were refused; then there is no other key |
 pub fn fly(settings: &str) -> String {
     let overrides = settings.lines().filter(|line| !line.trim().is_empty()).map(str::to_owned);
     let overrides: Vec<String> = overrides.chain(["run.mode=inprocess".into()]).collect();

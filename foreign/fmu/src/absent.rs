@@ -1,8 +1,8 @@
 //! Functions of FMI 3.0 for other kinds of FMU and for types that no variable has. The standard requires all of them;
 //! each returns an error.
 //!
-//! They read none of their arguments, so they are declared without: in the calling conventions of the platforms of
-//! this FMU the caller alone places and removes arguments.
+//! These functions read none of their arguments, so they are declared without arguments: in the calling conventions of
+//! the platforms of this FMU the caller alone places and removes arguments.
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 
@@ -36,14 +36,14 @@ absent! {
     fmi3ActivateModelPartition
 }
 
-/// Creates nothing: this FMU is one for co-simulation.
+/// Returns NULL: this FMU is for co-simulation only.
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateModelExchange() -> *mut c_void {
     std::ptr::null_mut()
 }
 
-/// Creates nothing: this FMU is one for co-simulation.
+/// Returns NULL: this FMU is for co-simulation only.
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateScheduledExecution() -> *mut c_void {

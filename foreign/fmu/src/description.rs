@@ -8,9 +8,9 @@ use settings::{ProgramKind, Scenario};
 
 use crate::variables::{FIRST_OUTPUT, OUTPUTS, ROTOR_SPEED, ROTOR_UNIT, SETTINGS, TILT, TIME};
 
-/// Name of the model, and of its library without ending.
+/// Name of the model, and of its library without the file's extension.
 pub const MODEL: &str = "trefoil_plant";
-/// Token by which a tool shows that description and library belong together.
+/// Token which shows that description and library belong together.
 pub const TOKEN: &str = concat!("trefoil-plant-", env!("CARGO_PKG_VERSION"));
 /// File of the settings, among the resources.
 pub const SCENARIO_FILE: &str = "scenario.toml";
@@ -28,8 +28,8 @@ pub fn check(scenario: &Scenario) -> Result<(), String> {
     }
 }
 
-/// Writes the description of the plant of `scenario`, with the date of the program, if that is known: the date of today
-/// would change the bytes of the same plant.
+/// Returns the description of the plant of `scenario`, with the date of the program if it is known: today's date would
+/// change the bytes of the same plant.
 pub fn model_description(scenario: &Scenario, date: Option<&str>) -> String {
     let (_, trim) = start(scenario);
     let [sample_s, duration_s] = [scenario.sample_s(), scenario.run.duration_s];

@@ -22,11 +22,11 @@ pub struct Handle {
     instance: Instance,
     environment: *mut c_void,
     log: Option<Log>,
-    /// Text that was given out last.
+    /// Text that the tool was given last.
     text: CString,
 }
 
-/// Makes text for C; a zero in it ends it.
+/// Makes text for C, cut at the first zero byte.
 fn c_text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
@@ -40,7 +40,7 @@ fn tell(log: Option<Log>, environment: *mut c_void, why: &str) {
     }
 }
 
-/// Runs `work` on an instance; an error or a panic in it goes to the tool.
+/// Runs `work` on an instance; an error or a panic of `work` is reported to the tool.
 ///
 /// # Safety
 /// `handle` came from `fmi3InstantiateCoSimulation`, was not freed, and is used by one thread at a time.
@@ -60,7 +60,7 @@ unsafe fn with(handle: *mut Handle, work: impl FnOnce(&mut Handle) -> Result<(),
 /// Lends `count` values of the tool to be read.
 ///
 /// # Safety
-/// `values` points to `count` values that live as long as `'a`; of 0 values it may be NULL.
+/// `values` points to `count` values that live as long as `'a`; if `count` is 0, `values` may be NULL.
 unsafe fn given<'a, T>(values: *const T, count: usize) -> &'a [T] {
     // SAFETY: the caller guarantees it.
     if count == 0 || values.is_null() { &[] } else { unsafe { std::slice::from_raw_parts(values, count) } }
@@ -84,7 +84,7 @@ unsafe fn text<'a>(text: *const c_char) -> &'a str {
     if text.is_null() { "" } else { unsafe { CStr::from_ptr(text) }.to_str().unwrap_or_default() }
 }
 
-/// Version of the standard.
+/// Returns the version of the standard.
 // SAFETY: the standard has one function of this name in an FMU.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3GetVersion() -> *const c_char {
@@ -200,7 +200,7 @@ pub unsafe extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
     unsafe { with(handle, |handle| handle.instance.reset()) }
 }
 
-/// Reads numbers.
+/// Reads the numbers of variables.
 ///
 /// # Safety
 /// As for all functions of an instance ([`with`]); the arrays have the given numbers of values.
@@ -229,7 +229,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     unsafe { with(handle, get) }
 }
 
-/// Sets numbers of inputs.
+/// Sets the numbers of inputs.
 ///
 /// # Safety
 /// As for [`fmi3GetFloat64`].
@@ -358,7 +358,7 @@ unsafe fn give(state: *mut *mut Saved, saved: Saved) -> Result<(), String> {
     Ok(())
 }
 
-/// Stores the state, in a state that was given or a new one.
+/// Stores the state of the instance in the state that `state` points to, or in a new one if that is NULL.
 ///
 /// # Safety
 /// As for all functions of an instance ([`with`]); `state` points to NULL or to a state of this FMU.
@@ -403,7 +403,7 @@ pub unsafe extern "C" fn fmi3FreeFMUState(_: *mut Handle, state: *mut *mut Saved
     OK
 }
 
-/// Size of a state as bytes.
+/// Writes the size of a state as bytes to `size`.
 ///
 /// # Safety
 /// `size` can be written.

@@ -35,7 +35,7 @@ struct Flown {
 /// Instance of the FMU.
 pub struct Instance {
     resources: PathBuf,
-    /// Settings of the resources, with the parameter on top from the initialisation on.
+    /// Settings of the resources; from the initialisation on, with the parameter `settings` on top.
     scenario: Scenario,
     /// Lines of the parameter `settings`.
     pub settings: String,
@@ -44,7 +44,7 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Creates the instance of an FMU whose resources are in this folder.
+    /// Creates the instance of an FMU whose resources are in the folder `resources`.
     pub fn new(resources: PathBuf) -> Result<Self, String> {
         let scenario = load(&resources, "")?;
         let (_, trim) = start(&scenario);
@@ -149,7 +149,7 @@ impl Instance {
 }
 
 impl Saved {
-    /// Writes a state as [`STATE_BYTES`].
+    /// Writes the state to `bytes`, of which there must be [`STATE_BYTES`].
     pub fn serialise(&self, bytes: &mut [u8]) -> Result<(), String> {
         let mut flown = self.flown.clone().ok_or("a state before initialisation cannot be serialised")?;
         let mut words = vec![0; PLANT_WORDS];
@@ -163,7 +163,7 @@ impl Saved {
     }
 }
 
-/// Loads the settings of the resources, with these lines on top.
+/// Loads the settings of the resources, with the lines of `settings` on top.
 fn load(resources: &std::path::Path, settings: &str) -> Result<Scenario, String> {
     let overrides: Vec<String> = settings.lines().filter(|line| !line.trim().is_empty()).map(str::to_owned).collect();
     let scenario = settings::load(Some(&resources.join(SCENARIO_FILE)), &overrides);

@@ -1,4 +1,4 @@
-//! Tests of the limits: they are equal in all directions, and the integral does not wind up at a limit.
+//! Tests of the limits: limits are equal in all directions, and the integral does not wind up at a limit.
 
 use contract::message::guidance_flags;
 use nalgebra::Vector3;
@@ -51,7 +51,7 @@ fn the_limits_do_not_depend_on_where_north_is() {
     assert_eq!(flags & all, all, "the flight reaches them");
 }
 
-/// Guidance after `ticks` ticks, 2 m south of and below its hover all the while, with free integrals.
+/// Guidance after `ticks` ticks in which the vehicle stays 2 m south of its hover and 2 m below, with free integrals.
 fn held_away(ticks: u64, change: fn(&mut Scenario)) -> Guidance {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
     s.guidance.integral_limit = 1e9;
@@ -67,12 +67,12 @@ fn held_away(ticks: u64, change: fn(&mut Scenario)) -> Guidance {
 }
 
 #[test]
-fn what_the_limits_take_off_is_fed_back_into_the_integral() {
+fn the_clipped_part_is_fed_back_into_the_integral() {
     let free = held_away(100, |s| (s.guidance.angle_limit_deg, s.guidance.climb_limit_mps) = (80.0, 1e9));
     assert!((free.memory.integral_ms - Vector3::new(2.0, 0.0, -2.0)).amax() < 1e-12, "2 m for 1 s");
     let limited = held_away(100, |_| {}).memory.integral_ms;
     assert!(limited.x < 1.0 && limited.z > -1.6, "both fall behind: {limited}");
-    // The integral ends where the output is at its limit without the error: Ki times it.
+    // The integral settles where Ki times the integral is the limit of the output.
     let Guidance { memory, settings, .. } = held_away(60_000, |_| {});
     let next = memory.integral_ms + memory.error_m * 0.01;
     let reached = [settings.ki_theta * next.x, settings.ki_w * next.z];
@@ -83,7 +83,7 @@ fn what_the_limits_take_off_is_fed_back_into_the_integral() {
 fn without_a_proportional_gain_nothing_is_fed_back() {
     let integral = held_away(100, |s| {
         (s.guidance.kp_theta, s.guidance.kp_w) = (0.0, 0.0);
-        (s.guidance.ki_theta, s.guidance.ki_w) = (-10.0, 100.0); // both beyond their limits
+        (s.guidance.ki_theta, s.guidance.ki_w) = (-10.0, 100.0); // both outputs exceed their limits
     });
     assert!((integral.memory.integral_ms - Vector3::new(2.0, 0.0, -2.0)).amax() < 1e-12, "and none is divided by");
     assert_ne!(integral.memory.reference.flags & guidance_flags::PITCH_LIMITED, 0);

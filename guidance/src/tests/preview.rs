@@ -1,4 +1,4 @@
-//! The preview against the references of later ticks.
+//! Tests of the preview against the references of later ticks.
 
 use airframe::angle;
 use contract::message::PREVIEW;
@@ -44,7 +44,7 @@ fn a_lead_is_the_feed_forward_of_a_later_time_at_the_place_of_now() {
     let turning = turning(CIRCLE);
     let mut straight = turning.clone();
     straight.mission.part.iter_mut().for_each(|part| part.heading_deg = None);
-    // The preview turns feed-forward with the heading that it expects; the lead turns it with the measured heading.
+    // The preview turns the feed-forward with the expected heading, the lead with the measured heading.
     for (now, skipped) in [(straight, 0), (turning, 2)] {
         let mut led = now.clone();
         led.guidance.lead_s = 0.01 * STEP_TICKS as f64;
@@ -68,7 +68,7 @@ fn a_lead_is_the_feed_forward_of_a_later_time_at_the_place_of_now() {
 fn a_preview_is_the_reference_of_a_vehicle_that_keeps_its_place() {
     for (parts, east_m) in [(LEGS, 0.0), (LEGS, 0.3), (CIRCLE, -0.2)] {
         let mut scenario = turning(parts);
-        scenario.guidance.ki_phi = 0.0; // the integral grows meanwhile
+        scenario.guidance.ki_phi = 0.0; // the integral would grow until the later tick
         scenario.guidance.ki_theta = 0.0;
         let mut largest = [0.0_f64; 4];
         for tick in (0..1500).step_by(7) {
@@ -96,13 +96,13 @@ fn a_heading_that_turns_past_south_turns_on_in_the_preview() {
     let ahead = beside(&scenario, 495, 0.0).preview;
     let turned: Vec<f64> = ahead.iter().map(|ahead| ahead.attitude_rad[2].to_degrees()).collect();
     for (degrees, number) in turned.iter().zip(0..) {
-        let expected = f64::min(3.0 * f64::from(number), 20.0); // 60 degrees/s from the first element on
+        let expected = f64::min(3.0 * f64::from(number), 20.0); // a turn at 60 degrees/s begins at the first element
         assert!((degrees - expected).abs() < 1e-6, "{turned:?}");
     }
 }
 
 #[test]
-fn without_the_setting_nothing_is_said() {
+fn without_the_setting_there_is_no_preview() {
     let mut scenario = turning(LEGS);
     scenario.guidance.preview_s = 0.0;
     let reference = beside(&scenario, 100, 0.0);

@@ -7,7 +7,8 @@ use super::{hovering, roll_trim, scenario};
 use crate::Guidance;
 use crate::limits::ReferenceLimits;
 
-/// Answers from the first state after a silence on, in which the vehicle has drifted far ahead and down.
+/// Answers from the first state after `silent` ticks of silence on, in which the vehicle has drifted far ahead and
+/// down.
 fn after(profile: Profile, silent: u64, answers: u64) -> Vec<Reference> {
     let mut guidance = Guidance::new(&scenario(profile, TrajectoryKind::Hover));
     guidance.step(0, &hovering(0));
@@ -27,7 +28,7 @@ fn after_a_long_silence_the_answer_is_small_and_grows() {
     let answers = after(Profile::Robust, 50, 301);
     let pitch_deg = |i: usize| answers[i].attitude_rad[1].to_degrees();
     assert!((pitch_deg(0) - 15.0).abs() < 1e-9, "back, by raising the nose: {}", pitch_deg(0));
-    let climb_mps = |i: usize| answers[i].w_mps * roll_trim().cos(); // it is measured at trim
+    let climb_mps = |i: usize| answers[i].w_mps * roll_trim().cos(); // w is along body z at the roll of trim
     assert!((climb_mps(0) + 1.0).abs() < 1e-9, "and up: {}", climb_mps(0));
     assert!((pitch_deg(100) - 20.0).abs() < 1e-9 && (climb_mps(100) + 2.0).abs() < 1e-9);
     assert!((pitch_deg(300) - 30.0).abs() < 1e-9, "after 3 s as ever");

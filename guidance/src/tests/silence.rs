@@ -183,7 +183,7 @@ proptest! {
                 prop_assert!(candidate.restore(&snapshot));
                 continued = Some(candidate);
             }
-            let mut state = hovering(tick.saturating_sub(late / 2)); // a third of them come too late
+            let mut state = hovering(tick.saturating_sub(late / 2)); // a third of the states come a tick late
             state.measured.position_m = position_m;
             state.measured.velocity_mps = velocity_mps;
             let answer = guidance.step(tick, &state);

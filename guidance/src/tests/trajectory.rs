@@ -1,4 +1,4 @@
-//! Tests of trajectories against the independent simulator, and above ground.
+//! Tests of trajectories against the independent simulator, and of rests below the ground.
 
 use settings::{Profile, Scenario};
 
@@ -18,7 +18,8 @@ fn val_survey_reference() {
 
 #[test]
 fn val_ramps_begin_at_their_instant() {
-    // The independent simulator's feed-forward, theta_ref = -a_x / g, changes on the very sample a ramp begins.
+    // The independent simulator's feed-forward, theta_ref = -a_x / g, changes at the very sample at which a ramp
+    // begins.
     let trajectory = Trajectory::new(&Scenario::from(Profile::Paper));
     let full = 8.0 / 8.5 / 1.5;
     for (t, expected) in [(10.0, full), (11.49, full), (11.5, 0.0), (18.49, 0.0), (18.5, -full), (20.0, 0.0)] {

@@ -2,12 +2,12 @@
 //!
 //! ```toml
 //! [compare]
-//! with = "pid"                            # other controllers less this one
-//! controllers = ["lqr"]                   # these; without it all others
+//! with = "pid"                            # controller that is subtracted
+//! controllers = ["lqr"]                   # controllers that are compared; default: all others
 //! metrics = ["rms_position_error_m"]      # columns of the table of flights
 //! ```
 //!
-//! Only pairs of flights that both pass are compared: a lost flight has no tracking error. How many pairs are left out
+//! Only pairs of flights that both pass are compared: a lost flight has no tracking error. The number of pairs left out
 //! stands beside each difference, because a controller that loses its worst flights looks better without them.
 
 use anyhow::ensure;
@@ -22,7 +22,7 @@ use crate::columns;
 pub struct Compare {
     /// Controller that others are compared with.
     pub with: String,
-    /// Controllers that are compared with it; absent = all others.
+    /// Controllers that are compared with `with`; absent = all others.
     #[serde(default)]
     pub controllers: Option<Vec<String>>,
     /// Columns of the table of flights.

@@ -1,5 +1,5 @@
-//! Checks the intervals against a known truth: of 2000 simulated campaigns of each shipped kind about 95 % cover it, or
-//! more where the page says so.
+//! Checks the intervals against a known truth: in about 95 % of 2000 simulated campaigns of each shipped kind the
+//! interval covers the truth, or in more where the page says so.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ const CAMPAIGNS: u32 = 2000;
 const TRUTH: [f64; 2] = [0.8, 0.75];
 /// Samples of a Latin hypercube in these tests; more samples behave alike.
 const HYPERCUBE: u64 = 500;
-/// Keys of its coordinates.
+/// Keys of the hypercube's coordinates.
 const KEYS: [&str; 5] = ["a", "b", "c", "d", "e"];
 
 /// Evidence of a campaign in which no flight is a copy.
@@ -39,7 +39,8 @@ struct Covered {
     difference: u32,
 }
 
-/// Counts the intervals of one campaign. `cases`: which of two controllers pass; `listed`: an axis of listed values.
+/// Counts the intervals of one campaign that cover the truth. `cases` has, for each case, which of the two controllers
+/// pass; `listed` is an axis of listed values, if there is one.
 fn look(covered: &mut Covered, evidence: &Evidence, laws: u64, cases: &[[bool; 2]], listed: Option<PlanAxis>) {
     let first = || cases.iter().enumerate().map(|(case, passed)| (case as u64 * laws, passed[0]));
     let covers = |low: f64, high: f64, truth: f64| u32::from((low..=high).contains(&truth));
@@ -56,7 +57,7 @@ fn look(covered: &mut Covered, evidence: &Evidence, laws: u64, cases: &[[bool; 2
 }
 
 /// Simulates which of two controllers pass each case of independent draws: in half of the draws all cases share one
-/// random number, and every tenth flight, at random, has a number of its own.
+/// random number, and each flight has a number of its own with a probability of 10 %.
 fn independent(rng: &mut ChaCha8Rng, evidence: &Evidence, controllers: u64, cases: u64) -> Vec<[bool; 2]> {
     let draws: Vec<Option<f64>> =
         (0..evidence.all_draws()).map(|_| rng.random::<bool>().then(|| rng.random())).collect();

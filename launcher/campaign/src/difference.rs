@@ -81,7 +81,8 @@ fn sign_flip(terms: impl Iterator<Item = i64>) -> f64 {
     if sum == 0 {
         return 1.0;
     }
-    // Sums of the positive terms, up to the observed one or its mirror, whichever is lower.
+    // `chances[i]` is the probability that the positive terms have the sum `i`. Sums beyond the observed one or its
+    // mirror image, whichever is lower, are left out.
     let tail = ((most - sum.unsigned_abs()) / 2) as usize;
     let mut chances = vec![0.0; tail + 1];
     chances[0] = 1.0;
@@ -134,7 +135,7 @@ mod tests {
         }
     }
 
-    /// Reference: the sleep data of Student's paper as `t.test(..., paired = TRUE)` of R has them.
+    /// Reference: the sleep data of Student's paper, by `t.test(..., paired = TRUE)` of R.
     #[test]
     fn val_the_difference_of_a_metric_is_that_of_student() {
         let more = [1.2, 2.4, 1.3, 1.3, 0.0, 1.0, 1.8, 0.8, 4.6, 1.4];
@@ -147,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn without_two_draws_nothing_is_said_of_a_metric_and_equal_flights_do_not_differ() {
+    fn fewer_than_two_draws_give_no_difference_and_neither_do_equal_flights() {
         assert_eq!(MetricDifference::over(&[]), None);
         assert_eq!(MetricDifference::over(&[1.0]), None);
         assert_eq!(MetricDifference::over(&[1.0, 1.0]), None);

@@ -19,10 +19,10 @@ use crate::rate::Rate;
 use crate::sampling::Sampling;
 use crate::table::{Cell, FlightTable};
 
-/// Draws below which the page says that they are too few.
+/// Number of draws below which the page calls them too few.
 pub const FEW: u64 = 20;
-/// Least number of draws per flight of a draw. With fewer, intervals cover more than 95 %, because the half draw that
-/// they add for what was not observed ([`mean`](crate::mean)) weighs too much.
+/// Least ratio of the number of draws to the number of flights in each draw. Below it, intervals cover more than 95 %,
+/// because the half draw that they add for what was not observed ([`mean`](crate::mean)) weighs too much.
 const DRAWS_PER_FLIGHT: u64 = 15;
 
 /// Relation of the draws of a campaign to each other.
@@ -45,9 +45,9 @@ pub struct Evidence {
     pub draws: Draws,
     /// Axis along which the draws lie, if there are any.
     axis: Option<PlanAxis>,
-    /// Index of the first controller that flew every flight alike, by controller.
+    /// For each controller, index of the first one that flew every flight alike; its own index if there is none.
     pub same_as: Vec<usize>,
-    /// Keys of listed values without effect, and the controllers for which no flight changed.
+    /// Keys of listed values without effect, each with the controllers under which no flight changed.
     pub idle: Vec<(String, Vec<usize>)>,
     /// Number of flights flown, and of different flights among them.
     pub flown: usize,

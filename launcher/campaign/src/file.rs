@@ -36,7 +36,7 @@ pub struct Campaign {
     pub controllers: Vec<(String, Given)>,
     /// Names of the cases, each with the settings of its flights by controller.
     cases: Vec<(String, Vec<Given>)>,
-    /// Factors, sorted by key; those of Sobol points in the order of the file, which is that of their dimensions.
+    /// Factors, sorted by key; for Sobol points in the order of the file, which is the order of the dimensions.
     pub factors: Vec<Factor>,
 }
 
@@ -186,7 +186,6 @@ impl Campaign {
         self.file.compare.as_ref()
     }
 
-    /// Returns the promises of the file.
     pub fn promises(&self) -> &[Promise] {
         &self.file.promise
     }
@@ -196,13 +195,14 @@ impl Campaign {
         self.cases.iter().map(|(name, _)| name.as_str())
     }
 
-    /// Returns the settings under controller number `controller`, in the case named `case`.
+    /// Returns the settings under controller number `controller`, in the case named `case`; `None` for a file without
+    /// cases.
     pub fn given(&self, controller: usize, case: Option<&str>) -> &Given {
         let case = self.cases.iter().find(|(name, _)| Some(name.as_str()) == case);
         case.map_or(&self.controllers[controller].1, |(_, by_controller)| &by_controller[controller])
     }
 
-    /// Returns the settings under every controller, in the case named `case`; in every case if that is `None`.
+    /// Returns the settings under every controller, in the case named `case`; in every case if `case` is `None`.
     pub fn givens(&self, case: Option<&str>) -> Vec<&Given> {
         let outside = self.controllers.iter().filter(|_| self.cases.is_empty()).map(|(_, given)| given);
         let cases = self.cases.iter().filter(|(name, _)| case.is_none_or(|case| name == case));

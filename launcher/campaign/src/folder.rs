@@ -9,7 +9,7 @@
 //!     campaign.html     the page
 //!     flight-N/         a flight that was flown again
 //!     slurm/            the submitted script, and the logs of the tasks
-//!     lock              held while a campaign flies: exclusive by a campaign of this machine, shared by shards
+//!     lock              held while a campaign flies: exclusive by a local campaign, shared by the tasks of a cluster
 //! ```
 
 use std::collections::HashSet;
@@ -26,19 +26,18 @@ use crate::plan::Plan;
 use crate::shard;
 use crate::table::FlightTable;
 
-/// Flights of a shard by default: so many are lost at most if a machine dies.
+/// Default number of flights of a shard: the most that a killed task loses.
 const SHARD: u64 = 100;
 /// Largest default number of shards; Slurm's default allows array indices 0 to 1000, which are 1001 tasks.
 const USUAL_SHARDS: u64 = 1000;
 /// Name of the folder of the shards.
 const SHARDS: &str = "shards";
 
-/// Access of other processes to the folder.
+/// Access to the folder: exclusive, shared with the tasks of other shards, or reading without a lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FolderAccess {
     Alone,
     WithShards,
-    /// Read the shards without a lock.
     Reading,
 }
 
@@ -52,7 +51,7 @@ pub struct CampaignFolder {
 }
 
 impl CampaignFolder {
-    /// Opens the folder of a plan, or creates it with `shards` shards.
+    /// Opens the folder of a plan, or creates it with `shards` shards; `None` takes the default number.
     ///
     /// # Errors
     /// The folder belongs to another campaign, program or layout, or another process flies a campaign into it.
@@ -81,7 +80,7 @@ impl CampaignFolder {
         let layout = CampaignLayout::read(&dir)?;
         let elsewhere = "give this one another folder with --out, or remove the old one";
         let other = |what: &str| format!("the folder {} holds {what}; {elsewhere}", path.display());
-        let changed = "another campaign, or this one by another name or before it was changed: see its campaign.toml";
+        let changed = "another campaign, or an earlier or renamed version of this one: see its campaign.toml";
         ensure!(layout.campaign == wanted.campaign && layout.flights == wanted.flights, other(changed));
         let by = format!("flights of another program ({}; this is {})", layout.program, wanted.program);
         ensure!(layout.program == wanted.program, other(&by));
@@ -95,7 +94,7 @@ impl CampaignFolder {
         Dir::open(path).is_ok_and(|dir| dir.has(LAYOUT))
     }
 
-    /// Lists the shards that are not there.
+    /// Lists the missing shards.
     ///
     /// # Errors
     /// The folder of the shards cannot be read.
@@ -120,7 +119,8 @@ impl CampaignFolder {
         is_there.then(|| shard::read(&self.shards, plan, &self.layout, index)).transpose()
     }
 
-    /// Reads the shard that has a flight, if it is there, and returns the flight's row in it.
+    /// Reads the shard with the flight `flight`, and returns it with the flight's row in it; `None` if the shard is
+    /// missing.
     ///
     /// # Errors
     /// The shard is there but damaged, or belongs to another plan.
@@ -167,11 +167,11 @@ fn prepare(path: &Path, access: FolderAccess) -> anyhow::Result<(Dir, Option<Fil
     Ok((dir, Some(lock)))
 }
 
-/// Removes unfinished files of an earlier campaign that was killed.
+/// Removes unfinished shards that a killed campaign left.
 fn remove_parts(shards: &Dir) -> anyhow::Result<()> {
     let names = shards.names()?;
     for name in names.iter().filter(|name| Path::new(name).extension().is_some_and(|extension| extension == "part")) {
-        let _ = shards.remove(name); // one that stays does no harm
+        let _ = shards.remove(name); // a file that stays does no harm
     }
     Ok(())
 }
@@ -205,7 +205,9 @@ mod tests {
         ];
         assert_eq!(one.layout, two.layout);
         drop((one, two));
-        assert!(said(&plan("seeds = 11"), None).contains("another campaign, or this one by another name"));
+        assert!(
+            said(&plan("seeds = 11"), None).contains("another campaign, or an earlier or renamed version of this one")
+        );
         assert!(said(&ours, Some(5)).contains("in 4 shards, not 5"));
         let merged = Campaign::load(&path.join("campaign.toml")).unwrap();
         assert_eq!(merged.hash(), ours.campaign.hash(), "the folder's own file flies the same");

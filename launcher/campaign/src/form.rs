@@ -3,7 +3,7 @@
 //! ```toml
 //! name = "mass-and-wind"             # default: the name of the file
 //! scenario = "survey.toml"           # path relative to this file; default: the launcher's scenario
-//! seed = 1                           # of all draws
+//! seed = 1                           # seed of all draws
 //! seeds = 50                         # each flight is flown with the seeds 1 to 50; or a list of seeds
 //! samples = 200                      # number of draws of the distributions
 //! sampling = "latin-hypercube"       # or "random", "sobol"
@@ -29,7 +29,7 @@
 //! controllers = ["lqr"]
 //! passed = "all"
 //!
-//! [limit]                            # searched: up to which value a flight passes: see `limit`
+//! [limit]                            # search of the value up to which a flight passes: see `limit`
 //! [random_faults]
 //! count = [0, 2]
 //! at_s = [2.0, 15.0]
@@ -102,7 +102,7 @@ pub struct File {
     #[serde(default, skip_serializing_if = "Named::is_empty")]
     #[schemars(schema_with = "any_table")]
     pub case: Named,
-    /// Setting whose largest value at which a flight passes is searched, for each flight of the plan.
+    /// Search of the value of a setting up to which each flight of the plan passes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit: Option<Limit>,
     /// Faults drawn from the catalogue for each draw.
@@ -111,10 +111,12 @@ pub struct File {
     /// Search of gains by `trefoil tune`. It is left out of the campaign's hash, because it changes no flight.
     #[serde(skip_serializing)]
     pub tune: Option<Tune>,
-    /// Metrics in which the controllers are compared. It changes no flight either.
+    /// Metrics in which the controllers are compared. They are left out of the campaign's hash, because they change no
+    /// flight.
     #[serde(skip_serializing)]
     pub compare: Option<Compare>,
-    /// Statements that must hold of the flights. They change no flight either.
+    /// Statements that must hold of the flights. They are left out of the campaign's hash, because they change no
+    /// flight.
     #[serde(default, skip_serializing)]
     pub promise: Vec<Promise>,
 }
@@ -132,7 +134,7 @@ fn one() -> u32 {
 }
 
 impl File {
-    /// Adds controllers of the command line. A promise on all controllers stays one on those of the file.
+    /// Adds controllers of the command line. A promise on all controllers then covers only those of the file.
     pub fn add_own(&mut self, own: &[OwnController]) -> anyhow::Result<()> {
         let count = self.controller.0.len().max(1);
         OwnController::add_all(own, &mut self.controller, ONLY)?;
@@ -143,7 +145,7 @@ impl File {
         Ok(())
     }
 
-    /// Adds the controllers of the campaign file at `path` before its own.
+    /// Adds the controllers of the campaign file at `path` before those of this file.
     pub fn add_controllers_of(&mut self, path: &Path) -> anyhow::Result<()> {
         let (path, text) = text_of(path)?;
         let origin = path.display().to_string();

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | `form` | `campaign.toml` as it is written |
-//! | [`file`](mod@file) | the campaign of such a file: the scenario and the values that vary |
+//! | [`file`](mod@file) | the campaign read from its file: the scenario and the values that vary |
 //! | `named` | named tables of the file, in its order |
 //! | [`schema`] | the JSON Schema of the file |
 //! | [`own_controller`] | controllers that the command line adds |
@@ -17,10 +17,10 @@
 //! | `columns` | columns of the outcome of a flight |
 //! | [`shard`] | a part of the flights, as a file that is either complete or absent |
 //! | [`folder`], [`layout`] | the folder of a campaign, its lock, and the program and campaign of its shards |
-//! | [`local`] | all cores of this machine |
-//! | [`slurm`], `scheduler` | a cluster, and the commands of its scheduler |
-//! | [`limit`](mod@limit) | up to which value of a setting a flight passes |
-//! | [`observed`] | that value in a flight in real time |
+//! | [`local`] | flies shards on all cores of this machine |
+//! | [`slurm`], `scheduler` | flies shards on a Slurm cluster, and runs the commands of its scheduler |
+//! | [`limit`](mod@limit) | the value of a setting up to which a flight passes |
+//! | [`observed`] | the searched setting, as measured in a flight in real time |
 //! | [`tune`], [`search`] | gains tuned by one procedure, on draws that the campaign does not use |
 //! | [`seeds`] | refuses seeds that change nothing |
 //! | [`evidence`] | the draws of a campaign, and the copies among its flights |

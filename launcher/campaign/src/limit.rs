@@ -9,13 +9,13 @@
 //! grid = 8                           # number of values that are flown first, both ends included; default 8
 //! ```
 //!
-//! A flight can pass beyond a value at which it fails: profile `paper` flies the survey with every second CONTROLS or
-//! every fourth, and is lost with every third. So the whole grid is flown first. Bisection then goes into the first
-//! step of the grid, seen from `from`, that begins with a pass and ends with a failure, until the two are neighbours.
-//! The limit is the pass of this pair. Values of the grid beyond it that pass are islands, which are recorded and do
-//! not count. A failure between two values of the grid that pass stays unseen: a finer grid sees it.
+//! A flight can pass beyond a value at which it fails: profile `paper` flies the survey if a fault lets every second or
+//! every fourth CONTROLS pass, and is lost with every third. So the whole grid is flown first. Bisection then narrows
+//! the first step of the grid, seen from `from`, that begins with a pass and ends with a failure, until pass and
+//! failure are neighbours. The limit is that pass. Values of the grid beyond it that pass are islands, which are
+//! recorded and do not count. A failure between two values of the grid that pass stays unseen: a finer grid sees it.
 //!
-//! Values are counted by steps of the resolution from `from`, so that whole settings get whole numbers.
+//! Values are counted by steps of the resolution from `from`, so that a setting of whole numbers gets whole numbers.
 
 use anyhow::ensure;
 use schemars::JsonSchema;
@@ -27,7 +27,7 @@ use crate::table::{Cell, ColumnType};
 
 /// Column of the limit.
 pub const LIMIT: &str = "limit";
-/// Column of the flights that a search flew.
+/// Column of the number of flights that a search flew.
 pub const FLIGHTS: &str = "limit_flights";
 /// Column of the islands, as a list in text.
 pub const ISLANDS: &str = "limit_islands";
@@ -56,7 +56,7 @@ fn eight() -> u32 {
     8
 }
 
-/// Steps from `from` to a limit; `None` if the flight fails already there. Less is worse.
+/// Steps from `from` to a limit; `None` if the flight fails already at `from`. Fewer steps are worse.
 pub type LimitSteps = Option<u64>;
 
 /// Result of a search; values are given by their steps from `from`.
@@ -64,7 +64,7 @@ pub type LimitSteps = Option<u64>;
 pub struct FoundLimit {
     /// Last value that passes before the first failure.
     pub limit: LimitSteps,
-    /// First value that fails; `None` if all of the grid pass.
+    /// First value that fails; `None` if all values of the grid pass.
     pub fails_at: LimitSteps,
     /// Values of the grid that pass beyond the first failure, in the order of the range.
     pub islands: Vec<u64>,
@@ -75,7 +75,7 @@ impl Limit {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// No range, a resolution that does not divide it, or a grid of less than two values.
+    /// The range is empty or not finite, the resolution does not divide it, or the grid has fewer than two values.
     pub fn check(&self) -> anyhow::Result<()> {
         let Self { from, to, resolution, grid, .. } = self;
         ensure!(from.is_finite() && to.is_finite() && from != to, "`from` = {from}, `to` = {to}: give two finite ends");
@@ -111,7 +111,7 @@ impl Limit {
         ((value - self.from).abs() / self.resolution).round() as u64
     }
 
-    /// Key and value of the setting, `step` steps from `from`; a whole number is given as such.
+    /// Key and value of the setting, `step` steps from `from`; a whole number becomes an integer.
     pub fn setting(&self, step: u64) -> (String, Value) {
         let value = self.value(step);
         let value = if value.fract() == 0.0 { Value::Integer(value as i64) } else { Value::Float(value) };
@@ -196,8 +196,8 @@ impl Limit {
     }
 }
 
-/// Columns that a search adds to the table: the limit, if it lies within the range, the first value that fails, the
-/// number of flights, the islands.
+/// Columns that a search adds to the table: the limit, its place in the range (`below`, `within` or `or_more`), the
+/// first value that fails, the number of flights, the islands.
 pub fn columns() -> Vec<(String, ColumnType)> {
     let columns = [
         (LIMIT, ColumnType::Real),
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_beyond_an_end_of_the_range_is_said_to_be_there() {
+    fn a_limit_beyond_the_range_is_reported_as_such() {
         let up = limit("from = 0.0\nto = 70.0\nresolution = 1.0");
         let (all, _) = searched(|_| true);
         assert_eq!((all.limit, all.fails_at, all.flights), (Some(70), None, 8));

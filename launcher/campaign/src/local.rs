@@ -19,9 +19,9 @@ use crate::table::{Cell, FlightTable};
 /// Progress of a campaign.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress {
-    /// Flights flown so far by this call.
+    /// Flights flown so far by this call of [`fly`].
     pub flown: u64,
-    /// Flights that this call has to fly.
+    /// Flights that this call of [`fly`] has to fly.
     pub all: u64,
     /// Word for what is flown: flights, or searches of several flights.
     units: &'static str,
@@ -65,8 +65,8 @@ pub fn fly_all(plan: &Plan) -> FlightTable {
     table
 }
 
-/// Flies `shards`, and writes each when it is complete. Returns `false` if `interrupts` stopped it before the last.
-/// Calls `show` after each flight with its row.
+/// Flies `shards`, and writes each when it is complete. Returns `false` if `interrupts` ended the call before the last
+/// flight. Calls `show` after each flight with the progress and the flight's row.
 ///
 /// # Errors
 /// A shard cannot be written; those already written stay.
@@ -92,7 +92,7 @@ pub fn fly(
                 let row = go_on().then(|| row::of(plan, number, go_on))??;
                 Some((shard, number, row.standing, row.cells))
             };
-            // In order, because `par_bridge` gives the next flight to the next free core.
+            // Shards are flown in order, because `par_bridge` gives the next flight to the next free core.
             flights.par_bridge().filter_map(one).for_each_with(done, |done, row| {
                 let _ = done.send(row); // fails only after the receiver returned an error
             });

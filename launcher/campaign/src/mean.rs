@@ -16,11 +16,11 @@ use statrs::distribution::{Beta, ContinuousCDF};
 
 /// Confidence of an interval is 1 - `ALPHA`.
 pub const ALPHA: f64 = 0.05;
-/// Accuracy of the probability of a quantile; the search ends when it is reached.
+/// Accuracy of the probability of a quantile, at which the search for the quantile ends.
 const ACCURACY: f64 = 1e-9;
-/// Largest number of steps of that search.
+/// Largest number of steps of the search for a quantile.
 const MAX_STEPS: usize = 100;
-/// Step of the quadrature; makes it exact to 1e-9.
+/// Step of the quadrature, small enough for an error below 1e-9.
 const STEP: f64 = 0.05;
 /// Decay at which the quadrature ends: an integrand below `exp(-NOTHING)` adds nothing.
 const NOTHING: f64 = 30.0;
@@ -34,7 +34,7 @@ pub fn interval(mut draws: Vec<f64>, ends: [f64; 2]) -> [f64; 2] {
     [lower_end(counts, ends), -lower_end(mirrored, [-ends[1], -ends[0]])]
 }
 
-/// Returns the lower end; each draw is given as a value and how many draws have it.
+/// Returns the lower end; `counts` has each value with the number of draws that have it.
 fn lower_end(mut counts: Vec<(f64, f64)>, [least, most]: [f64; 2]) -> f64 {
     let is_end = |value: f64| value == least || value == most;
     if counts.iter().all(|(value, _)| is_end(*value)) {
@@ -52,7 +52,7 @@ fn quantile(counts: &[(f64, f64)], p: f64) -> f64 {
     let mean = counts.iter().map(|(value, count)| value * count).sum::<f64>() / all;
     let spread = counts.iter().map(|(value, count)| count * (value - mean) * (value - mean)).sum::<f64>() / all;
     let deviation = (spread / (all + 1.0)).sqrt();
-    // The quantile lies between these by Cantelli's inequality.
+    // The quantile lies between these two ends by Cantelli's inequality.
     let odds = (1.0 / p - 1.0).sqrt();
     let excess = |t: f64| (t, chance_below(counts, t) - p);
     let (mut low, mut high) = (excess(mean - deviation * odds), excess(mean + deviation / odds));
@@ -69,9 +69,9 @@ fn quantile(counts: &[(f64, f64)], p: f64) -> f64 {
     f64::midpoint(low.0, high.0)
 }
 
-/// Returns the probability that the mean of `counts` under Dirichlet weights is below `t`. It equals that of a sum
-/// below 0 of independent gamma variables, each times the distance of its value from `t`. Inverts the characteristic
-/// function (Imhof, Biometrika 48, 1961) with the double exponential quadrature of Takahasi and Mori (1974).
+/// Returns the probability that the mean of `counts` under Dirichlet weights is below `t`: the probability that a sum
+/// of independent gamma variables, each times the distance of its value from `t`, is below 0. The characteristic
+/// function is inverted (Imhof, Biometrika 48, 1961) by the double exponential quadrature of Takahasi and Mori (1974).
 fn chance_below(counts: &[(f64, f64)], t: f64) -> f64 {
     let squares: f64 = counts.iter().map(|(value, count)| count * (value - t) * (value - t)).sum();
     let mut sum = 0.0;

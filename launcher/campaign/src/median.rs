@@ -2,7 +2,7 @@
 //!
 //! Its ends are order statistics: of `n` draws the `k`-th least and the `k`-th largest, where `k - 1` or fewer of `n`
 //! tosses of a coin show heads with a probability of at most 2.5 % (David and Nagaraja, Order Statistics, 2003, 7.1).
-//! So draws of which only the order is known, as of limits beyond a range, count like all others.
+//! Only the order of the draws matters, so limits beyond the range count like all others.
 
 use statrs::distribution::{Binomial, DiscreteCDF};
 
@@ -14,7 +14,7 @@ pub fn interval(draws: usize) -> Option<[usize; 2]> {
     (rank > 0).then(|| [rank - 1, draws - rank])
 }
 
-/// Place of the median among `draws` sorted draws, from 0: of two in the middle the first.
+/// Place of the median among `draws` sorted draws, from 0; the lower one of two in the middle.
 pub fn place(draws: usize) -> usize {
     draws.saturating_sub(1) / 2
 }
@@ -33,7 +33,7 @@ mod tests {
         }
     }
 
-    /// The probability that the median lies within, summed over all numbers of draws below it.
+    /// Sums the probability that the median lies within the interval over all numbers of draws below the median.
     #[test]
     fn the_interval_covers_the_median_in_at_least_95_percent() {
         for draws in 6..200_usize {

@@ -47,13 +47,13 @@ impl Normal {
     }
 }
 
-/// Quantile of the standard normal distribution, by bisection down to neighbouring numbers. The share is that of
-/// `libm`, so that a draw has the same bits on every processor.
+/// Quantile of the standard normal distribution, by bisection down to neighbouring numbers. `erfc` is that of `libm`,
+/// so that a draw has the same bits on every processor.
 fn standard_quantile(p: f64) -> f64 {
     if p > 0.5 {
         return -standard_quantile(1.0 - p);
     }
-    let (mut low, mut high) = (-40.0, 0.0); // below -38.5 the share is 0
+    let (mut low, mut high) = (-40.0, 0.0); // below -38.5 the share rounds to 0
     loop {
         let z = f64::midpoint(low, high);
         if z == low || z == high {

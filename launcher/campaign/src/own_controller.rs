@@ -13,7 +13,7 @@ use crate::named::Named;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OwnController {
     pub name: String,
-    /// File as on the command line, seen from the folder of the launcher's start.
+    /// File as on the command line, relative to the folder in which the launcher was started.
     pub file: PathBuf,
 }
 
@@ -42,11 +42,11 @@ impl OwnController {
         format!("--controller {}={}", self.name, self.file.display())
     }
 
-    /// Adds controllers to those of a campaign file. The flights of a file without controllers are flown too, as
-    /// controller `ours`.
+    /// Adds controllers to those of a campaign file. If the file has none, its own flights are flown too, as controller
+    /// `ours`.
     ///
     /// # Errors
-    /// A name stands there already.
+    /// Two controllers have the same name.
     pub fn add_all(own: &[Self], to: &mut Named, ours: &str) -> anyhow::Result<()> {
         if to.is_empty() && !own.is_empty() {
             to.0.push((ours.into(), Table::new()));

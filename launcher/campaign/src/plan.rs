@@ -16,7 +16,7 @@ use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, ColumnType, cell_of};
 use crate::variation::{Factor, Values};
 
-/// Largest number of flights of a controller that are tried to find one that can be flown.
+/// Largest number of flights that are tried to find one that can be flown.
 const LOOKED_AT: u64 = 64;
 
 #[derive(Debug, Clone)]
@@ -27,7 +27,8 @@ pub struct Plan {
     pairs: Vec<(FaultTarget, FaultKind)>,
 }
 
-/// One coordinate of the plan: the number of its values, and the distance between the numbers of their flights.
+/// One coordinate of the plan: the number of its values, and the distance between the flight numbers of neighbouring
+/// values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlanAxis {
     pub values: u64,
@@ -57,6 +58,8 @@ impl PlanAxis {
 }
 
 impl Plan {
+    /// Makes the plan of a campaign.
+    ///
     /// # Errors
     /// The random faults cannot be drawn, or would begin after the end of a flight.
     pub fn new(campaign: Campaign) -> anyhow::Result<Self> {
@@ -101,13 +104,13 @@ impl Plan {
         axes
     }
 
-    /// Returns the flight of a number below [`flights`](Self::flights); with `[limit]` that at the safe end.
+    /// Returns the flight of a number below [`flights`](Self::flights); with `[limit]` the flight at the safe end.
     pub fn flight(&self, number: u64) -> PlannedFlight {
         let at_safe_end = self.campaign.limit().map(|limit| limit.setting(0));
         self.flight_with(number, at_safe_end.as_slice())
     }
 
-    /// Returns the flight with more settings of its controller on top.
+    /// Returns the flight of a number, with `settings` on top of the settings of its controller.
     pub fn flight_with(&self, number: u64, settings: &[(String, Value)]) -> PlannedFlight {
         let controllers = &self.campaign.controllers;
         let controller = (number % controllers.len() as u64) as usize;
@@ -115,9 +118,9 @@ impl Plan {
         let mut axes = self.listed_axes().into_iter();
         let mut point = self.points.point(sample).into_iter();
         let mut value = |factor: &Factor| match &factor.values {
-            Values::Drawn(distribution) => distribution.quantile(point.next().unwrap_or(0.5)), // one for each factor
+            Values::Drawn(distribution) => distribution.quantile(point.next().unwrap_or(0.5)), // one per drawn factor
             Values::Listed(list) => {
-                list[axes.next().map_or(0, |(_, axis)| axis.place(number)) as usize].clone() // one for each list
+                list[axes.next().map_or(0, |(_, axis)| axis.place(number)) as usize].clone() // each list has an axis
             }
         };
         let values: Vec<Value> = self.campaign.factors.iter().map(&mut value).collect();
@@ -164,7 +167,7 @@ impl Plan {
     /// of a controller or in one of the first flights, and that every controller can be flown.
     ///
     /// # Errors
-    /// The first value or controller that cannot be flown, with its name and what to do.
+    /// Nothing varies, or a value or controller cannot be flown; the message has the first one, and says what to do.
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!(
             self.flights() > 1 || self.campaign.limit().is_some(),
@@ -187,7 +190,7 @@ impl Plan {
         (0..self.campaign.controllers.len() as u64).try_for_each(|number| self.check_controller(number))
     }
 
-    /// Checks that both ends of the range of `[limit]`, and the value beside the first, can be flown.
+    /// Checks that both ends of the range of `[limit]`, and the value next to `from`, can be flown.
     fn check_limit(&self) -> anyhow::Result<()> {
         let Some(limit) = self.campaign.limit() else { return Ok(()) };
         for step in [0, 1, limit.steps()] {
@@ -234,12 +237,12 @@ impl Plan {
     }
 }
 
-/// Returns the first refusal if every one of some flights is refused.
+/// Returns the first refusal if every flight is refused; else `None`.
 fn first_if_all<T>(refusals: impl Iterator<Item = Option<T>>) -> Option<T> {
     refusals.collect::<Option<Vec<T>>>()?.into_iter().next()
 }
 
-/// Takes the name of the case out of the values of a flight; `None` if it has none.
+/// Removes the name of the case from the values of a flight, and returns it; `None` if there is no case.
 fn take_case(values: &mut Vec<(String, Value)>) -> Option<String> {
     let place = values.iter().position(|(key, _)| key == CASE)?;
     values.remove(place).1.as_str().map(str::to_owned)
@@ -301,8 +304,8 @@ mod tests {
         }
     }
 
-    /// Cells of the drawn columns, of `run.seed` and of the random faults, by the name of the column: those of the
-    /// first flight of each sample.
+    /// Cells of the drawn columns, of `run.seed` and of the random faults, by the name of the column, from the first
+    /// flight of each sample.
     fn drawn(text: &str) -> BTreeMap<String, Vec<Cell>> {
         let plan = plan(text);
         let a_sample = plan.flights() / plan.campaign.samples().unwrap();

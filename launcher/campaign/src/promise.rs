@@ -4,17 +4,17 @@
 //! [[promise]]
 //! figure = "{controller}: largest error"       # for people; {controller} and {case} become their names
 //! controllers = ["lqr", "pid"]                 # one verdict for each; without it one over all controllers
-//! cases = ["step"]                             # likewise
+//! cases = ["step"]                             # one verdict for each; without it one over all cases
 //! at = { "run.command_delay_ms" = 4.0 }        # only flights with this listed value, or one of an array of values
 //! metric = "max_position_error_m"              # column of the table of flights
 //! of = "max"                                   # over the flights: max (default), min, median, mean or sum
 //! at_most = 0.7                                # or at_least
-//! over_best = true                             # as a multiple of the best controller of the campaign there
+//! over_best = true                             # as a multiple of the best controller in the same case
 //! because = "the paper claims it"              # reason that the verdict shows
 //!
 //! [[promise]]
 //! figure = "flights lost"
-//! passed = "all"                               # or "none", or "share" with at_least = 0.95, held against its interval
+//! passed = "all"                               # or "none", or "share" with at_least = 0.95, judged by its interval
 //!
 //! [[promise]]
 //! figure = "{controller}: delay up to which it flies"
@@ -128,7 +128,7 @@ impl Promise {
             Some(LIMIT) if limit.is_some() => ensure!(
                 matches!(self.of, Some(Gather::Min | Gather::Max | Gather::Median)) && !self.over_best,
                 "[[promise]] {figure:?}: give `of` = \"min\", \"max\" or \"median\", without `over_best`: a limit beyond the \
-                 range is known only to be there"
+                 range has no value"
             ),
             Some(metric) => columns::require_metric(&format!("[[promise]] {figure:?}"), metric)?,
             None => {}
@@ -143,7 +143,7 @@ impl Promise {
                 ensure!(is_share, "[[promise]] {figure:?}: give the share, `at_least`, from 0 to 1");
                 ensure!(
                     !self.controllers.is_empty() || controllers.len() == 1,
-                    "[[promise]] {figure:?}: name the `controllers`: a share over several is that of none of them"
+                    "[[promise]] {figure:?}: name the `controllers`: a share over several describes none of them"
                 );
             }
             (None, Some(_)) => {

@@ -1,11 +1,11 @@
-//! One flight and its verdict, as the cells of a row. With `[limit]` a row is one search: it has the limit, and the
-//! verdict and figures of the flight there, or at the safe end if already that one fails.
+//! One flight and its verdict, as the cells of a row. With `[limit]` a row is one search: the limit, with verdict and
+//! figures of the flight at the limit, or at the safe end if the flight fails there.
 //!
 //! | verdict | the flight |
 //! |---|---|
 //! | passed | is one for which `trefoil fly` ends with 0: flown, inside its bounds, no node lost for good |
 //! | failed | is any other that was flown |
-//! | invalid | could not be flown: its settings contradict each other, or the program panicked. It counts as neither |
+//! | invalid | could not be flown: its settings contradict each other, or the program panicked. It counts as neither passed nor failed |
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -60,8 +60,8 @@ pub struct FlightRow {
     pub happened: Happenings,
 }
 
-/// Flies number `number` of a plan, and makes its row: the cells of the plan, with `[limit]` those of the search, and
-/// those of the outcome. `None` if `go_on` returned `false` before the end.
+/// Flies entry `number` of a plan, and returns its row: cells of the plan, of the search if there is a `[limit]`, and
+/// of the outcome. `None` if `go_on` returned `false` before the end.
 pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
     let flight = plan.flight(number);
     let (of_search, outcome) = match plan.campaign.limit() {
@@ -74,14 +74,16 @@ pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRo
     Some(FlightRow { cells: [plan.cells(&flight), of_search, outcome.cells].concat(), ..outcome })
 }
 
-/// Returns the flight of row `number`; with `[limit]` the flight at the limit, which is searched again.
+/// Returns the flight of row `number`. With `[limit]` the limit is searched again, and the flight is the one at the
+/// limit, or at the safe end if no value passes.
 pub fn told_of(plan: &Plan, number: u64) -> PlannedFlight {
     let found = plan.campaign.limit().and_then(|limit| Some((limit, search(plan, limit, number, || true)?.0?.limit?)));
     found.map_or_else(|| plan.flight(number), |(limit, step)| plan.flight_with(number, &[limit.setting(step)]))
 }
 
-/// Searches the limit of number `number`; returns it with the flight there, or at the safe end if there is none. An
-/// invalid flight ends the search, and is returned without a limit. `None` if `go_on` returned `false` before the end.
+/// Searches the limit of entry `number`; returns it with the row of the flight at the limit, or at the safe end if no
+/// value passes. An invalid flight ends the search; its row is returned without a limit. `None` if `go_on` returned
+/// `false` before the end.
 fn search(
     plan: &Plan,
     limit: &Limit,
@@ -102,7 +104,7 @@ fn search(
     Some((found, row?))
 }
 
-/// Flies; `None` if `go_on` returned `false` before the end. `watch` is given every message.
+/// Flies one flight; `None` if `go_on` returned `false` before the end. `watch` gets every message.
 pub fn fly(flight: &PlannedFlight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)) -> Option<FlightRow> {
     let Ok(scenario) = &flight.scenario else { return flight.refusal().as_deref().map(FlightRow::invalid) };
     match catch_unwind(AssertUnwindSafe(|| try_to_fly(scenario, &go_on, watch))) {
@@ -115,10 +117,10 @@ pub fn fly(flight: &PlannedFlight, go_on: impl Fn() -> bool, watch: impl FnMut(&
     }
 }
 
-/// Flies a flight of a table again, and returns what happened in it; `row` is its row there.
+/// Flies a flight again, and returns its happenings; `row` is the row of the flight in the table `flights`.
 ///
 /// # Errors
-/// The flight differs from that of the table: the program, the machine or the table has changed.
+/// The hash of the flight differs from the one in the table: the program, the machine or the table has changed.
 pub fn fly_again(
     flight: &PlannedFlight,
     flights: &FlightTable,
@@ -197,8 +199,8 @@ impl FlightRow {
     }
 }
 
-/// Identifies a flight: the first half of the SHA-256 of its last sample and all metrics. A difference on the way still
-/// shows at the end, so that a campaign needs no hash over all samples.
+/// Identifies a flight: the first half of the SHA-256 of its last sample and all metrics. A deviation during the flight
+/// still shows in both, so a campaign needs no hash over all samples.
 fn hash(last: &Sample, metrics: &Metrics) -> String {
     let mut hash = Sha256::new();
     last.payload(|bytes| hash.update(bytes));

@@ -1,8 +1,8 @@
 //! Points in the unit cube, one for each sample.
 //!
-//! A coordinate of a point is a function of seed, sample number and key alone: other keys of the campaign do not change
-//! it, except under Sobol, whose dimensions are one net. All streams of random numbers of a campaign are made here,
-//! each independent of the others.
+//! A coordinate of a point is a function of seed, sample number and key, and in a Latin hypercube of the number of
+//! samples. Other keys of the campaign do not change the coordinate, except under Sobol, whose dimensions are one net.
+//! All streams of random numbers of a campaign are made here, each independent of the others.
 
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -58,9 +58,9 @@ pub struct Points {
 /// One coordinate of the points: a key, and the source of its draws.
 #[derive(Debug, Clone)]
 struct Axis {
-    /// SHA-256 of the seed and the key, the seed of the streams of this key.
+    /// SHA-256 of the campaign's seed and the key: the seed of the streams of this key.
     seed: [u8; 32],
-    /// Latin hypercube: the part of each sample.
+    /// Part of the axis that each sample lies in; empty except for a Latin hypercube.
     strata: Vec<u32>,
 }
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::{anyhow, ensure};
 
-/// Largest output of a command \[bytes\]: `squeue` prints a line of about 20 for each of 99 999 tasks.
+/// Largest output of a command \[bytes\]: `squeue` prints a line of about 20 bytes for each of 99 999 tasks.
 const MAX_SAID: u64 = 16 << 20;
 /// Length of the error output that is kept \[bytes\].
 const MAX_ERRORS: usize = 2000;
@@ -50,7 +50,7 @@ pub fn run(mut command: Command, input: &str, interrupts: &AtomicU32) -> anyhow:
         let is_too_much = said.as_ref().is_some_and(|said: &Vec<u8>| said.len() as u64 > MAX_SAID);
         is_interrupted |= interrupts.load(Ordering::Relaxed) > 0;
         if is_too_much || is_interrupted {
-            let _ = child.kill(); // it may have ended
+            let _ = child.kill(); // fails if the command has ended
         }
         match child.try_wait()? {
             Some(status) => break status,

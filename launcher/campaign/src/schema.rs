@@ -33,7 +33,7 @@ pub fn schema() -> Value {
     schema
 }
 
-/// Removes every default, because an absent setting is that of the scenario.
+/// Removes every default, because an absent setting has the scenario's value.
 fn without_defaults(schema: &mut Value) {
     match schema {
         Value::Object(object) => {

@@ -23,11 +23,11 @@ use crate::tune::{Tune, at, merged, population, starts};
 
 /// Largest factor of a group, and the inverse of the smallest.
 const WIDEST: f64 = 1000.0;
-/// First spread of the logarithms of the factors.
+/// Initial spread of the logarithms of the factors.
 const SPREAD: f64 = 0.5;
 /// Seed of the search itself: the same for every controller.
 const SEARCH_SEED: u64 = 1;
-/// Position error at which a flight that passes costs half of one that does not \[m\].
+/// Position error at which a passed flight costs 0.5 \[m\]; a failed flight costs 1.
 const HALF_M: f64 = 1.0;
 /// Digits that a tuned value keeps.
 const DIGITS: i32 = 3;
@@ -53,8 +53,8 @@ struct Search<'a> {
     groups: Vec<Vec<(String, f64)>>,
 }
 
-/// Searches the settings of each controller, or only of `only`. Calls `show` after each try with controller, flights so
-/// far and least cost. Returns `None` if `go_on` returned `false` before the end.
+/// Searches the settings of each controller, or of those in `only` unless it is empty. Calls `show` after each try with
+/// controller, flights so far and least cost. Returns `None` if `go_on` returned `false` before the end.
 pub fn search(
     tune: &Tune,
     campaign: &Campaign,
@@ -178,7 +178,7 @@ fn cost(outcome: &FlightRow) -> f64 {
     }
 }
 
-/// Replaces elements of arrays by whole arrays, each of them once.
+/// Replaces settings of array elements by settings of the whole arrays, each array once.
 fn whole(given: &Given, settings: &[(String, Value)]) -> anyhow::Result<Vec<(String, Value)>> {
     let merged = merged(given, settings)?;
     let is_number = |name: &str| name.parse::<usize>().is_ok();
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_search_repeats_and_finds_gains_that_cost_what_it_says() {
-        // Gains that are far too weak, so that there is something to find.
+        // The gains begin far too weak, so that there is something to find.
         let file =
             FILE.replace("attitude.law = 'pid'\n", "attitude.law = 'pid'\nattitude.pid.kp = [4.0, 12.0, 12.0, 48.0]\n");
         let searched = |text: &str| {

@@ -1,4 +1,5 @@
-//! Refuses seeds that change nothing before anything is flown, because their flights would be copies of each other.
+//! Before a campaign is flown, refuses seeds that change no flight, because their flights would be copies of each
+//! other.
 
 use anyhow::ensure;
 
@@ -12,7 +13,7 @@ const TRIED: u64 = 64;
 /// Checks that the listed seeds of a plan change a flight.
 ///
 /// # Errors
-/// The two flights of every tried pair are equal.
+/// The two flights of every tried pair are equal, and at least one of them could be flown.
 pub fn check(plan: &Plan) -> anyhow::Result<()> {
     let axes = plan.listed_axes();
     let Some((_, axis)) = axes.iter().find(|(key, axis)| *key == SEED && axis.values > 1) else { return Ok(()) };
@@ -26,7 +27,7 @@ pub fn check(plan: &Plan) -> anyhow::Result<()> {
             i
         };
         let first = place / axis.step * axis.step * axis.values + place % axis.step;
-        // In the middle of a limit's range: at an end, for instance zero noise, nothing may be random.
+        // The limit's setting is in the middle of its range: at an end, for instance zero noise, nothing may be random.
         let at_middle: Vec<_> =
             plan.campaign.limit().map(|limit| limit.setting(limit.steps() / 2)).into_iter().collect();
         let hash = |number: u64| {

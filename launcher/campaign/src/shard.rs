@@ -1,6 +1,7 @@
 //! A shard: consecutive flights in one file, which is either complete or absent.
 //!
-//! The file names its program, campaign and number of shards. A file with others is refused: each flight counts once.
+//! The file names its program, campaign, index and number of shards. A file in which one of these differs is refused,
+//! so that each flight counts once.
 
 use std::cell::Cell as Flag;
 use std::ops::Range;
@@ -96,7 +97,7 @@ pub fn read(shards: &Dir, plan: &Plan, layout: &CampaignLayout, index: u64) -> a
     read().with_context(|| format!("shard {index} ({}) is not counted; {again}", shards.at(name(index)).display()))
 }
 
-/// Calls `read`. Parquet's readers may panic on other files; that panic becomes an error and is not printed.
+/// Calls `read`. Parquet's readers may panic on a damaged file; that panic becomes an error and is not printed.
 fn quietly<T>(read: impl FnOnce() -> anyhow::Result<T> + UnwindSafe) -> anyhow::Result<T> {
     thread_local!(static READS: Flag<bool> = const { Flag::new(false) });
     static HOOK: Once = Once::new();

@@ -2,7 +2,7 @@
 //!
 //! The shards in the folder tell what is done, and `squeue` tells what is under way; no other state is kept. A task
 //! that runs twice, because its node was thought dead, writes the same shard twice. A task that ends without its shard
-//! is submitted again as long as other shards are added.
+//! is submitted again, unless the last submission added no shard.
 
 use std::fs;
 use std::io::{Read, Seek, SeekFrom};
@@ -31,7 +31,7 @@ const NAP: Duration = Duration::from_millis(50);
 const SEEN_LATE: Duration = Duration::from_secs(4);
 /// Longest time that the scheduler may give no answer.
 const SILENT: Duration = Duration::from_secs(300);
-/// Lines of a task's log that are shown if it failed, and how much of its end is read for them \[bytes\].
+/// Number of lines of a failed task's log that are shown, and of bytes at its end that are read for them.
 const TOLD_LINES: usize = 5;
 const TOLD_BYTES: u64 = 1 << 14;
 
@@ -52,7 +52,7 @@ pub enum ArrayEnd {
     /// Returned without waiting; the tasks continue.
     Detached,
     Interrupted,
-    /// Tasks ended without shards, and a second submission added none; holds the reason.
+    /// Tasks ended without their shards, and the last submission added no shard; holds the reason.
     Failed(String),
 }
 
@@ -201,7 +201,7 @@ fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64], interrupts: &Atom
     let script = format!(
         "#!/bin/sh\nexec {program} campaign shard {campaign} --index \"$SLURM_ARRAY_TASK_ID\" --of {of} --out {out}\n"
     );
-    // The file is for the user. The scheduler gets the text itself: another program could replace the file by then.
+    // The file is for the user. The scheduler gets the text itself, because another program could replace the file.
     own.write_whole("shard.sh", script.as_bytes())?;
     let mut command = Command::new("sbatch");
     command
@@ -214,7 +214,7 @@ fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64], interrupts: &Atom
     Ok(said(command, &script, interrupts).context("the shards are not submitted")?.is_some())
 }
 
-/// Opens the folder of the script and the logs, and creates it if `make`.
+/// Opens the folder of the script and the logs; with `make` an absent folder is created.
 fn own_folder(folder: &CampaignFolder, make: bool) -> anyhow::Result<Dir> {
     let own = if make { folder.dir.make_folder(OWN) } else { folder.dir.folder(OWN) };
     own.with_context(|| format!("cannot use the folder {}", folder.dir.at(OWN).display()))
@@ -248,7 +248,8 @@ fn quoted(path: &Path) -> anyhow::Result<String> {
     Ok(format!("'{}'", text.replace('\'', r"'\''")))
 }
 
-/// Explains missing shards: the last log lines of their first task, and how it ended if Slurm keeps accounts.
+/// Explains missing shards: the last log lines of the first one's task, and the task's end state if Slurm keeps
+/// accounts.
 fn failed(folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> String {
     let first = missing.first().copied().unwrap_or_default();
     let log = format!("{first}.log");
@@ -259,7 +260,7 @@ fn failed(folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> S
         }
         Err(error) => format!("nothing that can be read: {error:#}"),
     };
-    let last = if last.is_empty() { "nothing; ask the scheduler what became of it".to_owned() } else { last };
+    let last = if last.is_empty() { "nothing; ask the scheduler for the state of the task".to_owned() } else { last };
     let state = account(folder, first, interrupts);
     let how = state.map_or(String::new(), |state| format!("; Slurm ended task {first} as {state}"));
     format!(
@@ -279,7 +280,7 @@ fn end_of(own: &Dir, name: &str) -> anyhow::Result<String> {
     Ok(String::from_utf8_lossy(&end).into_owned())
 }
 
-/// Returns how the last task of a shard ended, for instance `TIMEOUT`; `None` if Slurm keeps no accounts.
+/// Returns the end state of the last task of a shard, for instance `TIMEOUT`; `None` if Slurm keeps no accounts.
 fn account(folder: &CampaignFolder, shard: u64, interrupts: &AtomicU32) -> Option<String> {
     let mut command = Command::new("sacct");
     command.args(["-XnP", "--format=JobID,State", "--starttime=now-30days", "--name"]).arg(name(folder).ok()?);

@@ -252,7 +252,7 @@ fn find_places(path: &str, table: &DeTable<'_>, places: &mut BTreeMap<String, us
     }
 }
 
-/// Collects what varies from the nested tables of dotted keys.
+/// Collects dotted keys and values from nested tables; an empty table or a misspelt keyword is an error.
 fn collect(path: &str, table: &Table, keys: &mut Vec<(String, Value)>) -> anyhow::Result<()> {
     for (name, value) in table {
         let key = dotted(path, name);
@@ -405,7 +405,7 @@ mod tests {
         assert_eq!(found[0].values, Values::Listed([0.0, 0.5, 1.0].map(Value::Float).to_vec()));
     }
 
-    /// A key near a keyword would be refused as a misspelt one.
+    /// A key near a keyword would be refused as a misspelt keyword.
     #[test]
     fn no_key_of_a_scenario_is_near_a_word() {
         fn keys(table: &toml::Table) -> Vec<String> {

@@ -17,11 +17,12 @@ pub struct Circumstances {
     /// Outcome of the recorder, if there was one.
     pub log: Option<LogOutcome>,
     pub events: Vec<Event>,
-    /// Messages refused, by listener and cause.
+    /// Number of refused messages, by listener and cause.
     pub refused: Refused,
     /// Failures of ports, by node.
     pub port_failures: PortFailures,
-    /// Failures of processes that only watched the flight, in words: reservations, and never its verdict.
+    /// Failures of processes that only watched the flight, in words: they become reservations and never change the
+    /// verdict.
     pub observers: Vec<String>,
 }
 

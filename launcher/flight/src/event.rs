@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Neither side ever waits for the other. A line of up to `PIPE_BUF` bytes goes into a pipe completely or not at all.
-//! The launcher keeps an event that does not go in, and tries again at its next look.
+//! The launcher keeps an event for which the pipe has no room, and tries again at its next look.
 
 use std::os::fd::AsFd;
 
@@ -80,7 +80,7 @@ mod tests {
         Event::new(tick, "mixer", 2, What::TookOver)
     }
 
-    /// Returns the launcher's end of a pipe, and the recorder's.
+    /// Returns the launcher's end and the recorder's end of a pipe.
     fn ends() -> (OwnedFd, EventReader<OwnedFd>) {
         let (reads, writes) = pipe_with(PipeFlags::CLOEXEC).unwrap();
         never_wait(&writes).unwrap();

@@ -3,12 +3,12 @@
 //! The loops have no model of their own: the ring flies in process, as in every flight, with the control law, gains,
 //! vehicle and rate of the scenario, and the numbers are read from how the vehicle moves. So one mechanism serves every
 //! law. These flights hover far from every limit: without mission, wind, ground, battery, sensor errors and faults.
-//! Together they take some 300 s of flight, 0.2 s on the wall at 100 Hz, and are not flown for a flight of a campaign.
+//! Together they take some 300 s of flight, 0.2 s of wall time at 100 Hz, and are not flown for a flight of a campaign.
 //!
 //! | module | holds |
 //! |---|---|
 //! | `small` | these flights |
-//! | `held` | a reference of attitude that is held, in the place of guidance |
+//! | `held` | a node in the place of guidance that holds the references of the attitude loop |
 //! | `decay` | the decay of a perturbation, and with it the margins of delay and lag |
 //! | `response` | the response to a small step of a reference, and its bandwidth |
 
@@ -36,7 +36,7 @@ const MAX_LAG_MS: f64 = 250.0;
 /// Hover of the vehicle that flies, and the control loops in small motions about it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Hover {
-    /// Speeds of the rotors 1, 2, 3, in rad/s where the constants of the vehicle are so \[rotor speed unit\].
+    /// Speeds of the rotors 1, 2, 3 \[rotor speed unit\], which is rad/s if the vehicle's constants are in rad/s.
     pub rotor_speed: [f64; 3],
     /// Tilt of rotor 1 \[deg\].
     pub tilt_deg: f64,
@@ -51,15 +51,15 @@ pub struct Hover {
 /// Control loops in small motions about the hover.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Loops {
-    /// Bandwidths of the attitude loop; null if it is unstable.
+    /// Bandwidths of the attitude loop; null if the loop is unstable.
     pub attitude: Option<AttitudeBandwidths>,
-    /// Bandwidths of the position loop, which is around that of attitude; null if it is unstable.
+    /// Bandwidths of the position loop, which is around the attitude loop; null if the position loop is unstable.
     pub position: Option<PositionBandwidths>,
-    /// Largest delay of the commands, `run.command_delay_ms`, at which the position loop is stable, to 1 ms; null if it
-    /// is unstable as set.
+    /// Largest delay of the commands, `run.command_delay_ms`, at which the position loop is stable, to 1 ms; null if
+    /// the loop is unstable as set.
     pub delay_margin: Option<Margin>,
     /// Largest lag of the rotors, `plant.rotor_lag_s`, at which the position loop is stable, to 1 ms: the model of the
-    /// controller and the delay stay as they are set. Null if it is unstable as set.
+    /// controller and the delay stay as they are set. Null if the loop is unstable as set.
     pub lag_margin: Option<Margin>,
 }
 

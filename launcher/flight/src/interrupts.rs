@@ -15,7 +15,7 @@ static LAST_WORDS: Mutex<Option<String>> = Mutex::new(None);
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
 /// ends the launcher on the spot (the next flight then removes its files from shared memory). Returns the count.
 pub fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
-    thread::Builder::new().spawn(|| ()).with_context(no_thread)?; // otherwise the error below would have no reason in it
+    thread::Builder::new().spawn(|| ()).with_context(no_thread)?; // tried first, as the error below gives no reason
     let count = Arc::new(AtomicU32::new(0));
     let handler = count.clone();
     let interrupt = move || {

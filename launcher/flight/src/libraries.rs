@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use contract::Topic;
 use settings::{ProgramKind, Scenario, candidate};
 
-/// Returns the nodes that are libraries in a flight of `scenario`, from the beginning and then by its swaps, each with
-/// its settings.
+/// Returns the nodes that are libraries in a flight of `scenario`, at its beginning or after one of its swaps, each
+/// with its settings.
 pub fn all(scenario: &Scenario) -> Vec<(Topic, Scenario)> {
     let swapped = scenario.swap.iter().filter_map(|swap| Some((swap.node, candidate(scenario, swap).ok()?)));
     let own = scenario.node.libraries().map(|topic| (topic, scenario.clone()));
@@ -21,7 +21,8 @@ pub fn files(scenario: &Scenario) -> BTreeSet<(String, String)> {
         .collect()
 }
 
-/// Environment variables that the scenario gives to libraries, merged, because all libraries share one process here.
+/// Merges the environment variables that the scenario gives to its libraries, which share one process in a flight in
+/// process.
 pub fn env_of(scenario: &Scenario) -> BTreeMap<String, String> {
     let of_library = |topic| scenario.node.of(topic).env.clone();
     scenario.node.libraries().flat_map(of_library).collect()

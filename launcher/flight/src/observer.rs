@@ -36,7 +36,8 @@ use crate::recorder::Observers;
 /// Part of a flight that an observer sees.
 #[derive(Debug, Clone, Copy)]
 pub enum Seen<'a> {
-    /// Message of the ring, or TRUTH; also one that is not delivered to the nodes (`Stamp::delivery`), or not intact.
+    /// Message of the ring, or TRUTH; also a message that is not delivered to the nodes (`Stamp::delivery`) or not
+    /// intact.
     Message(&'a Record),
     /// Event of a process or a fault, up to a fifth of a second late.
     Event(&'a TimedEvent),
@@ -45,7 +46,7 @@ pub enum Seen<'a> {
 /// State of the flight at a look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
-    /// The flight goes on, and this number of messages and events was passed on.
+    /// The flight goes on; the value is the number of messages and events that this look passed on.
     Flying(usize),
     /// The flight is over, and everything that arrived was passed on before.
     Ended,
@@ -55,7 +56,8 @@ pub enum Look {
 
 /// Guest of a flight. Dropping it leaves the flight.
 pub struct Observer {
-    // Dropped in this order: the ports first, then the place, then files that were made after the flight had ended.
+    // The fields are dropped in this order: the ports, then the place, then files that were made after the flight had
+    // ended.
     observers: Observers,
     page: Arc<ControlPage>,
     _ports: Ports,
@@ -63,7 +65,7 @@ pub struct Observer {
     _traces: Traces,
     domain: Domain,
     scenario: Scenario,
-    /// Number of events passed on.
+    /// Number of events passed on so far.
     told: usize,
     asked: Instant,
     compared: Instant,
@@ -84,8 +86,8 @@ impl Observer {
     /// Joins the flight of `namespace` as a guest.
     ///
     /// # Errors
-    /// No stack runs there, it is of another version, or it has as many guests as it takes. While a stack starts or
-    /// ends, another attempt a moment later may succeed.
+    /// No stack runs there, the stack is of another version, or it has its full number of guests. While a stack starts
+    /// or ends, another attempt a moment later may succeed.
     pub fn join(namespace: &str) -> anyhow::Result<Self> {
         let domain = Domain::find(namespace)?;
         let traces = Traces;
@@ -93,7 +95,7 @@ impl Observer {
         let (mut ports, scenario) = Ports::join(namespace)?;
         match ports.page.phase.count() {
             phase::JOIN => {}
-            phase::GO => Bus::remove_dead_ports(&domain)?, // those of observers that were killed
+            phase::GO => Bus::remove_dead_ports(&domain)?, // removes the ports of killed observers
             _ => bail!("the flight in namespace '{namespace}' is ending"),
         }
         let observers = Observers::open(&mut ports, &scenario)?;
@@ -123,13 +125,13 @@ impl Observer {
         &self.domain
     }
 
-    /// Returns whether the processes are ready and the plant may fly.
+    /// Returns whether all processes were ready and the flight has begun; stays true at its end.
     pub fn has_begun(&self) -> bool {
         self.page.phase.count() != phase::JOIN
     }
 
-    /// Passes everything that has arrived to `each`: messages topic by topic, then events in order. Never waits for
-    /// the ring; it waits up to two seconds for a launcher that does not answer.
+    /// Passes everything that has arrived to `each`: messages topic by topic, then events in order. Never waits for the
+    /// ring, but up to two seconds for a launcher that does not answer.
     pub fn look(&mut self, mut each: impl FnMut(Seen)) -> Look {
         let ending = self.page.phase.count() > phase::GO;
         let is_due = self.asked.elapsed() >= EVENTS_PERIOD;
@@ -146,7 +148,7 @@ impl Observer {
         }
     }
 
-    /// Asks the launcher for the events since the last time, and passes them to `each`; returns their number.
+    /// Asks the launcher for the events since the last request, and passes them to `each`; returns their number.
     fn events(&mut self, each: &mut impl FnMut(Seen)) -> usize {
         let before = self.told;
         while let Ok(Value::Array(news)) = ask(&self.domain, &ControlRequest::Events { since: self.told }) {
@@ -159,11 +161,12 @@ impl Observer {
                 break;
             }
         }
-        self.asked = Instant::now(); // also after no answer: the launcher starts, ends or is stopped
+        self.asked = Instant::now(); // set even without an answer: the launcher starts, ends or is stopped
         self.told - before
     }
 
-    /// Connects anew to the publishers of a kind of messages of which some were sent and none arrived.
+    /// Reconnects to the publishers of each kind of message if some were sent and none arrived since the last
+    /// comparison.
     fn reconnect(&mut self) {
         if self.compared.elapsed() < RECONNECT_PERIOD {
             return;

@@ -1,7 +1,8 @@
-//! Programs of nodes other than the launcher's own cores: found, identified by their hash, and tried before a flight.
+//! Programs of nodes other than the launcher's own cores: this module finds them, identifies them by their hash, and
+//! tries them before a flight.
 //!
-//! A library is tried in a process of its own: a constructor that crashes, ends its process or never returns is an
-//! error of the settings, and costs no flight.
+//! A library is tried in a process of its own, so a constructor that crashes, ends its process or never returns is
+//! reported as an error of the settings and costs no flight.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -18,13 +19,14 @@ use sha2::{Digest, Sha256};
 
 use crate::{guarded, libraries};
 
-/// Libraries that were tried by this process, each with node and settings.
+/// Trials of libraries that succeeded in this process: node and program as text, or files and environment variables.
 static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
-/// Adds the hashes of its files to a `program` of the node `name`.
+/// Adds to `program`, the program of the node `name`, the hashes of its files.
 ///
 /// # Errors
-/// The file is not there, or is another file than the settings name.
+/// A file is missing, unreadable or not executable, or has another hash than `files` gives, or `files` names a file
+/// that is not in `exec` or `args`.
 pub fn pin(program: &mut NodeSettings, name: &str) -> Result<(), ScenarioError> {
     if program.kind() == ProgramKind::Own {
         return Ok(());
@@ -59,18 +61,18 @@ pub fn pin(program: &mut NodeSettings, name: &str) -> Result<(), ScenarioError> 
     Ok(())
 }
 
-/// Adds the hashes of their files to all programs of `scenario`.
+/// Adds the hashes of its files to each program of `scenario`.
 ///
 /// # Errors
-/// As for [`pin`].
+/// Fails if [`pin`] does.
 pub fn pin_all(scenario: &mut Scenario) -> Result<(), ScenarioError> {
     Topic::ALL.into_iter().try_for_each(|topic| pin(scenario.node.of_mut(topic), topic.publisher()))
 }
 
-/// Adds the hashes of its files to the settings of a `swap` in a flight of `run`.
+/// Adds to the settings of `swap`, in a flight of `run`, the hashes of the files that the candidate's program adds.
 ///
 /// # Errors
-/// As for [`pin`].
+/// Fails if [`pin`] does.
 pub fn pin_swap(run: &Scenario, swap: &mut Swap) -> Result<(), ScenarioError> {
     let name = swap.node.publisher();
     let own = candidate(run, swap)?;
@@ -126,7 +128,7 @@ pub fn check_together(scenario: &Scenario) -> Result<(), ScenarioError> {
     })
 }
 
-/// Runs a `trial` of `what`, unless this process has run it with success before.
+/// Runs the `trial` of `what`, unless the same trial has succeeded in this process before.
 fn try_once(what: String, trial: impl FnOnce() -> Result<(), ScenarioError>) -> Result<(), ScenarioError> {
     if !TRIED.lock().is_ok_and(|tried| tried.contains(&what)) {
         trial()?;
@@ -135,7 +137,8 @@ fn try_once(what: String, trial: impl FnOnce() -> Result<(), ScenarioError>) -> 
     Ok(())
 }
 
-/// Finds the file of a program: that at the path `name`, or, without a slash in `name`, one in a folder of PATH.
+/// Finds the file of a program: the file at the path `name`, or, if `name` has no slash, a file in a folder of PATH.
+/// The name of a library is always a path.
 fn find(name: &str, kind: ProgramKind) -> Option<PathBuf> {
     let is_library = kind == ProgramKind::Library;
     let is_program = |path: &PathBuf| path.is_file() && (is_library || access(path, Access::EXEC_OK).is_ok());

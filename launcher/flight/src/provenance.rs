@@ -18,14 +18,14 @@ use settings::{Scenario, to_toml};
 /// without a version has version 1.
 pub const SCHEMA_VERSION: u32 = 6;
 
-/// Scheduling and memory limits of a process.
+/// Scheduling and locked memory of a process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ProcessScheduling {
-    /// `fifo` or `other`.
+    /// Scheduling policy: `fifo` or `other`.
     pub policy: String,
     /// `SCHED_FIFO` priority, 0 for `other`.
     pub priority: u32,
-    /// CPUs that it may run on, as the kernel lists them.
+    /// CPUs that the process may run on, as the kernel lists them.
     pub affinity: String,
     /// Locked memory \[kB\].
     pub locked_kb: u64,
@@ -40,7 +40,7 @@ pub struct Provenance {
     pub host: Host,
     /// Scheduling that the kernel gave each process; empty for a flight in process.
     pub scheduling: BTreeMap<String, ProcessScheduling>,
-    /// Settings of the flight as a scenario file, with what was ordered while it flew.
+    /// Settings of the flight as a scenario file, with the faults and swaps ordered while it flew.
     pub scenario: String,
 }
 
@@ -53,7 +53,7 @@ pub struct Host {
     pub date: String,
     /// Command line of the program.
     pub command: Vec<String>,
-    /// Commit of the program; null if its build did not know it.
+    /// Commit of the program; null if the build did not know the commit.
     pub git: Option<Git>,
     /// Name of the host.
     pub host: String,
@@ -78,14 +78,14 @@ pub struct Git {
     pub changed: bool,
 }
 
-/// Commit of this program, set once by its `main`; empty if the build does not know it.
+/// Commit of this program, set once by its `main`; empty if the build does not know the commit.
 pub static BUILT_FROM: OnceLock<Git> = OnceLock::new();
 
 /// Identity of a program of this repository, as written into its logs and results.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ProgramIdentity {
     pub version: String,
-    /// Commit from which it was built, if its build knew.
+    /// Commit from which the program was built; `None` if the build did not know the commit.
     pub git: Option<Git>,
 }
 
@@ -95,7 +95,7 @@ impl ProgramIdentity {
         Self { version: env!("CARGO_PKG_VERSION").into(), git: BUILT_FROM.get().cloned() }
     }
 
-    /// Returns whether both are known to be built from the same sources.
+    /// Returns whether both programs are known to be built from the same sources.
     pub fn is_same(&self, other: &Self) -> bool {
         self == other && self.git.as_ref().is_some_and(|git| !git.changed)
     }
@@ -136,14 +136,15 @@ pub fn granted<'a>(scheduling: impl IntoIterator<Item = (&'a String, &'a Process
     (!nodes.is_empty()).then(counted)
 }
 
-/// Reads a field of `/proc/PID/status`, up to the first blank; `name` ends with its colon. `None` if it is not there.
+/// Reads a field of `/proc/PID/status`, up to the first blank; `name` ends with its colon. `None` if the field or the
+/// process is not there.
 pub fn status_of(pid: u32, name: &str) -> Option<String> {
     let status = read_to_string(format!("/proc/{pid}/status")).ok()?;
     let field = status.lines().find_map(|line| line.strip_prefix(name)?.split_whitespace().next());
     field.map(str::to_owned)
 }
 
-/// Returns the provenance of a flight of `scenario` whose processes the kernel scheduled so.
+/// Returns the provenance of a flight of `scenario`; `scheduling` is what the kernel gave to each of its processes.
 pub fn provenance(scenario: &Scenario, scheduling: &[(String, ProcessScheduling)]) -> Provenance {
     Provenance { host: host(), scheduling: scheduling.iter().cloned().collect(), scenario: to_toml(scenario) }
 }

@@ -1,9 +1,9 @@
 //! The recorder: a process that writes every message of the ring, TRUTH, and every event it gets, to `flight.mcap`.
 //!
 //! The recorder never holds the ring back: its queues overflow before a publisher would wait, and gaps in the sequence
-//! numbers tell how many messages were lost. If the disk fails, it reports that once, keeps the good part of the file
-//! and goes on counting. At its end it prints its [`LogOutcome`], one line of JSON, for the launcher. If the launcher
-//! dies, the recorder closes the log and ends.
+//! numbers tell how many messages were lost. If the disk fails, the recorder reports this once, keeps the good part of
+//! the file and goes on counting. At its end it prints its [`LogOutcome`], one line of JSON, for the launcher. If the
+//! launcher dies, the recorder closes the log and ends.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -92,7 +92,8 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     }
 }
 
-/// Returns the name of the run in `namespace`, the same for all its recorders; it contains the time of the settings.
+/// Returns the name of the run in `namespace`, the same for all its recorders; the name contains the time of the
+/// settings.
 pub(crate) fn run_of(namespace: &str) -> anyhow::Result<String> {
     let written = std::fs::metadata(Domain::find(namespace)?.file("scenario.toml"))?.modified()?;
     Ok(format!("{}-{namespace}", written.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos()))
@@ -130,7 +131,7 @@ impl CountedLog {
         Self { writer: Some(writer), synced: Instant::now(), unsynced: false, count, outcome, full_from }
     }
 
-    /// Writes one message, or counts it as dropped.
+    /// Writes one message, or counts it as dropped; counts the missing messages before it as dropped too.
     pub fn write(&mut self, record: &Record) {
         let gap = self.count.gap(record);
         let missed = gap.unwrap_or(0);
@@ -167,7 +168,7 @@ impl CountedLog {
         }
     }
 
-    /// Forces to the disk what was written in the last second, so that neither a kill nor a loss of power loses it.
+    /// Forces the newest records to the disk, once a second, so that neither a kill nor a loss of power loses them.
     fn keep_safe(&mut self) {
         if self.unsynced && self.synced.elapsed() > FLUSH_PERIOD {
             if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::sync) {

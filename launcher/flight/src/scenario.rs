@@ -20,8 +20,8 @@ pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, Scena
     Ok(scenario)
 }
 
-/// Loads like [`load`], for a program other than the launcher: tries no library, and builds no controller of the run or
-/// of a candidate.
+/// Loads a scenario as [`load`] does, for a program other than the launcher: tries no library, and builds no controller
+/// of the run or of a candidate.
 pub fn load_untried(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     let mut scenario = settings::load_from(file.map(shipped::scenario).transpose()?, overrides)?;
     programs::pin_all(&mut scenario)?;
@@ -31,7 +31,7 @@ pub fn load_untried(file: Option<&Path>, overrides: &[String]) -> Result<Scenari
     Ok(scenario)
 }
 
-/// Checks that everything exists that is derived from `scenario`.
+/// Checks that everything derived from `scenario` exists.
 pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
     AttitudeMpc::try_new(scenario)?;
     programs::check(scenario)?;
@@ -45,7 +45,7 @@ fn of_swap(swap: &Swap, error: &ScenarioError) -> ScenarioError {
     ScenarioError::of(format!("`[[swap]]` of {}: {why}", swap.node.publisher()), String::new())
 }
 
-/// Checks that everything exists that a swap in a flight of `scenario` needs, and tries its library.
+/// Checks that everything that a swap in a flight of `scenario` needs exists, and tries the library of the swap.
 ///
 /// # Errors
 /// The program cannot be flown, or there is no controller for its settings.

@@ -15,7 +15,7 @@
 //! | `requests`, `swaps` | requests of users in flight; the times that swaps took |
 //! | `one_cpu` | the CPU of a flight in lockstep |
 //! | `files` | files in shared memory |
-//! | `own_domain` | shared memory of a run, as its launcher makes it |
+//! | `own_domain` | shared memory of a run, created by its launcher |
 //! | `surroundings` | checks of the system before the start |
 //! | `end` | the ways in which a flight can end |
 
@@ -76,7 +76,7 @@ pub struct FlightResult {
     pub scenario: Scenario,
 }
 
-/// Stack whose processes are all ready. Dropping it kills those that are left and wipes shared memory.
+/// Stack whose processes are all ready. Dropping it kills the processes that are left and wipes shared memory.
 pub struct Stack {
     run: FlightRun,
     archive: Option<Archive>,
@@ -86,7 +86,7 @@ pub struct Stack {
     connections: Connections,
     /// Topics that the launcher itself does not receive.
     not_received: [bool; Topic::COUNT],
-    /// Newest process of each node that was found cut off.
+    /// Epoch of the newest process of each node that was found cut off; 0 if none was.
     cut_off: [u32; Topic::COUNT],
     /// Scheduling that each process obtained from the kernel.
     pub scheduling: Vec<(String, ProcessScheduling)>,
@@ -94,7 +94,8 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Starts the processes of `scenario` in `namespace`, with a recorder if `log` names a file; waits for them all.
+    /// Starts the processes of `scenario` in `namespace`, with a recorder if `log` names a file; returns when all are
+    /// ready.
     pub fn start(
         namespace: &str,
         scenario: &Scenario,
@@ -122,16 +123,18 @@ impl Stack {
         }
         match &stack.archive {
             Some(archive) => archive.start(&mut stack.run)?,
-            None => stack.run.page.recorded.raise(u32::MAX), // nothing is recorded, so there is nothing to wait for
+            None => stack.run.page.recorded.raise(u32::MAX), // without a recorder, the plant waits for none
         }
         stack.wait_until_ready(&mut ports, interrupts)?;
-        // Processes enter their scheduling class before they are ready; it takes longer to read than a tick may wait.
+        // A process enters its scheduling class before it is ready. The class is read here, because reading takes
+        // longer than a tick may wait.
         let processes = stack.run.children.all.iter();
         stack.scheduling = processes.map(|p| (p.name().to_owned(), scheduling_of(p.child.id()))).collect();
         Ok(stack)
     }
 
-    /// Flies to the end. `watch` gets every message; `tick` gets the present faults at every look.
+    /// Flies to the end. `watch` gets every message; `tick` gets, at every look, all faults of the settings and those
+    /// given in flight.
     pub fn fly(
         mut self,
         interrupts: &AtomicU32,
@@ -165,7 +168,7 @@ impl Stack {
         let wall = started.elapsed();
         let given_up = given_up(self.run.driver.nodes());
         if self.run.scenario.run.mode == Mode::Realtime {
-            swaps::settle(&mut self.run.scenario, &self.run.events); // without a clock they keep to their times
+            swaps::settle(&mut self.run.scenario, &self.run.events); // in lockstep swaps take the times that are set
         }
         let (lost, log) = self.stop(interrupts, &mut watch);
         // A node that fails while leaving has still failed.
@@ -222,7 +225,7 @@ impl Stack {
             if let Some((i, how)) = self.run.children.exited() {
                 let process = &self.run.children.all[i];
                 process.tell_output();
-                // A process that ended because it waited in vain for another is not the reason: the absent one is.
+                // A process that ended because it waited in vain for another is not the reason: the absent process is.
                 let waited_ns = started.elapsed().as_nanos() as u64;
                 let absent = self.absent().filter(|_| waited_ns >= PROBE_LIMIT_NS);
                 let why = absent.map_or_else(|| how.tell(process.name()), |topic| self.not_joined(topic));
@@ -260,7 +263,8 @@ impl Stack {
         topic.map(Topic::publisher).or_else(recorder)
     }
 
-    /// Passes new messages to driver, archive and `watch`, and tells the plant, which waits for that in lockstep.
+    /// Passes new messages to driver, archive and `watch`, and reports the newest tick to the plant, which waits for it
+    /// in lockstep.
     fn drain(&mut self, watch: &mut impl FnMut(&Record)) {
         let mut newest = 0;
         let Self { run, archive, observers, .. } = self;
@@ -283,7 +287,7 @@ impl Stack {
         run.page.watched.raise(newest as u32);
     }
 
-    /// Finds the processes that are cut off from others; each is replaced as if it hung.
+    /// Finds the processes that are cut off from others, and has each of them replaced as if it hung.
     fn check_connections(&mut self) {
         let received = Topic::ALL.map(|topic| self.observers.received(topic));
         for found in self.connections.look(&self.run.page, received) {
@@ -301,14 +305,14 @@ impl Stack {
                 }
             };
             if std::mem::replace(&mut self.cut_off[topic as usize], epoch) == epoch {
-                continue; // killed already; its exit will be seen soon
+                continue; // the process was killed already; its exit will be seen soon
             }
             self.run.on(topic, RoleInput::Disconnected(epoch, why));
         }
     }
 
     /// Looks at all processes and carries out the orders of their roles. Returns how the flight has ended, if it has.
-    /// In lockstep it answers the plant's `question` once all processes that start with that tick are ready.
+    /// In lockstep, answers the plant's `question` once all processes that start with that tick are ready.
     fn supervise(&mut self, question: Option<u64>) -> Option<Ended> {
         let Self { run, archive, .. } = self;
         let tick = question.unwrap_or_else(|| run.page.plant_tick());
@@ -355,8 +359,8 @@ impl Stack {
             process.awaited = true;
             match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
                 // A candidate or standby may leave in any way. A process killed on purpose is in the events already. A
-                // process that broke its timing budget, and so ended the run, was named already; others that break
-                // theirs while they leave do not matter.
+                // process that broke its timing budget, and so ended the run, was named already; a process that breaks
+                // its budget while it leaves does not matter.
                 _ if process.topic.is_none_or(|topic| page.role(topic).active() != process.epoch) => {}
                 Some(status) if process.killed || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
                 Some(status) => {

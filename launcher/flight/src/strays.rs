@@ -1,5 +1,6 @@
 //! Processes that code of users has started and left behind, outside the process group of the child that they came from
-//! (`setsid`, `daemon`). They are found by a variable that each child begins with and its descendants inherit.
+//! (`setsid`, `daemon`). They are found by an environment variable that each child begins with and its descendants
+//! inherit.
 
 use std::fs;
 use std::process::Command;
@@ -12,13 +13,13 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 use crate::limits::KILL_LIMIT;
 
-/// Variable with the mark.
+/// Environment variable that holds the mark.
 const NAME: &str = "TREFOIL_STARTED_BY";
 
-/// Largest number of times that the variables of a process are read.
+/// Largest number of times that the environment variables of a process are read.
 const LOOKS: usize = 6;
 
-/// Beginning of the marks that this launcher has given, if any.
+/// Beginning of all marks that this launcher gives; set with the first mark.
 static OWN: OnceLock<String> = OnceLock::new();
 
 /// Mark of one child and of all processes that come from it.
@@ -29,7 +30,7 @@ impl ChildMark {
     /// Marks the child that `command` will start.
     pub fn on(command: &mut Command) -> Self {
         static NEXT: AtomicU32 = AtomicU32::new(0);
-        // With the time, because a process of an earlier launcher with the same number may have survived it.
+        // The mark contains the time, because a process of an earlier launcher with the same process ID may still run.
         let own = OWN.get_or_init(|| format!("{}-{}-", std::process::id(), now_ns()));
         let mark = Self(format!("{own}{}\0", NEXT.fetch_add(1, Ordering::Relaxed)));
         command.env(NAME, mark.0.trim_end_matches('\0'));
@@ -47,7 +48,8 @@ pub fn kill_all_of_this_launcher() {
     OWN.get().inspect(|own| kill_all(own));
 }
 
-/// Kills the processes whose mark begins with `beginning`, until there are none: one may start another meanwhile.
+/// Kills the processes whose mark begins with `beginning`, until none is left, for at most [`KILL_LIMIT`]: a process
+/// may start another one meanwhile.
 fn kill_all(beginning: &str) {
     let started = Instant::now();
     while kill_each(format!("{NAME}={beginning}").as_bytes()) && started.elapsed() < KILL_LIMIT {
@@ -55,12 +57,13 @@ fn kill_all(beginning: &str) {
     }
 }
 
-/// Kills the processes that have a variable with this `beginning` once; returns whether there was one.
+/// Kills, once, each process that has an environment variable with this `beginning`; returns whether it killed any.
 fn kill_each(beginning: &[u8]) -> bool {
     let mut found = false;
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
     for pid in processes.filter_map(|entry| Pid::from_raw(entry.file_name().to_str()?.parse().ok()?)) {
-        // Opened before its variables are read, so that the signal reaches no other process with the same number.
+        // The process is opened before its variables are read, so that the signal reaches no other process with the
+        // same ID.
         let Ok(process) = pidfd_open(pid, PidfdFlags::empty()) else { continue };
         let variables = variables_of(pid);
         let is_marked = variables.starts_with(beginning)
@@ -70,8 +73,8 @@ fn kill_each(beginning: &[u8]) -> bool {
     found
 }
 
-/// Returns the environment variables of a process. During an `exec` there are none for a moment, and a read may end
-/// early, so they are read until two reads agree, at most [`LOOKS`] times.
+/// Returns the environment variables of a process. During an `exec` a process has none for a moment, and a read may end
+/// early. So the variables are read until two reads agree, at most [`LOOKS`] times.
 fn variables_of(pid: Pid) -> Vec<u8> {
     let mut before = vec![];
     for _ in 0..LOOKS {

@@ -8,12 +8,12 @@ use crate::event::{Event, What};
 pub struct SwapStory<'a> {
     /// Event with which the swap began.
     pub begun: &'a Event,
-    /// All events from then on, of other processes too.
+    /// Events from `begun` on, including those of other processes.
     since: &'a [Event],
 }
 
 impl<'a> SwapStory<'a> {
-    /// Finds swap `number` in `events`; `None` before it has begun.
+    /// Finds swap `number` in `events`; `None` if the swap has not begun.
     pub fn of(events: &'a [Event], number: usize) -> Option<Self> {
         let first = events.iter().position(|event| event.swap == Some(number))?;
         Some(Self { begun: &events[first], since: &events[first..] })
@@ -25,7 +25,7 @@ impl<'a> SwapStory<'a> {
     }
 
     /// Returns the event that ended the swap: the candidate was kept, rejected or returned, or the node was given up;
-    /// `None` before that.
+    /// `None` while the swap goes on.
     pub fn end(&self) -> Option<&'a Event> {
         let is_end = |event: &Event| stayed(event) || matches!(event.what, What::Rejected | What::Returned);
         let given_up = |event: &Event| event.node == self.begun.node && event.what == What::GivenUp;
@@ -37,7 +37,7 @@ impl<'a> SwapStory<'a> {
     }
 }
 
-/// Returns whether the candidate of this event stays.
+/// Returns whether the event says that its candidate stays.
 pub fn stayed(event: &Event) -> bool {
     event.what == What::Kept
 }
@@ -45,7 +45,7 @@ pub fn stayed(event: &Event) -> bool {
 /// A swap of the settings whose candidate did not stay.
 pub struct FailedSwap<'a> {
     pub swap: &'a Swap,
-    /// Event that ended it, with the reason; `None` if it did not end before the flight did.
+    /// Event that ended the swap, with the reason; `None` if the flight ended first.
     end: Option<&'a Event>,
     has_begun: bool,
 }
@@ -61,7 +61,7 @@ impl<'a> FailedSwap<'a> {
         scenario.swap.iter().enumerate().filter_map(failed).collect()
     }
 
-    /// Returns its end in words.
+    /// Returns the end of the swap in words.
     pub fn name(&self) -> &'static str {
         match self.end.map(|end| end.what) {
             Some(What::Returned) => "was returned",
@@ -79,7 +79,8 @@ impl<'a> FailedSwap<'a> {
     }
 }
 
-/// Tells for each of the `events` whether it is of a candidate: a process that a swap started and that is not kept yet.
+/// Returns for each of the `events` whether it is about a candidate: a process that a swap started and that is not kept
+/// yet.
 pub fn of_candidates(events: &[Event]) -> Vec<bool> {
     let is_of_candidate = |(i, event): (usize, &Event)| {
         let same = |other: &&Event| other.node == event.node && other.epoch == event.epoch;

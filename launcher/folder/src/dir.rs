@@ -1,8 +1,9 @@
 //! A folder that is held open, and safe access to its files.
 //!
 //! Folders of runs and campaigns come from archives, shared disks and other users. So a folder is held by a descriptor,
-//! and its files are opened relative to that (`openat`), even if another folder takes its name. Inside it no link is
-//! followed, no open waits for a FIFO or device, no file is read beyond its limit, and files of other users are noted.
+//! and its files are opened relative to the descriptor (`openat`), even if another folder takes its name. Inside the
+//! folder no link is followed, no open waits for a FIFO or device, no file is read beyond its limit, and files of other
+//! users are noted.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -28,36 +29,36 @@ use settings::file;
 /// Flags of every open: no link is followed, and the call never waits.
 const NEVER_WAIT: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
 
-/// A folder, held by its descriptor. Every `name` is one path component.
+/// A folder, held by its descriptor. Every `name` in the methods is one path component.
 #[derive(Debug)]
 pub struct Dir {
     fd: OwnedFd,
-    /// Path by which it was opened, for messages.
+    /// Path by which the folder was opened, for messages.
     path: PathBuf,
 }
 
 impl Dir {
-    /// Opens the folder that a user named. Links on the way to it are followed; inside it none is.
+    /// Opens the folder that a user named. Links on the way to the folder are followed, links inside it are not.
     pub fn open(path: &Path) -> Result<Self> {
         let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
         let fd = openat(CWD, path, OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())?;
         Ok(Self { fd, path: path.into() })
     }
 
-    /// Opens the folder at `path`; creates it, and its missing parents, if there is none.
+    /// Opens the folder at `path`; creates it, and its missing parents, if it does not exist.
     pub fn make(path: &Path) -> Result<Self> {
         std::fs::create_dir_all(path)?;
         Self::open(path)
     }
 
-    /// Opens the folder `name` in this one; an error if it is a link.
+    /// Opens the folder `name` in this folder; an error if it is a link.
     pub fn folder(&self, name: impl AsRef<Path>) -> Result<Self> {
         let fd = openat(&self.fd, name.as_ref(), NEVER_WAIT | OFlags::DIRECTORY, Mode::empty());
         let fd = fd.map_err(|error| self.refusal(name.as_ref(), FileType::Directory, error))?;
         Ok(Self { fd, path: self.at(name) })
     }
 
-    /// Opens the folder `name` in this one; creates it if nothing has the name.
+    /// Opens the folder `name` in this folder; creates it if nothing has the name.
     pub fn make_folder(&self, name: &str) -> Result<Self> {
         match mkdirat(&self.fd, name, Mode::from_raw_mode(0o777)) {
             Err(Errno::EXIST) | Ok(()) => self.folder(name),
@@ -70,14 +71,14 @@ impl Dir {
         is_locked(&self.fd, FlockOperation::NonBlockingLockExclusive)
     }
 
-    /// Returns whether the path by which it was opened still leads to it.
+    /// Returns whether the path by which the folder was opened still leads to it.
     pub fn is_in_its_place(&self) -> bool {
         let own = fstat(&self.fd).map(|found| (found.st_dev, found.st_ino));
         let named = statat(CWD, &self.path, AtFlags::empty()).map(|found| (found.st_dev, found.st_ino));
         own.is_ok() && own == named
     }
 
-    /// Returns the path by which it was opened, for messages.
+    /// Returns the path by which the folder was opened, for messages.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -87,12 +88,13 @@ impl Dir {
         self.path.join(name)
     }
 
-    /// Returns whether anything has this name, a dangling link too.
+    /// Returns whether any entry, even a dangling link, has this name.
     pub fn has(&self, name: &str) -> bool {
         self.kind(Path::new(name)).is_some()
     }
 
-    /// Reads the names in it. Each call reads them anew, because a network file system caches which files were missing.
+    /// Reads the names of the entries. Each call reads them anew, because a network file system caches which files were
+    /// missing.
     pub fn names(&self) -> Result<Vec<OsString>> {
         let own = |name: &std::ffi::CStr| ![c".", c".."].contains(&name);
         let entries =
@@ -106,7 +108,7 @@ impl Dir {
         file::checked(file, limit)
     }
 
-    /// Reads the bytes of the regular file `name`; an error if it has more than `limit`.
+    /// Reads the regular file `name`; an error if it has more than `limit` bytes.
     pub fn read(&self, name: impl AsRef<Path>, limit: u64) -> Result<Vec<u8>> {
         file::read_all(self.file(name, limit)?, limit)
     }
@@ -119,7 +121,7 @@ impl Dir {
     /// Opens the regular file `name` and empties it, for writing; creates it if nothing has the name.
     pub fn create(&self, name: impl AsRef<Path>) -> Result<File> {
         let file = self.open_regular(name.as_ref(), OFlags::WRONLY | OFlags::CREATE)?;
-        file.set_len(0)?; // not before it is known to be a regular file
+        file.set_len(0)?; // emptied only now, when it is known to be a regular file
         Ok(file)
     }
 
@@ -134,7 +136,7 @@ impl Dir {
         self.write(name.as_ref(), bytes, NewFile::finish)
     }
 
-    /// Writes the file `name` completely, unless a file has the name: then that one stays, without an error.
+    /// Writes the file `name` completely, unless a file has the name: then the old file stays, without an error.
     pub fn write_new(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
         self.write(Path::new(name), bytes, NewFile::finish_unless_there)
     }
@@ -147,8 +149,8 @@ impl Dir {
         written.with_context(|| format!("cannot write {}", self.at(name).display()))
     }
 
-    /// Begins the file `name`, which replaces one of that name when it is complete; an error if anything but a regular
-    /// file has the name.
+    /// Begins the file `name`; when it is complete, it replaces an old file of that name. An error if anything but a
+    /// regular file has the name.
     pub fn begin(&self, name: impl AsRef<Path>) -> Result<NewFile<'_>> {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let name = name.as_ref();
@@ -159,7 +161,7 @@ impl Dir {
         loop {
             let part = format!(".{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
             match openat(&self.fd, &part, flags, Mode::from_raw_mode(0o666)) {
-                Err(Errno::EXIST) => {} // left by a process on another machine, or by one that was killed
+                Err(Errno::EXIST) => {} // left by a process on another machine or by a killed process
                 opened => return Ok(NewFile { folder: self, name: name.into(), part, file: opened?.into() }),
             }
         }
@@ -170,9 +172,10 @@ impl Dir {
         Ok(unlinkat(&self.fd, name.as_ref(), AtFlags::empty())?)
     }
 
-    /// Opens the regular file `name`, and reports its owner if that is another user.
+    /// Opens the regular file `name`, and reports its owner if the owner is another user.
     fn open_regular(&self, name: &Path, how: OFlags) -> Result<File> {
-        // Anything else is not even opened (unless it takes the name right now), because some devices act on an open.
+        // Only a regular file is opened (unless another entry takes the name at this moment), because some devices act
+        // on an open.
         let refusal = |error| self.refusal(name, FileType::RegularFile, error);
         if self.kind(name).is_some_and(|kind| kind != FileType::RegularFile) {
             return Err(refusal(Errno::INVAL));
@@ -183,7 +186,7 @@ impl Dir {
         Ok(file)
     }
 
-    /// Returns the type of the entry `name`, without following links; `None` if there is none.
+    /// Returns the type of the entry `name`, without following links; `None` if there is no entry.
     fn kind(&self, name: &Path) -> Option<FileType> {
         let found = statat(&self.fd, name, AtFlags::SYMLINK_NOFOLLOW);
         found.ok().map(|found| FileType::from_raw_mode(found.st_mode))
@@ -201,8 +204,8 @@ impl Dir {
     }
 }
 
-/// A file that is being written, under an unused name. It gets its own from [`NewFile::finish`]; dropped before, it
-/// leaves nothing.
+/// A file that is being written under a temporary name. [`NewFile::finish`] gives the file its own name; if the value
+/// is dropped before, the file is removed.
 #[derive(Debug)]
 pub struct NewFile<'a> {
     folder: &'a Dir,
@@ -212,7 +215,7 @@ pub struct NewFile<'a> {
 }
 
 impl NewFile<'_> {
-    /// Returns another handle of the open file, for a writer that needs its own.
+    /// Returns another handle of the open file, for a writer that needs to own a handle.
     pub fn handle(&self) -> Result<File> {
         self.file.try_clone()
     }
@@ -228,7 +231,7 @@ impl NewFile<'_> {
         self.file.sync_all()?;
         let (fd, part) = (&self.folder.fd, &self.part);
         let put = match renameat_with(fd, part, fd, &self.name, RenameFlags::NOREPLACE) {
-            // The file system does not support NOREPLACE.
+            // The file system does not support NOREPLACE; a hard link replaces no file either.
             Err(Errno::INVAL | Errno::NOSYS) => linkat(fd, part, fd, &self.name, AtFlags::empty()),
             put => put,
         };
@@ -242,13 +245,13 @@ impl Write for NewFile<'_> {
     }
 
     fn flush(&mut self) -> Result<()> {
-        Ok(()) // nothing is held back
+        Ok(()) // no bytes are buffered
     }
 }
 
 impl Drop for NewFile<'_> {
     fn drop(&mut self) {
-        let _ = self.folder.remove(&self.part); // gone if it has its own name; one that stays does no harm
+        let _ = self.folder.remove(&self.part); // fails after `finish`; a file that stays does no harm
     }
 }
 

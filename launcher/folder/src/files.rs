@@ -1,5 +1,5 @@
-//! Files by their paths: each is accessed through its folder, which is held open meanwhile ([`Dir`]). A file is written
-//! completely or not at all, never through a link and never into a device.
+//! Files by their paths: each file is accessed through its folder, which is held open meanwhile ([`Dir`]). A file is
+//! written completely or not at all, never through a link and never into a device.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Result};
@@ -15,10 +15,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     folder.write_whole(name, bytes)
 }
 
-/// Returns the path of the file that a user named with `--out`: with `suffix` if it has none, and nothing has the name.
+/// Returns the path of the file that a user named with `--out`; adds `suffix` if `out` has none and nothing has this
+/// name.
 ///
 /// # Errors
-/// A file has the path, which may be the very log that is read, or work of another program.
+/// The path has a file already, which may be the very log that is read, or work of another program.
 pub fn named_file(out: &Path, suffix: &str) -> anyhow::Result<PathBuf> {
     let is_bare = out.file_name().is_some() && out.extension().is_none() && out.symlink_metadata().is_err();
     let path = if is_bare { out.with_extension(suffix) } else { out.to_owned() };
@@ -51,7 +52,7 @@ pub fn create(path: &Path) -> Result<File> {
     folder.create(name)
 }
 
-/// Opens the folder of a path, and returns it with the name in it; an error if the path has no file name.
+/// Opens the folder of a path, and returns the folder and the file name; an error if the path has no file name.
 fn split(path: &Path) -> Result<(Dir, &Path)> {
     let no_name = || Error::new(ErrorKind::IsADirectory, "it is a directory; give a regular file");
     let name = path.file_name().ok_or_else(no_name)?;

@@ -16,23 +16,23 @@ use runtime::console::eprint_line;
 
 /// Attempts to create a folder whose parent another run has just removed.
 const FOLDER_TRIES: u32 = 5;
-/// Files that a run has in its folder from the beginning, or at the end.
+/// Files by which the folder of a run is recognised.
 const SIGNS_OF_A_RUN: [&str; 3] = ["run.json", "flight.mcap", "scenario.toml"];
 
 pub struct Folder {
     pub path: PathBuf,
-    /// Folders that were created for it, outermost first, the run's own last.
+    /// Folders that were created for this run, outermost first, the run's own last.
     made: Vec<PathBuf>,
     /// Path to which an earlier run was moved, if there was one.
     aside: Option<PathBuf>,
-    /// The open, locked folder; `None` while it is not locked.
+    /// The open, locked folder; `None` while no folder is locked.
     hold: Option<Dir>,
 }
 
 impl Folder {
-    /// Takes the folder `out`, or creates a new one below `runs`, and writes the settings into it.
+    /// Takes the folder `out`, or creates a new folder below `runs`, and writes the settings into the folder.
     ///
-    /// An earlier run in it is moved aside. A folder that another run is writing to is refused.
+    /// An earlier run in the folder is moved aside. A folder to which another run is writing is refused.
     pub fn prepare(out: Option<&Path>, scenario: &Scenario) -> anyhow::Result<Self> {
         let mut folder = Self { path: PathBuf::new(), made: vec![], aside: None, hold: None };
         let taken = match out {
@@ -60,25 +60,25 @@ impl Folder {
     pub fn withdraw(&self) {
         if let Some(dir) = &self.hold {
             for name in ["scenario.toml", "flight.mcap"] {
-                let _ = dir.remove(name); // may not be there yet
+                let _ = dir.remove(name); // the file may not be there yet
             }
         }
         for made in self.made.iter().rev() {
-            // A folder that another run has taken since stays, and so does one that is not empty.
+            // A folder that another run has taken since stays, and so does a folder that is not empty.
             let is_ours = *made != self.path || self.hold.is_some();
             let _ = if is_ours { fs::remove_dir(made) } else { Ok(()) };
         }
         if let Some(aside) = &self.aside {
-            let _ = fs::rename(aside, &self.path); // fails if something has the path by now
+            let _ = fs::rename(aside, &self.path); // fails if another folder has the path by now
         }
     }
 
     fn take(&mut self, out: &Path) -> anyhow::Result<()> {
-        self.path = out.components().collect(); // without a slash at the end
+        self.path = out.components().collect(); // removes a slash at the end
         loop {
             make(&self.path, &mut self.made)?;
             if !self.lock()? {
-                continue; // another run has moved it aside meanwhile
+                continue; // another run has moved the folder aside meanwhile
             }
             if !self.hold.as_ref().is_some_and(|dir| SIGNS_OF_A_RUN.iter().any(|name| dir.has(name))) {
                 return Ok(());
@@ -136,12 +136,12 @@ fn make(path: &Path, made: &mut Vec<PathBuf>) -> io::Result<bool> {
     }
 }
 
-/// Renames the folder of an earlier run to the first free of `<path>.1`, `<path>.2`, ...
+/// Renames the folder of an earlier run to the first free name of `<path>.1`, `<path>.2`, ...
 fn move_aside(path: &Path) -> anyhow::Result<PathBuf> {
     for number in 1..=9999 {
         let aside = PathBuf::from(format!("{}.{number}", path.display()));
         let moved = match renameat_with(CWD, path, CWD, &aside, RenameFlags::NOREPLACE) {
-            // The file system does not support NOREPLACE.
+            // The file system does not support NOREPLACE, so the name is checked first.
             Err(Errno::INVAL | Errno::NOSYS) if !aside.exists() => fs::rename(path, &aside),
             Err(Errno::EXIST | Errno::INVAL | Errno::NOSYS) => continue,
             moved => moved.map_err(io::Error::from),

@@ -1,10 +1,10 @@
-//! Scenarios and campaigns of the repository, part of the program, so that an installed one has them too.
+//! Scenarios and campaigns of the repository. They are part of the program, so that an installed program has them too.
 //!
 //! | a user writes | is |
 //! |---|---|
 //! | a path at which there is anything but a folder | that file |
 //! | `survey`, `faults/swap-law`, `scenarios/survey.toml` | the shipped scenario, if no file is there |
-//! | `laws`, `campaigns/laws.toml` | the shipped campaign, likewise |
+//! | `laws`, `campaigns/laws.toml` | the shipped campaign, if no file is there |
 //! | `shipped:/scenarios/survey.toml` | the shipped file, always: as shipped campaigns name their scenarios |
 
 use std::path::{Component, Path};
@@ -76,13 +76,13 @@ impl Shipped {
         path != Path::new(self.name()) && !path.starts_with(ROOT)
     }
 
-    /// Name by which users call it: the path in its folder, without the ending.
+    /// Name that users write for the file: its path in the folder of its kind, without the ending.
     pub fn name(self) -> &'static str {
         let name = self.path.split_once('/').map_or(self.path, |(_, name)| name);
         name.strip_suffix(".toml").unwrap_or(name)
     }
 
-    /// Text of the file, without the comment that names its schema: that is a path of the repository.
+    /// Text of the file, without the comment that names its schema by a path of the repository.
     pub fn text(self) -> &'static str {
         if self.text.starts_with(SCHEMA) { self.text.split_once('\n').map_or("", |(_, rest)| rest) } else { self.text }
     }
@@ -93,16 +93,16 @@ impl Shipped {
         lines.collect::<Vec<_>>().join(" ")
     }
 
-    /// Path by which [`find`](Self::find) always finds it.
+    /// Path by which [`find`](Self::find) always finds the shipped file.
     pub fn origin(self) -> String {
         format!("{ROOT}/{}", self.path)
     }
 }
 
-/// Reads the scenario at `path`, or the shipped one of that name.
+/// Reads the scenario at `path`, or the shipped scenario of that name.
 ///
 /// # Errors
-/// There is neither, the file cannot be read, or it is a campaign.
+/// There is no such scenario, the file cannot be read, or it is a campaign.
 pub fn scenario(path: &Path) -> Result<SettingsText, ScenarioError> {
     if let Some(shipped) = Shipped::find(ShippedKind::Scenario, path) {
         return Ok(SettingsText { path: Some(shipped.origin()), text: shipped.text().into() });
@@ -120,8 +120,8 @@ pub fn scenario(path: &Path) -> Result<SettingsText, ScenarioError> {
     Ok(source)
 }
 
-/// Suggests what a `name` may have meant that is neither a file nor shipped as this `kind`: a shipped file of the other
-/// kind, or the nearest name; `None` for a path, and if no name is near.
+/// Suggests a shipped file for a `name` that is neither a file nor a shipped file of this `kind`: a shipped file of the
+/// other kind, or the file with the nearest name; `None` for a path, and if no name is near.
 pub fn advice(kind: ShippedKind, name: &Path) -> Option<String> {
     if name.symlink_metadata().is_ok() || Path::new(&format!("{}.toml", name.display())).is_file() {
         return None;
@@ -171,7 +171,7 @@ const OF_A_CAMPAIGN: [&str; 14] = [
     "tune",
 ];
 
-/// Returns `path` with `..` resolved by its words alone; `None` if it is absolute, or leaves the folder.
+/// Returns `path` with `..` resolved, without a look at the disk; `None` if the path is absolute, or leaves the folder.
 fn without_parents(path: &Path) -> Option<String> {
     let mut words = vec![];
     for component in path.components() {

@@ -9,7 +9,7 @@ use std::str::FromStr;
 pub enum Way {
     /// Messages are sent to the address, and answers are taken from there only.
     Out,
-    /// The address is this process's own; messages are sent to the station that sent one last.
+    /// The address is this process's own; messages are sent to the station that sent a message last.
     In,
 }
 

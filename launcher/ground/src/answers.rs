@@ -24,7 +24,7 @@ pub struct Station {
 }
 
 impl Station {
-    /// Returns the answers to `request`; none if it is for another system, or asks for nothing.
+    /// Returns the answers to `request`; none if it is for another system or component, or needs no answer.
     #[expect(deprecated, reason = "MISSION_REQUEST and MISSION_ITEM are the requests of stations before 2020")]
     pub fn answer(&mut self, from: MavHeader, request: &MavMessage) -> Vec<MavMessage> {
         let is_ours = |target: Option<u8>, own: u8| target.is_some_and(|target| [0, own].contains(&target));
@@ -52,7 +52,7 @@ impl Station {
             MavMessage::MISSION_WRITE_PARTIAL_LIST(of) => refused(of.mission_type),
             MavMessage::MISSION_ITEM_INT(of) => refused(of.mission_type),
             MavMessage::MISSION_ITEM(of) => refused(of.mission_type),
-            // The protocol answers this with a text, not with a MISSION_ACK.
+            // The protocol answers MISSION_SET_CURRENT with a text, not with a MISSION_ACK.
             MavMessage::MISSION_SET_CURRENT(_) => {
                 texts(MavSeverity::MAV_SEVERITY_WARNING, "a flight keeps the mission of its scenario", 1)
             }
@@ -103,7 +103,7 @@ impl Station {
     }
 }
 
-/// Number of items of a mission: none, since the missions of a scenario are no lists of waypoints.
+/// Makes the number of items of a mission: 0, since the missions of a scenario are no lists of waypoints.
 fn mission_count(to: MavHeader, mission_type: MavMissionType) -> MavMessage {
     MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
         count: 0,
@@ -124,7 +124,7 @@ fn mission_ack(to: MavHeader, mission_type: MavMissionType, result: MavMissionRe
     })
 }
 
-/// Error for the parameter with the name or the place of the request.
+/// Makes the error for a parameter, with the name and the index of the request.
 fn param_error(to: MavHeader, param_id: CharArray<16>, param_index: i16, error: MavParamError) -> MavMessage {
     MavMessage::PARAM_ERROR(PARAM_ERROR_DATA {
         param_index,

@@ -24,7 +24,7 @@ pub struct Home {
 }
 
 impl Home {
-    /// Home of `--home`, if it is not given: where PX4's simulators begin, at Zurich.
+    /// Default of `--home`: the place where PX4's simulators begin, at Zurich.
     pub const USUAL: &str = "47.397742,8.545594,488";
 
     /// Returns latitude and longitude \[1e-7 degrees\] and height \[mm\] of a position in NED \[m\].

@@ -47,8 +47,8 @@ const DATAGRAMS: usize = 32;
 /// Number of answers after one look from which on no more datagrams are read: about two lists of all parameters.
 const ANSWERS: usize = 130;
 
-/// Shows the flight of `namespace` to the ground station at `address`, until the flight ends or an interrupt. Calls
-/// `joined` as soon as no message can be missed.
+/// Shows the flight of `namespace` to the ground station at `address`, until the flight ends or an interrupt comes.
+/// Calls `joined` as soon as no message can be missed.
 ///
 /// # Errors
 /// The address cannot be used, there is no flight to observe, or its launcher was killed.
@@ -82,7 +82,7 @@ pub fn show(
         match look {
             _ if interrupts.load(Ordering::Relaxed) > 0 => return Ok(()),
             Look::Flying(0) => sleep(OBSERVER_POLL),
-            Look::Flying(_) => {} // more may have arrived meanwhile
+            Look::Flying(_) => {} // more messages may have arrived meanwhile
             Look::Ended => {
                 link.send(&station.vehicle.last_heartbeat());
                 return Ok(());
@@ -92,8 +92,8 @@ pub fn show(
     }
 }
 
-/// Answers what has arrived, but no more than a look may cost: a flood must neither hide the end of the flight nor take
-/// the processor from it.
+/// Answers the datagrams that have arrived, within the limits of one look: a flood must neither hide the end of the
+/// flight nor take the processor from the ring.
 fn answer(link: &mut StationLink, station: &mut Station) {
     let mut answered = 0;
     for _ in 0..DATAGRAMS {

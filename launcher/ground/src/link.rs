@@ -1,4 +1,4 @@
-//! MAVLink 2 frames in UDP datagrams, one frame each. Nothing here waits: what cannot be sent now is lost.
+//! MAVLink 2 frames in UDP datagrams, one frame each. Nothing here waits: a frame that cannot be sent at once is lost.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -9,15 +9,15 @@ use mavlink::{MavHeader, MavlinkReader, write_v2_msg};
 
 use crate::address::{Address, Way};
 
-/// Identity of the vehicle in a MAVLink network: system 1, its autopilot.
+/// Number of the vehicle in a MAVLink network.
 pub const SYSTEM: u8 = 1;
-/// `MAV_COMP_ID_AUTOPILOT1`.
+/// Component of the vehicle that sends: `MAV_COMP_ID_AUTOPILOT1`.
 pub const COMPONENT: u8 = 1;
 
 /// Link to one ground station.
 pub struct StationLink {
     socket: UdpSocket,
-    /// Address of the station; `None` until one has sent a message.
+    /// Address of the station; `None` until a station has sent a message.
     peer: Option<SocketAddr>,
     way: Way,
     sequence: u8,
@@ -34,7 +34,7 @@ impl StationLink {
         let socket = UdpSocket::bind(own).with_context(|| format!("cannot open a UDP socket at {own}"))?;
         socket.set_nonblocking(true)?;
         if address.way == Way::Out {
-            // The kernel then takes datagrams of this address only.
+            // A connected socket receives datagrams from this address only.
             socket.connect(address.at).with_context(|| format!("cannot send to {}", address.at))?;
         }
         let peer = (address.way == Way::Out).then_some(address.at);
@@ -59,11 +59,11 @@ impl StationLink {
     /// Reads the next datagram; returns its message and sender, `None` if it is no MAVLink.
     ///
     /// # Errors
-    /// None has arrived.
+    /// No datagram has arrived.
     pub fn receive(&mut self) -> io::Result<Option<(MavHeader, MavMessage)>> {
         let mut bytes = [0; 2048];
         let (length, from) = match self.socket.recv_from(&mut bytes) {
-            // The answer of a host where no station listens.
+            // A host where no station listens has refused the last frame.
             Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => return Ok(None),
             received => received?,
         };

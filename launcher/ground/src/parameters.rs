@@ -1,8 +1,8 @@
-//! Settings of the flight as parameters, which stations list and cannot change.
+//! Settings of the flight as parameters, which stations can list but not change.
 //!
-//! A name has at most 16 characters, so each parameter names the setting that it shows. Values are 32-bit numbers: a
-//! setting is rounded to about seven digits. A switch is 0 or 1. A setting that the scenario leaves out
-//! has no parameter.
+//! A parameter's name has at most 16 characters, so a table maps each name to the key of its setting. Values are 32-bit
+//! numbers: a setting is rounded to about seven digits. A switch is 0 or 1. A setting that the scenario leaves out, or
+//! that is a word, has no parameter.
 
 use mavlink::dialects::common::{MavMessage, MavParamType, PARAM_VALUE_DATA};
 use settings::{Scenario, to_toml};
@@ -47,7 +47,7 @@ pub struct MavlinkParameters(Vec<(&'static str, f32)>);
 impl MavlinkParameters {
     /// Reads the settings of `scenario`.
     pub fn of(scenario: &Scenario) -> Self {
-        let table: Table = to_toml(scenario).parse().unwrap_or_default(); // settings that were written are read back
+        let table: Table = to_toml(scenario).parse().unwrap_or_default(); // written settings always parse
         let table = Value::Table(table);
         Self(NAMES.iter().filter_map(|(name, key)| Some((*name, number(&table, key)?))).collect())
     }
@@ -57,7 +57,7 @@ impl MavlinkParameters {
         (0..self.0.len()).filter_map(|index| self.at(index)).collect()
     }
 
-    /// Returns the parameter with this name, or, without a name, at this place; `None` if there is none.
+    /// Returns the parameter at `index`, or named `name` if `index` is negative; `None` if there is none.
     pub fn find(&self, name: &str, index: i16) -> Option<MavMessage> {
         let of_name = || self.0.iter().position(|(of, _)| *of == name);
         self.at(usize::try_from(index).ok().or_else(of_name)?)
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn every_name_fits_is_unique_and_has_a_setting_where_the_scenario_gives_one() {
         let mut scenario = Scenario::default();
-        // A parameter has no word for "measured".
+        // The default, "measured", is a word, and no parameter can show it.
         scenario.attitude.delay_compensation = DelayCompensation::Sample(true);
         (scenario.deadline.end_to_end_ms, scenario.node.attitude_mpc.deadline_ms) = (Some(9.0), Some(7.0));
         (scenario.bounds.max_position_error_m, scenario.bounds.max_fallback_s) = (Some(0.5), Some(2.0));

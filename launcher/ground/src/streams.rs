@@ -21,12 +21,12 @@ const RATES_HZ: [(u32, f64); 9] = [
 /// Highest rate that a station can ask for \[Hz\].
 const MAX_HZ: f64 = 100.0;
 
-/// Messages that are sent by themselves.
+/// Messages that are sent without a request.
 pub struct Streams(Vec<Stream>);
 
 struct Stream {
     id: u32,
-    /// `None`: not sent.
+    /// Interval between two messages; `None` if they are not sent.
     period: Option<Duration>,
     due: Instant,
 }
@@ -50,8 +50,9 @@ impl Streams {
         ids
     }
 
-    /// Sets the interval of a message as `MAV_CMD_SET_MESSAGE_INTERVAL` has it: 0 is the default, below it off. Returns
-    /// false if there is no such stream. The heartbeat keeps its rate: without it a station takes the vehicle as lost.
+    /// Sets the interval of a message \[us\] as `MAV_CMD_SET_MESSAGE_INTERVAL` defines it: 0 is the default, a negative
+    /// number stops the message. Returns `false` if there is no such stream, and for the heartbeat, which keeps its
+    /// rate: without heartbeats a station takes the vehicle as lost.
     pub fn set(&mut self, id: u32, interval_us: f32, now: Instant) -> bool {
         let Some(stream) = self.0.iter_mut().find(|stream| stream.id == id && id != HEARTBEAT_DATA::ID) else {
             return false;

@@ -15,9 +15,9 @@ use settings::Scenario;
 
 use crate::home::Home;
 
-/// Pulse width of the lowest rotor speed, and of tilt to the right by its limit \[us\].
+/// Pulse width of a standing rotor, and of the largest tilt to the left \[us\].
 const LOW_US: f64 = 1000.0;
-/// Pulse width between the highest and the lowest \[us\].
+/// Difference between the largest and the smallest pulse width \[us\].
 const SPAN_US: f64 = 1000.0;
 /// Characters of a STATUSTEXT; longer texts take several.
 const TEXT_CHARS: usize = 50;
@@ -39,7 +39,7 @@ impl MavlinkVehicle {
         Self { home, limits: scenario.limits(), sample_ns, state: None, reference: None, actuators: None }
     }
 
-    /// Takes a message of the ring; one that is damaged, or that the nodes do not act on, is left out.
+    /// Takes a message of the ring, unless it is damaged or was not delivered to the nodes.
     pub fn observe(&mut self, record: &Record) {
         if !record.is_intact() || !record.stamped().is_some_and(|(_, stamp)| stamp.is_delivered()) {
             return;
@@ -92,7 +92,7 @@ impl MavlinkVehicle {
         }
     }
 
-    /// Time of the sample that a message descends from, since the first sample \[ms\].
+    /// Returns the time of the sample of `tick`, since the first sample \[ms\].
     fn time_ms(&self, tick: u64) -> u32 {
         (tick * self.sample_ns / 1_000_000) as u32
     }
@@ -169,8 +169,8 @@ impl MavlinkVehicle {
         })
     }
 
-    /// Outputs 1 to 3 are the rotors, from standing still at 1000 us to their limit at 2000; 4 is the tilt of rotor 1,
-    /// from its limit on one side to that on the other.
+    /// Makes the pulse widths: outputs 1 to 3 are the rotors, from standstill at 1000 us to their limits at 2000 us;
+    /// output 4 is the tilt of rotor 1, from the left limit at 1000 us to the right one at 2000 us.
     fn servo_output(&self, actuators: &Actuators) -> MavMessage {
         let command = actuators.command;
         let pulse = |share: f64| (LOW_US + SPAN_US * share.clamp(0.0, 1.0)).round() as u16;
@@ -186,11 +186,13 @@ impl MavlinkVehicle {
     }
 }
 
-/// The only mode, `custom_mode` of HEARTBEAT: the mission of the scenario is flown. `docs/mavlink.md` has its name.
+/// `custom_mode` of HEARTBEAT in the only mode, in which the mission of the scenario is flown; `docs/mavlink.md` has
+/// the mode's name.
 const SCENARIO_MODE: u32 = 0;
 
-/// The vehicle flies by itself and is stabilised; it has no modes that a station could choose. Without the flag
-/// `CUSTOM_MODE_ENABLED` a station shows these flags; with it, some stations show mode 0 of another autopilot.
+/// Makes the heartbeat of a vehicle that flies by itself and is stabilised, without modes that a station could choose.
+/// Without the flag `CUSTOM_MODE_ENABLED` a station shows these flags; with it, some stations show mode 0 of another
+/// autopilot.
 fn heartbeat(armed: bool, system_status: MavState) -> MavMessage {
     let flying = MavModeFlag::MAV_MODE_FLAG_AUTO_ENABLED | MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED;
     let armed = if armed { MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED } else { MavModeFlag::empty() };
@@ -218,8 +220,9 @@ fn extended_state(status: PlantStatus) -> MavMessage {
     MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA { vtol_state, landed_state })
 }
 
-/// Version of this program, with the first characters of its commit, and the protocols whose requests are answered. The
-/// bit for missions is set, because without it a station does not ask for their list, which is empty.
+/// Makes the version of this program, with the first characters of its commit, and the protocols whose requests are
+/// answered. The bit for missions is set, because without it a station does not ask for the list of missions, which is
+/// empty.
 fn autopilot_version() -> MavMessage {
     let program = flight::provenance::ProgramIdentity::this();
     let mut numbers = program.version.split('.').map(|number| number.parse::<u32>().unwrap_or(0));
@@ -247,7 +250,7 @@ pub fn status_texts(event: &TimedEvent) -> Vec<MavMessage> {
     texts(severity(of.what), &text, (of.tick as u16).wrapping_add(1))
 }
 
-/// Returns `text` in messages; `id` tells those of one text from those of another.
+/// Splits `text` into messages; `id` marks the messages of one text, if there are several.
 pub fn texts(severity: MavSeverity, text: &str, id: u16) -> Vec<MavMessage> {
     // The dialect allows UTF-8, but stations show ASCII.
     let bytes: Vec<u8> = text.chars().map(|c| if c.is_ascii() && !c.is_control() { c as u8 } else { b'?' }).collect();
@@ -275,12 +278,12 @@ fn severity(what: What) -> MavSeverity {
     }
 }
 
-/// Velocity in NED \[m/s\], from that in the body frame.
+/// Returns the velocity in NED \[m/s\], rotated from the body frame of STATE.
 fn velocity_ned_mps(state: &State) -> [f64; 3] {
     (rotation(state.measured.attitude_rad) * Vector3::from(state.measured.velocity_mps)).into()
 }
 
-/// Rotation from the body frame to NED, of Euler angles phi, theta, psi \[rad\].
+/// Returns the rotation from the body frame to NED, for Euler angles phi, theta, psi \[rad\].
 fn rotation([phi, theta, psi]: [f64; 3]) -> UnitQuaternion<f64> {
     UnitQuaternion::from_euler_angles(phi, theta, psi)
 }

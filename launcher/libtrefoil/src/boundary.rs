@@ -136,7 +136,7 @@ pub unsafe fn handed<T>(opened: Result<T, Failure>, error: *mut c_char, error_by
     }
 }
 
-/// Returns the code for a result, and keeps the reason of a failure in `error`.
+/// Returns the value of `result`, or for a failure the negative exit code, and then keeps the reason in `error`.
 pub fn code(result: Result<i32, Failure>, error: &mut CString) -> i32 {
     result.unwrap_or_else(|Failure { why, exit_code }| {
         *error = c_text(&why);
@@ -154,11 +154,11 @@ pub unsafe fn free<T>(handle: *mut T) {
             // SAFETY: the caller guarantees it.
             drop(unsafe { Box::from_raw(handle) });
             Ok(())
-        }); // a panic in it has no way to C
+        }); // a panic of the drop cannot be reported to C
     }
 }
 
-/// Finds a node that answers by its name.
+/// Returns the topic of `node`; an error unless it is a node that answers to samples.
 pub fn topic_of(node: &str) -> Result<Topic, Failure> {
     let topic = Topic::of_node(node);
     topic.filter(|topic| foreign::sizes(*topic).is_some()).ok_or_else(|| {

@@ -6,7 +6,7 @@
 //!              -> { trefoil_next -> trefoil_remember, trefoil_send }... -> trefoil_leave
 //! ```
 //!
-//! The session is the one of every node: deadline, faults, trial, timing and replay see no difference.
+//! The session is the same as in any other node: deadline, faults, trial, timing and replay see no difference.
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 
@@ -240,8 +240,8 @@ pub unsafe extern "C" fn trefoil_error(session: *const TrefoilSession) -> *const
     unsafe { (*session).error.as_ptr() }
 }
 
-/// Leaves the run, and frees the session. NULL is nothing to leave. In a copy of the process, made by `fork`, it does
-/// nothing: the process has the session.
+/// Leaves the run, and frees the session. Does nothing if `session` is NULL, or in a child process made by `fork`: the
+/// session belongs to the process that joined.
 ///
 /// # Safety
 /// `session` came from `trefoil_join`, and is not used any more.
@@ -256,7 +256,7 @@ pub unsafe extern "C" fn trefoil_leave(session: *mut TrefoilSession) {
     }
 }
 
-/// Checks the size of `what` of the node.
+/// Checks that the caller's size of `what`, `bytes`, is the size that this library has for the node, `own`.
 pub fn fits(what: &str, bytes: usize, own: usize) -> Result<(), Failure> {
     if bytes == own {
         return Ok(());

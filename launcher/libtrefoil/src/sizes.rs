@@ -1,4 +1,4 @@
-//! Version and sizes of the interface. A caller that was compiled for different ones must stop.
+//! Version and sizes of the interface. A caller that was compiled for another version or other sizes must stop.
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 

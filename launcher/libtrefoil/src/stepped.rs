@@ -40,7 +40,7 @@ pub struct TrefoilFlight {
     sizes: [usize; 2],
     /// `true` while the newest sample has no answer.
     due: bool,
-    /// run.json, when the flight is over.
+    /// Content of run.json once the flight is over; empty before.
     record: CString,
     error: CString,
 }
@@ -263,7 +263,7 @@ pub unsafe extern "C" fn trefoil_flight_error(flight: *const TrefoilFlight) -> *
     unsafe { (*flight).error.as_ptr() }
 }
 
-/// Frees the flight. NULL is nothing to free.
+/// Frees the flight. Does nothing if `flight` is NULL.
 ///
 /// # Safety
 /// `flight` came from `trefoil_flight_open`, and is not used any more.

@@ -9,7 +9,7 @@ fn include() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../foreign/include")
 }
 
-/// Drops what is for callers in Rust: sections `# Safety`, and the marks of links.
+/// Drops the sections `# Safety`, which are for callers in Rust.
 fn for_c(text: &str) -> String {
     let mut is_safety = false;
     let mut lines = vec![];
@@ -25,7 +25,7 @@ fn for_c(text: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Regenerate with `TREFOIL_WRITE_HEADER=1 cargo test -p trefoil --test header`.
+/// Regenerate the header with `TREFOIL_WRITE_HEADER=1 cargo test -p trefoil --test header`.
 #[test]
 fn the_header_is_generated_from_the_functions() {
     let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));

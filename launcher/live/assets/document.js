@@ -1,5 +1,5 @@
-// Puts each new version of the page in the place of the one that is shown. The window keeps its place, because the
-// parts keep theirs; what was unfolded stays so.
+// Replaces the shown page by each new version. The window keeps its scroll position and its focus, and unfolded parts
+// stay unfolded.
 (() => {
   'use strict';
   const RECONNECT_MS = 1000;
@@ -15,7 +15,7 @@
       try {
         const response = await fetch(location.href);
         if (response.ok) show(new DOMParser().parseFromString(await response.text(), 'text/html'));
-      } catch { /* the server has ended: the socket tells */ }
+      } catch { /* the server has ended; the socket reports that */ }
     }
     fetching = false;
   }

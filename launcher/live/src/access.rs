@@ -1,4 +1,4 @@
-//! Rules for connections to a live server, the same for every address and websocket of it.
+//! Rules for connections to a live server, the same for all its paths and websockets.
 //!
 //! | request | accepted if |
 //! |---|---|
@@ -19,7 +19,7 @@ use axum::http::{HeaderMap, HeaderName, Uri, header};
 
 /// Shortest token that is accepted \[characters\].
 const TOKEN_CHARS: usize = 16;
-/// Random bytes in a token that is made.
+/// Number of random bytes in a generated token.
 const TOKEN_BYTES: usize = 18;
 
 /// Rule for all requests of one server.
@@ -66,7 +66,7 @@ impl Access {
         Ok(Self { address, token })
     }
 
-    /// Address of the page for a browser, with the token.
+    /// Returns the address of the page for a browser, with the token.
     pub fn url(&self) -> String {
         format!("http://{}/?token={}", self.address, self.token)
     }
@@ -75,8 +75,8 @@ impl Access {
         &self.token
     }
 
-    /// Value of `Set-Cookie` with which a browser keeps the token. The name has the port, because a browser sends the
-    /// cookies of a host to all of its ports.
+    /// Returns the value of `Set-Cookie` with which a browser keeps the token. The cookie's name has the port, because
+    /// a browser sends the cookies of a host to all of its ports.
     pub fn cookie(&self) -> String {
         format!("{}={}; HttpOnly; SameSite=Strict; Path=/", self.cookie_name(), self.token)
     }
@@ -85,7 +85,7 @@ impl Access {
         format!("trefoil-{}", self.address.port())
     }
 
-    /// Decides on a request by its `headers` and address; `is_foxglove` if that is Foxglove's websocket.
+    /// Decides on a request by its `headers` and its address `uri`; `is_foxglove` is `true` for Foxglove's websocket.
     pub fn check(&self, headers: &HeaderMap, uri: &Uri, is_foxglove: bool) -> Result<(), RequestRefused> {
         // A value that is not text counts as wrong, not as absent.
         let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or_default());
@@ -125,7 +125,7 @@ impl Access {
     }
 }
 
-/// Token in an address, whether right or wrong.
+/// Returns the token in an address, right or wrong; `None` if it has none.
 pub fn token_in(uri: &Uri) -> Option<&str> {
     uri.query()?.split('&').find_map(|pair| pair.strip_prefix("token="))
 }

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use crate::hub::{FrameKind, Hub};
 
-/// Script that fetches a new version, and puts it in the place of the one that is shown.
+/// Script that fetches each new version and shows it in place of the old one.
 const SCRIPT: &str = include_str!("../assets/document.js");
 
 /// Newest version of a page.
@@ -16,7 +16,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// Begins with `html`, a whole page without scripts of its own.
+    /// Makes a document whose first version is `html`, a whole page without scripts.
     pub fn new(html: String) -> Self {
         Self { html: Mutex::new(html), hub: Arc::new(Hub::new()) }
     }

@@ -6,10 +6,11 @@
 //! server: 1, subscription (u32), log time (u64), bytes of the message    binary, little-endian
 //! ```
 //!
-//! Channels, schemas and bytes are those of `export --to foxglove`: first [`flight::log::channels`], those of the log,
-//! then those of [`view::scene`], whose messages a [`Scene`] makes here as there. A message that holds for
-//! the whole flight is sent to each client that subscribes to its channel. The server has no other capability: it takes
-//! no parameters, no service calls and no messages of clients. The protocol is the same under both of its names.
+//! Channels, schemas and bytes are the same as in `export --to foxglove`: first the channels of the log
+//! ([`flight::log::channels`]), then the channels of [`view::scene`], whose messages a [`Scene`] makes. A message that
+//! holds for the whole flight is sent to each client that subscribes to its channel. The server has no other
+//! capability: it takes no parameters, no service calls and no messages of clients. The protocol is the same under both
+//! of its names.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -39,12 +40,12 @@ const SUBSCRIPTIONS: usize = 256;
 pub struct Encoder {
     scene: Scene,
     sample_ns: u64,
-    /// Number of channels before those for viewers.
+    /// Number of channels before the channels of [`view::scene`].
     before_view: usize,
 }
 
 impl Encoder {
-    /// Begins a flight of `scenario`, and publishes what holds for all of it.
+    /// Begins a flight of `scenario`, and publishes the messages that hold for the whole flight.
     pub fn begin(scenario: &Scenario, hub: &Hub) -> Self {
         let (scene, before_view) = (Scene::new(scenario), log::channels().len());
         let fixed = scene.fixed();
@@ -53,7 +54,8 @@ impl Encoder {
         encoder
     }
 
-    /// Publishes a message of the ring if there are clients. Without any the scene still follows, for its path.
+    /// Publishes a message of the ring if there are clients. Without clients the scene still follows the flight,
+    /// because it draws the path flown.
     pub fn on_record(&mut self, record: &Record, hub: &Hub) {
         let derived = self.scene.on_record(record);
         if hub.has_listeners() {
@@ -82,12 +84,12 @@ impl Encoder {
     }
 }
 
-/// Lists the channels, each at its number.
+/// Lists the channels; a channel's number is its index.
 fn channels() -> Vec<Channel> {
     [log::channels(), view::scene::SceneChannel::of_log().into()].concat()
 }
 
-/// Request of a client. Others than these are ignored.
+/// Request of a client. Any other request is answered with a warning.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
 enum Asked {
@@ -107,13 +109,13 @@ struct Subscription {
     channel_id: usize,
 }
 
-/// Channels that a client has subscribed to, by the number that it gave each.
+/// Channels that a client has subscribed to, by the client's number of the subscription.
 #[derive(Default)]
 struct Subscriptions(BTreeMap<u32, usize>);
 
 impl Subscriptions {
-    /// Carries out a request. Returns the answers: what holds for the whole flight in the channel of each new
-    /// subscription, which `fixed` finds, and a status if the request makes no sense.
+    /// Carries out a request. Returns the answers: the messages that hold for the whole flight on the channel of each
+    /// new subscription, which `fixed` finds, and a warning if the request is invalid.
     fn take(&mut self, text: &str, channels: usize, fixed: impl Fn(usize) -> Vec<Published>) -> Vec<Message> {
         let status = |words: &str| Message::Text(warning(words).to_string().into());
         let mut answers = vec![];
@@ -166,13 +168,13 @@ pub async fn serve(mut socket: WebSocket, hub: Arc<Hub>) {
         let frames: Vec<Message> = tokio::select! {
             message = messages.recv() => match message {
                 Ok(message) => subscriptions.frames(&message).into_iter().map(|frame| Message::Binary(frame.into())).collect(),
-                Err(RecvError::Lagged(_)) => continue, // the oldest are lost
+                Err(RecvError::Lagged(_)) => continue, // the oldest messages are lost
                 Err(RecvError::Closed) => break,
             },
             received = socket.recv() => match received {
                 Some(Ok(Message::Text(text))) => subscriptions.take(&text, count, |channel| hub.fixed(channel)),
                 Some(Ok(Message::Close(_)) | Err(_)) | None => break,
-                Some(Ok(_)) => continue, // messages of clients are not taken
+                Some(Ok(_)) => continue, // other messages are ignored
             },
         };
         for frame in frames {

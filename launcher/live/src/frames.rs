@@ -14,17 +14,17 @@ use serde_json::{Map, Value, json};
 use settings::{FaultTarget, Mode, Scenario};
 use view::report::columns::{DerivedSources, lines, names, values};
 
-/// Rows of the plots per second, at most: every n-th tick is shown.
+/// Largest number of rows of the plots per second; every n-th tick is shown.
 const ROWS_HZ: u32 = 20;
-/// Share of a second for which a tick stays open for late messages.
+/// Divisor of the rate: a tick stays open for late messages for 1/20 s, but for at least two ticks.
 const OPEN_PER_S: u32 = 20;
-/// Points of the mission's course.
+/// Number of segments of the drawn course of the mission.
 const COURSE_POINTS: u32 = 400;
 /// Columns besides those of the report: the age at the actuator, and the mean wind.
 const MORE: [&str; 4] = ["age_ms", "mean_wind_north", "mean_wind_east", "mean_wind_down"];
-/// Worst ticks that are shown.
+/// Number of worst ticks that are shown.
 const WORST: usize = 5;
-/// Digits of a number on the page.
+/// Factor for rounding: a number on the page has five decimal places.
 const DIGITS: f64 = 1e5;
 
 /// Flight as it is known so far.
@@ -89,7 +89,7 @@ impl Frames {
         {
             self.age_ms = *ns as f64 / 1e6;
         }
-        let values = values(tick, &mut self.derived); // of every tick: some are differences
+        let values = values(tick, &mut self.derived); // for every tick, because some values are differences
         let every = u64::from((self.scenario.run.rate_hz / ROWS_HZ).max(1));
         if tick.number.is_multiple_of(every) {
             let json = row(tick, values, self.age_ms, &self.wind);
@@ -97,7 +97,7 @@ impl Frames {
         }
     }
 
-    /// Takes in an event. A fault given or ended in flight belongs to the flight from then on.
+    /// Takes in an event. A fault given or ended in flight becomes part of the scenario.
     pub fn note(&mut self, event: &TimedEvent) {
         if let Some((number, fault)) = event.event.fault.as_deref() {
             let faults = &mut self.scenario.fault;
@@ -117,7 +117,7 @@ impl Frames {
         std::mem::take(&mut self.rows)
     }
 
-    /// Settings of the flight, as far as the page needs them.
+    /// Returns the settings of the flight that the page needs.
     pub fn flight(&self) -> Value {
         let scenario = &self.scenario;
         let (run, vehicle) = (&scenario.run, scenario.flown_airframe());
@@ -196,7 +196,7 @@ impl Frames {
     }
 }
 
-/// Kinds of fault that can be given in flight, by target.
+/// Returns the kinds of fault that can be given in flight, by target.
 fn faults() -> Map<String, Value> {
     let kinds = |target: FaultTarget| target.kinds_in_flight().map(name).collect::<Vec<_>>();
     let all = FaultTarget::ALL.iter().map(|(target, name)| ((*name).to_owned(), kinds(*target)));
@@ -211,7 +211,7 @@ fn row(tick: &LoggedTick, values: Vec<f64>, age_ms: f64, wind: &Air) -> String {
     json!(all.map(round).collect::<Vec<_>>()).to_string()
 }
 
-/// Rounds to the digits of the page; JSON makes null of what is not finite.
+/// Rounds to the decimal places of the page; NaN and infinities become null in JSON.
 fn round(value: f64) -> f64 {
     (value * DIGITS).round() / DIGITS
 }
@@ -223,7 +223,7 @@ mod tests {
 
     use super::*;
 
-    /// Flies in process, and returns the frames of it.
+    /// Flies in process, and returns the frames of the flight.
     fn flown(settings: impl FnOnce(&mut Scenario)) -> Frames {
         let mut scenario = Scenario::default();
         scenario.run.mode = Mode::Inprocess;

@@ -1,4 +1,4 @@
-//! Frames on their way from the flight to the clients. A client that comes gets the newest frame of each kind first.
+//! Frames on their way from the flight to the clients. A new client first gets the newest frame of each kind.
 
 use std::collections::VecDeque;
 use std::sync::atomic::AtomicUsize;
@@ -9,14 +9,14 @@ use axum::extract::ws::Utf8Bytes;
 use serde_json::{Value, json};
 use tokio::sync::broadcast;
 
-/// Rows that are kept for a client that comes: a minute at 20 Hz.
+/// Number of rows that are kept for new clients: a minute at 20 Hz.
 pub const KEPT_ROWS: usize = 1200;
-/// Frames that a slow client may be behind before it loses the oldest: ten seconds.
+/// Number of frames that a slow client may be behind before it loses the oldest: ten seconds.
 const QUEUE: usize = 256;
-/// Messages that a slow Foxglove client may be behind before it loses the oldest: five seconds at 200 Hz.
+/// Number of messages that a slow Foxglove client may be behind before it loses the oldest: five seconds at 200 Hz.
 const FOXGLOVE_QUEUE: usize = 4096;
 
-/// Kind of a frame; of all but `Rows` the newest replaces those before.
+/// Kind of a frame. The newest frame of a kind replaces the earlier ones, except for `Rows`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameKind {
     /// The flight and its settings. Everything of an earlier flight is forgotten.
@@ -81,7 +81,7 @@ impl Hub {
         Self { kept: Mutex::default(), frames, messages, orders: AtomicUsize::new(0) }
     }
 
-    /// Sends a frame to all clients, and keeps it for those that come.
+    /// Sends a frame to all clients, and keeps it for new ones.
     pub fn send(&self, kind: FrameKind, mut content: Value) {
         content["kind"] = json!(format!("{kind:?}").to_lowercase());
         let text = Utf8Bytes::from(content.to_string());
@@ -113,7 +113,7 @@ impl Hub {
         let _ = self.messages.send(message); // fails if there is no client
     }
 
-    /// Publishes messages that hold for the whole flight, and keeps them for Foxglove's clients that come.
+    /// Publishes messages that hold for the whole flight, and keeps them for new clients of Foxglove's protocol.
     pub fn send_fixed(&self, messages: Vec<Published>) {
         let mut kept = self.kept();
         kept.fixed.clone_from(&messages);
@@ -137,7 +137,7 @@ impl Hub {
         (KINDS.iter().filter_map(frame).collect(), self.frames.subscribe())
     }
 
-    /// Namespace of the flight that is shown, if any.
+    /// Returns the namespace of the flight that is shown, if any.
     pub fn namespace(&self) -> Option<String> {
         self.kept().namespace.clone()
     }
@@ -156,13 +156,13 @@ impl Hub {
         self.frames.receiver_count() > 0
     }
 
-    /// Returns whether there is any client for messages of the ring; without one, none is encoded.
+    /// Returns whether any client of Foxglove's protocol is connected; without one, no message is encoded.
     pub fn has_listeners(&self) -> bool {
         self.messages.receiver_count() > 0
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner) // no change is left half done
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner) // a panic leaves no change half done
     }
 }
 

@@ -61,7 +61,7 @@ pub enum FlightSource {
         /// `true` if the server ends with the first flight; otherwise it waits for the next one.
         one_flight: bool,
     },
-    /// Recorded flight, until an interrupt.
+    /// Recorded flight, shown until an interrupt.
     Recorded(Arc<Player>),
 }
 
@@ -86,11 +86,11 @@ pub fn serve(
         }
     };
     let served = run(listener, access, hub, content);
-    let _ = thread.join(); // a panic has told its reason
+    let _ = thread.join(); // a panic has printed its reason
     served
 }
 
-/// Serves a page that is made anew meanwhile, until it is closed.
+/// Serves `document`, whose page may be replaced meanwhile, until it is closed.
 pub fn serve_document(listener: TcpListener, access: Access, document: Arc<Document>) -> anyhow::Result<()> {
     listener.set_nonblocking(true)?;
     run(listener, access, document.hub.clone(), ServerContent::Document(document))

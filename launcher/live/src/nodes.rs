@@ -28,7 +28,7 @@ struct Node {
 }
 
 impl Node {
-    /// Makes the process `epoch` active; the one before it is on standby if the two change places.
+    /// Makes the process `epoch` active. If it was on standby, the process that was active goes on standby.
     fn take_over(&mut self, epoch: u32) {
         if self.active == Some(epoch) {
             return;

@@ -52,15 +52,16 @@ pub struct OrderAnswer {
     /// Command line that was run, as a user would write it.
     pub line: String,
     pub ok: bool,
-    /// Text that it printed.
+    /// Text that the command printed.
     pub said: String,
 }
 
 impl PageOrder {
-    /// Returns the arguments of the launcher, of which none can be taken for another option.
+    /// Returns the arguments for the launcher; no value of the page can become an option of its own.
     ///
     /// # Errors
-    /// A word is too long or has characters that no word has, or the swap has settings other than of the control laws.
+    /// A word is too long or has control characters, or the swap has too many settings or one that the page may not
+    /// set.
     pub fn arguments(&self, namespace: &str) -> Result<Vec<String>, String> {
         let mut options = vec![format!("--namespace={namespace}")];
         let mut option = |name: &str, value: &Option<String>| {
@@ -92,7 +93,7 @@ impl PageOrder {
         Ok([command.to_owned()].into_iter().chain(options).chain(separator).chain(words).collect())
     }
 
-    /// Carries the order out, and waits for its end: that of a swap comes after its trial.
+    /// Carries the order out, and waits until the command ends; a swap ends after its trial.
     pub fn run(&self, namespace: &str) -> OrderAnswer {
         let arguments = match self.arguments(namespace) {
             Ok(arguments) => arguments,
@@ -110,7 +111,7 @@ impl PageOrder {
     }
 }
 
-/// Checks that a setting of a candidate has one key, of a control law and none of its limits.
+/// Checks that a setting of a candidate is `KEY=VALUE`, with a key of a control law that is no limit of a solve.
 fn check_setting(setting: &str) -> Result<(), String> {
     let key = setting.split_once('=').map(|(key, _)| key.trim());
     let is_plain = |key: &&str| key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b"._".contains(&b));

@@ -1,4 +1,4 @@
-//! The page's HTML: one document with its style and scripts, which asks for nothing but the websocket and the commands.
+//! The page's HTML: one document with its style and scripts, which requests only the websocket and the commands.
 
 use view::draw::{SCRIPTS, STYLE, UPLOT_STYLE};
 use view::report::FIGURE_SCRIPT;
@@ -48,7 +48,7 @@ fn without(template: &str, other: PageSubject) -> String {
     })
 }
 
-/// Policy of the browser for the page: no source but this server, no frame around it.
+/// Returns the content security policy of the page: no source but this server, no frame around the page.
 pub fn policy(nonce: &str) -> String {
     format!(
         "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; \

@@ -1,8 +1,8 @@
-//! Plays a recorded flight: the page shows at each time what a page that had seen the flight so far would have shown.
+//! Plays a recorded flight: at each time the page looks like a live page that has seen the flight up to that time.
 //!
-//! The log is read once, before it is played, through the same `Frames`. Kept are the rows, the timing of every
-//! second and the state of the nodes, from which any time can be shown at once, forwards and backwards. The position
-//! belongs to the server: all browsers see the same, and each can change it.
+//! The log is read once, before it is played, through the same `Frames`. The player keeps the rows, the timing of every
+//! second and the state of the nodes, and can show any time at once, forwards and backwards. The position belongs to
+//! the server: all browsers see the same position, and each can change it.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -26,7 +26,7 @@ use crate::orders::OrderAnswer;
 const STEP: Duration = Duration::from_millis(40);
 /// Time of the flight between two samples of the timing \[s\].
 const TIMING_S: f64 = 1.0;
-/// Speeds that an order may give, in times of real time.
+/// Speeds that an order may give, as multiples of real time.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.1..=20.0;
 
 /// Order of the page of a recorded flight.
@@ -44,7 +44,7 @@ pub enum PlayOrder {
     },
 }
 
-/// Recorded flight, and what its page is to show of it.
+/// Recorded flight, with the position that its page shows.
 pub struct Player {
     recording: Recording,
     wish: Mutex<Wish>,
@@ -58,11 +58,11 @@ struct Wish {
     is_playing: bool,
     /// `true` if the position has jumped since it was last shown.
     has_jumped: bool,
-    /// `true` until the first browser comes, with which the flight begins to play.
+    /// `true` until the first browser comes, when the flight begins to play, or until the first order.
     is_new: bool,
 }
 
-/// The flight, taken apart by time. Each list is in the order of time.
+/// Parts of the flight by time \[s\]. Each list is in the order of time.
 struct Recording {
     flight: Value,
     rows: Vec<PlotRow>,
@@ -94,7 +94,7 @@ impl Player {
         Ok(Self { recording, wish: Mutex::new(wish) })
     }
 
-    /// Carries out an order; the answer has the reason if that failed.
+    /// Carries out an order; the answer has the reason if the order failed.
     pub fn carry_out(&self, order: &PlayOrder) -> OrderAnswer {
         let done = self.change(order);
         let ok = done.is_ok();
@@ -145,7 +145,7 @@ impl Player {
         hub.close();
     }
 
-    /// Moves the position by the time that has passed, and returns what is to be shown.
+    /// Moves the position by the time that has passed, and returns the position and speed to show.
     fn advance(&self, passed_s: f64, has_viewers: bool) -> Wish {
         let end_s = self.recording.span_s()[1];
         let mut wish = self.wish();
@@ -161,7 +161,7 @@ impl Player {
     }
 
     fn wish(&self) -> MutexGuard<'_, Wish> {
-        self.wish.lock().unwrap_or_else(PoisonError::into_inner) // no change is left half done
+        self.wish.lock().unwrap_or_else(PoisonError::into_inner) // a panic leaves no change half done
     }
 }
 
@@ -171,7 +171,7 @@ struct Shown {
     rows: usize,
     timing: usize,
     status: usize,
-    /// `None` until they were sent once.
+    /// Number of happenings; `None` until they were sent once.
     happened: Option<usize>,
     position: Value,
     phase: &'static str,
@@ -183,7 +183,7 @@ impl Recording {
         [self.rows.first(), self.rows.last()].map(|row| row.map_or(0.0, |row| row.time_s))
     }
 
-    /// Sends what has changed since `shown`.
+    /// Sends the parts that have changed since `shown`.
     fn show(&self, wish: Wish, shown: &mut Shown, hub: &Hub) {
         let Wish { position_s, speed, is_playing, has_jumped, .. } = wish;
         let [_, end_s] = self.span_s();
@@ -229,7 +229,7 @@ struct Taken<'a> {
     frames: Frames,
     nodes: NodeStates,
     sample_s: f64,
-    /// Events that are still to come, in the order of time.
+    /// Events that are still to come, the next one last.
     events: Vec<&'a TimedEvent>,
     rows: Vec<PlotRow>,
     timing: Vec<(f64, Value)>,
@@ -241,7 +241,7 @@ struct Taken<'a> {
 impl<'a> Taken<'a> {
     fn new(frames: Frames, sample_s: f64, events: &'a [TimedEvent]) -> Self {
         let mut events: Vec<&TimedEvent> = events.iter().collect();
-        events.sort_by(|a, b| b.at_s.total_cmp(&a.at_s)); // the next one is the last
+        events.sort_by(|a, b| b.at_s.total_cmp(&a.at_s)); // the next event is the last entry
         let (rows, timing, status) = Default::default();
         Self { frames, nodes: NodeStates::default(), sample_s, events, rows, timing, status, due_s: f64::NEG_INFINITY }
     }
@@ -262,7 +262,7 @@ impl<'a> Taken<'a> {
         }
     }
 
-    /// Keeps what is known at a sample.
+    /// Keeps the rows, the state of the nodes and the timing at a sample.
     fn sample(&mut self, now_s: f64) {
         self.rows.extend(self.frames.rows());
         let status = self.nodes.status();

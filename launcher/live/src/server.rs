@@ -26,13 +26,13 @@ use crate::socket::send;
 
 /// Path of Foxglove's websocket.
 const FOXGLOVE: &str = "/foxglove";
-/// Type of an order and of its answer.
+/// Media type of an order and of its answer.
 const JSON: &str = "application/json";
 /// Longest request \[bytes\].
 const BODY_BYTES: usize = 16 << 10;
-/// Longest message of a websocket's client, and longest frame of one \[bytes\].
+/// Longest message and longest frame that a websocket's client may send \[bytes\].
 const MESSAGE_BYTES: usize = 64 << 10;
-/// Time between two looks at the end of the server.
+/// Time between two checks whether the server must end.
 const LOOK: Duration = Duration::from_millis(100);
 /// Longest wait at the end for orders under way. `fly` kills this process if its whole end takes a second.
 const LAST_ANSWERS: Duration = Duration::from_millis(500);
@@ -71,14 +71,14 @@ pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content
         while !hub.is_closed() {
             tokio::time::sleep(LOOK).await;
         }
-        // The answer to `stop` comes when the flight is gone.
+        // The answer to `stop` comes after the flight has ended.
         let deadline = Instant::now() + LAST_ANSWERS;
         while hub.orders.load(Ordering::Relaxed) > 0 && Instant::now() < deadline {
             tokio::time::sleep(LOOK).await;
         }
         tokio::time::sleep(LAST_FRAMES).await;
     };
-    // Not a graceful shutdown: that would wait for every browser.
+    // A graceful shutdown would wait for every browser.
     tokio::select! {
         served = std::future::IntoFuture::into_future(axum::serve(listener, routes)) => served?,
         () = closed => {}
@@ -166,7 +166,7 @@ async fn follow(State(context): State<Context>, upgrade: WebSocketUpgrade) -> Re
     limited(upgrade).on_upgrade(move |socket| send_frames(socket, context.hub))
 }
 
-/// Limits what a client can make this process hold: a frame is read whole before it is part of a message.
+/// Limits the memory that a client can make this process use: a frame is read whole before it is part of a message.
 fn limited(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
     upgrade.max_message_size(MESSAGE_BYTES).max_frame_size(MESSAGE_BYTES)
 }
@@ -201,11 +201,11 @@ async fn send_frames(mut socket: WebSocket, hub: Arc<Hub>) {
         let frame: Utf8Bytes = tokio::select! {
             frame = frames.recv() => match frame {
                 Ok(frame) => frame,
-                Err(RecvError::Lagged(_)) => continue, // the oldest are lost
+                Err(RecvError::Lagged(_)) => continue, // the oldest frames are lost
                 Err(RecvError::Closed) => return,
             },
             received = socket.recv() => match received {
-                Some(Ok(_)) => continue, // the page has nothing to say
+                Some(Ok(_)) => continue, // messages of the page are ignored
                 Some(Err(_)) | None => return,
             },
         };

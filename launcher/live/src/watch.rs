@@ -23,7 +23,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(500);
 /// Time between two frames of timing.
 const TIMING_PERIOD: Duration = Duration::from_secs(1);
 
-/// Flights to observe, and where their frames go.
+/// Flights to observe, and the hub for their frames.
 pub struct Watch {
     pub namespace: Option<String>,
     pub one_flight: bool,
@@ -59,7 +59,7 @@ impl Watch {
         self.interrupts.load(Ordering::Relaxed) > 0
     }
 
-    /// Joins the flight; the error is the reason for people.
+    /// Joins the flight; the error is the reason that the page shows.
     fn join(&self) -> Result<Observer, String> {
         let namespace = match &self.namespace {
             Some(namespace) => namespace.clone(),
@@ -93,7 +93,7 @@ impl Watch {
                     foxglove.on_event(&event.event, hub);
                 }
             });
-            // Topics come one after the other; a tick is shown when all of them have come.
+            // The observer gives one topic after the other; sorting brings the messages of a tick together.
             records.sort_by_key(Record::tick);
             for record in records.drain(..) {
                 frames.observe(&record);
@@ -124,12 +124,12 @@ impl Watch {
                 hub.send(FrameKind::Happened, json!(happened));
             }
         }
-        drop(observer); // before the end is told, so that a launcher that waits for it can go on
+        drop(observer); // before the page is told, so that a launcher that waits for the observer can go on
         hub.send(FrameKind::Phase, json!({ "phase": "ended", "why": end }));
     }
 }
 
-/// Returns whether the time `due` has come, and sets the next.
+/// Returns whether the time `due` has come, and if so sets the next one.
 fn is_due(due: &mut Instant, period: Duration) -> bool {
     let now = Instant::now();
     let is = now >= *due;

@@ -16,7 +16,7 @@ const { outputFiles: [bundle] } = await build({
   legalComments: 'inline',
   write: false,
 });
-// Nothing in a script may end its element.
+// No text in the script may end the script's element in the page.
 const script = bundle.text.replaceAll('</script', '<\\/script');
 writeFileSync(here('../assets/live.js'), script);
 copyFileSync(here('node_modules/three/LICENSE'), here('../assets/three.LICENSE'));

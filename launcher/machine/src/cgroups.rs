@@ -1,7 +1,8 @@
 //! Limits of control groups on processor time: quota, and time of `SCHED_FIFO`.
 //!
-//! The groups of this process stand in `/proc/self/cgroup`, the folders that show them in `/proc/self/mountinfo`. A
-//! container may see only a part of the tree: limits of groups above that part cannot be read.
+//! The kernel lists the groups of this process in `/proc/self/cgroup`, and the folders that show them in
+//! `/proc/self/mountinfo`. A container may see only a part of the tree: limits of groups above that part cannot be
+//! read.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -35,7 +36,8 @@ pub(crate) fn quota(machine: &Machine) -> Option<Finding> {
     })
 }
 
-/// Returns the remedy if the group of this process gives no time to `SCHED_FIFO`; `None` if it gives some.
+/// Returns the remedy if the group of this process gives no time to `SCHED_FIFO`; `None` if it gives some, or if its
+/// file cannot be read.
 pub(crate) fn without_fifo(machine: &Machine) -> Option<String> {
     let group = groups(machine)?.into_iter().find(|group| !group.is_v2)?;
     let time_us = machine.number(group.folders.first()?.join("cpu.rt_runtime_us"))?;
@@ -43,7 +45,7 @@ pub(crate) fn without_fifo(machine: &Machine) -> Option<String> {
     (time_us == 0).then(|| format!("echo $$ | sudo tee /{root}/tasks (Docker: --cpu-rt-runtime)"))
 }
 
-/// Processors' worth of time that a folder of a group allows; `None` without a limit.
+/// Returns the number of processors whose time the group of a `folder` may use; `None` without a limit.
 fn quota_of(machine: &Machine, folder: &Path, is_v2: bool) -> Option<f64> {
     let [quota_us, period_us] = if is_v2 {
         let text = machine.text(folder.join("cpu.max"))?;
@@ -74,7 +76,7 @@ fn groups(machine: &Machine) -> Option<Vec<Group>> {
             }
             let top = Path::new(point).strip_prefix("/").ok()?;
             let depth = below.components().count();
-            let own: PathBuf = top.join(below).components().collect(); // without a slash at its end
+            let own: PathBuf = top.join(below).components().collect(); // removes a slash at the end
             let folders = own.ancestors().take(depth + 1).map(Path::to_owned).collect();
             found.push(Group { folders, is_v2 });
         }

@@ -12,22 +12,22 @@ pub enum Severity {
     Warn,
     /// A flight does not get what its scenario asks for.
     Bad,
-    /// The file that tells it cannot be read, or does not exist.
+    /// The file that has the answer cannot be read, or does not exist.
     Unknown,
 }
 
 /// Result of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Name of the check; empty until [`Self::of`] gives it.
+    /// Name of the check; empty until [`Self::of`] sets it.
     pub check: &'static str,
-    /// Weight.
+    /// Weight of this finding.
     pub level: Severity,
-    /// State of the machine.
+    /// State of the machine that the check found.
     pub found: String,
     /// Consequence for a flight; empty if there is none.
     pub means: String,
-    /// Command or setting that changes it; `None` if it is fine, or if nothing on this machine changes it.
+    /// Command or setting that improves the state; `None` if none is needed, or none on this machine helps.
     pub remedy: Option<String>,
 }
 
@@ -43,7 +43,7 @@ impl Finding {
         Self { check, ..self }
     }
 
-    /// Returns the finding with the command that changes it.
+    /// Returns the finding with a `remedy`: the command or setting that improves the state.
     #[must_use]
     pub fn remedy(self, remedy: impl Into<String>) -> Self {
         Self { remedy: Some(remedy.into()), ..self }

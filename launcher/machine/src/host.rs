@@ -1,9 +1,9 @@
-//! Host of a virtual machine, and the processor time that it took away.
+//! Host of a virtual machine, and the processor time that the host took away.
 
 use crate::finding::{Finding, Severity};
 use crate::sources::Machine;
 
-/// Share of stolen time from which the finding is a warning \[%\].
+/// Share of stolen time from which on the finding is a warning \[%\].
 const STOLEN_PERCENT: f64 = 0.01;
 /// Fields of a line of `/proc/stat`: user nice system idle iowait irq softirq steal.
 const FIELDS: usize = 8;
@@ -56,6 +56,10 @@ pub(crate) fn virtualisation(machine: &Machine) -> Option<Finding> {
             "its host may stop a processor at any moment, and no setting here prevents that",
         )
         .remedy("see the canary: it tells if that happens"),
-        None => Finding::new(Severity::Unknown, format!("this processor does not tell{maker}"), ""),
+        None => Finding::new(
+            Severity::Unknown,
+            format!("/proc/cpuinfo does not say whether this is a virtual machine{maker}"),
+            "",
+        ),
     })
 }

@@ -6,7 +6,7 @@ use crate::sources::Machine;
 /// Clock sources that are read without a system call.
 const FAST_CLOCKS: [&str; 3] = ["tsc", "arch_sys_counter", "kvm-clock"];
 
-/// Checks if the kernel can be preempted where it works.
+/// Checks if a wake-up can preempt the kernel within a system call.
 pub(crate) fn preemption(machine: &Machine) -> Option<Finding> {
     const MEANS: &str = "a wake-up waits until the kernel leaves a system call of another process, up to some ms";
     const SET: &str = "echo full | sudo tee /sys/kernel/debug/sched/preempt, or boot with preempt=full";

@@ -6,13 +6,13 @@
 //! | [`sources`] | `/proc`, `/sys` and `/dev`, below a root folder |
 //! | [`privileges`] | scheduling class and locked memory |
 //! | [`resources`] | stack, memory, open files, shared memory |
-//! | [`processors`] | their number, isolation, hardware threads, frequency, idle states |
+//! | [`processors`] | number, isolation, hardware threads, frequency and idle states of the processors |
 //! | [`cgroups`] | limits on processor time, of both versions |
 //! | [`kernel`] | preemption, throttling of `SCHED_FIFO`, clock source |
 //! | [`host`] | virtualisation, and processor time that the host took away |
 //!
-//! `trefoil doctor` prints all findings. A flight prints those of [`scheduling`] that are bad as its first lines, and
-//! is refused for those of [`required`].
+//! `trefoil doctor` prints all findings. A flight prints the bad findings of [`scheduling`] as its first lines, and is
+//! refused for bad findings of [`required`].
 
 pub mod cgroups;
 pub mod finding;
@@ -29,8 +29,9 @@ pub use finding::{Finding, Severity};
 pub use privileges::Granted;
 pub use sources::Machine;
 
-/// Checks the scheduling that `scenario` asks for; a flight that does not get it flies all the same. `granted` counts
-/// the nodes that got it; before they are started (`None`) the limits and capabilities of this process decide.
+/// Checks the scheduling that `scenario` asks for; a flight that does not get this scheduling flies all the same.
+/// `granted` counts the nodes that got each privilege; before they are started (`None`), the limits and capabilities of
+/// this process decide.
 pub fn scheduling(machine: &Machine, scenario: &Scenario, granted: Option<Granted>, program: &str) -> Vec<Finding> {
     let mut found = privileges::check(machine, scenario, granted, program);
     found.push(processors::affinity(machine, scenario).of("affinity"));

@@ -1,4 +1,4 @@
-//! Scheduling class and locked memory: what the nodes ask for, and what the kernel gives them.
+//! Scheduling class and locked memory: the privileges that the nodes ask for, and those that the kernel gives them.
 
 use contract::topic::NODES;
 use runtime::limits::LATER_BYTES;
@@ -23,7 +23,7 @@ pub struct Granted {
 }
 
 /// Judges what the nodes of a flight in real time of `scenario` were granted: the class, then the memory lock. Both
-/// have the same remedy, because each `setcap` takes back what an earlier one gave.
+/// have the same remedy, because each `setcap` takes back the capabilities that an earlier `setcap` gave.
 pub fn judge(scenario: &Scenario, Granted { fifo, locked }: Granted, program: &str) -> [Finding; 2] {
     let asked = asked(scenario);
     let lacks_fifo = fifo < asked.iter().filter(|asked| asked.policy == SchedulingPolicy::Fifo).count();
@@ -58,7 +58,7 @@ pub fn judge(scenario: &Scenario, Granted { fifo, locked }: Granted, program: &s
     ]
 }
 
-/// Checks class and memory lock. Without `granted` the limits of this process decide, which its nodes inherit.
+/// Checks class and memory lock. Without `granted`, the limits of this process decide, because its nodes inherit them.
 pub(crate) fn check(machine: &Machine, scenario: &Scenario, granted: Option<Granted>, program: &str) -> Vec<Finding> {
     if scenario.run.mode != Mode::Realtime {
         return [CLASS, MEMORY]
@@ -107,14 +107,15 @@ fn will_get_fifo(machine: &Machine, scenario: &Scenario) -> Option<usize> {
     Some(fifo.filter(|asked| has_time && may(asked)).count())
 }
 
-/// Returns the number of nodes whose memory will be locked: they unlock it if later mappings might fail.
+/// Returns the number of nodes whose memory will stay locked: a node unlocks its memory if later mappings might fail.
 fn will_get_lock(machine: &Machine, scenario: &Scenario) -> Option<usize> {
     let limit = machine.limit("Max locked memory")?.soft;
     let may = machine.has_capability(CAP_IPC_LOCK)? || limit.is_none_or(|most| most >= lock_bytes(machine, scenario));
     Some(asked(scenario).iter().filter(|asked| may && asked.lock_memory).count())
 }
 
-/// Memory that a node may have to lock \[bytes\]: its present mappings, about those of this program, and later ones.
+/// Memory that a node may have to lock \[bytes\]: its present mappings, about as large as those of this program, and
+/// later mappings.
 fn lock_bytes(machine: &Machine, scenario: &Scenario) -> u64 {
     let present_kb: u64 = machine.status("VmSize:").and_then(|kb| kb.parse().ok()).unwrap_or(0);
     present_kb * 1024 + bytes_needed(scenario.run.rate_hz) + LATER_BYTES as u64

@@ -7,10 +7,10 @@ use crate::finding::{Finding, Severity};
 use crate::sources::{Machine, cpu_list};
 
 const CPUS: &str = "sys/devices/system/cpu";
-/// Longest exit from an idle state that does not matter \[us\].
+/// Longest time to leave an idle state that is not reported \[us\].
 const EXIT_LIMIT_US: i64 = 50;
 
-/// Checks if the processors that the scenario names are there for this process.
+/// Checks if this process may use the processors that the scenario names.
 pub(crate) fn affinity(machine: &Machine, scenario: &Scenario) -> Finding {
     let mut asked: Vec<usize> = (0..NODES.len()).flat_map(|rank| scenario.scheduling_of(rank).affinity).collect();
     asked.sort_unstable();
@@ -108,7 +108,8 @@ pub(crate) fn idle_states(machine: &Machine) -> Finding {
             }
         }
     }
-    // The kernel enters no state whose exit takes longer than a process asked for by holding this file.
+    // The kernel enters no state whose exit takes longer than the limit in this file, which a process sets by holding
+    // it open.
     let held_us =
         machine.bytes("dev/cpu_dma_latency").and_then(|bytes| Some(i32::from_le_bytes(bytes.try_into().ok()?)));
     let held_us = held_us.map_or(i64::MAX, i64::from);

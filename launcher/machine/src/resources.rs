@@ -12,11 +12,12 @@ use crate::sources::{Machine, ResourceLimit};
 pub const FILES_NEEDED: u64 = 128;
 /// Smallest stack of the main thread \[bytes\]: a node touches a quarter of it before its loop.
 const STACK_NEEDED: u64 = 1 << 20;
-/// Smallest limit on the memory of a process \[bytes\]; a flight in one process needs half of it.
+/// Smallest limit on the memory of a process \[bytes\]; a flight in one process needs half of this.
 const MEMORY_NEEDED: u64 = 64 << 20;
 const MEGABYTE: u64 = 1 << 20;
 
-/// Checks the limits on stack and memory, which every process of the launcher needs. The first that is too low is told.
+/// Checks the limits on stack and memory, which every process of the launcher needs. The finding names the first limit
+/// that is too low.
 pub fn memory(machine: &Machine) -> Finding {
     let mut found = vec![];
     for (name, needed, what, raise) in [
@@ -37,7 +38,7 @@ pub fn memory(machine: &Machine) -> Finding {
     Finding::new(Severity::Ok, found.join(", "), "")
 }
 
-/// Checks the limit on open files. The launcher raises the limit in force up to the hard one.
+/// Checks the limit on open files. The launcher raises the limit in force, at most to the hard limit.
 pub fn open_files(machine: &Machine) -> Finding {
     let Some(ResourceLimit { soft, hard }) = machine.limit("Max open files") else {
         return unreadable();
@@ -51,9 +52,9 @@ pub fn open_files(machine: &Machine) -> Finding {
     Finding::new(Severity::Ok, format!("{most} per process, {FILES_NEEDED} needed"), "")
 }
 
-/// Checks the limit on the size of a file, which those in shared memory have too, for a flight at `rate_hz`.
+/// Checks the limit on the size of a file, which applies to files in shared memory too, for a flight at `rate_hz`.
 pub fn file_size(machine: &Machine, rate_hz: u32) -> Finding {
-    let segment_bytes = bytes_needed(rate_hz) / 4; // the largest takes a sixth
+    let segment_bytes = bytes_needed(rate_hz) / 4; // the largest segment takes a sixth of them
     let Some(limit) = machine.limit("Max file size") else {
         return unreadable();
     };

@@ -1,4 +1,4 @@
-//! Machines that exist as a folder only: `/proc`, `/sys` and `/dev` below a root.
+//! Tests on machines that exist only as a folder: `/proc`, `/sys` and `/dev` below a root.
 
 use std::fs;
 use std::path::Path;
@@ -96,7 +96,7 @@ impl Fake {
         found
     }
 
-    /// The finding of one check, for the default flight.
+    /// Returns the finding of one check, for the default flight.
     fn find(&self, check: &str) -> Finding {
         let found = self.findings(&scenario());
         found.into_iter().find(|finding| finding.check == check).unwrap_or_else(|| panic!("no check {check}"))
@@ -128,7 +128,7 @@ fn a_good_machine_has_no_warning() {
 fn a_machine_without_files_is_unknown_and_never_guessed() {
     let empty = Fake(tempfile::tempdir().unwrap());
     for finding in empty.findings(&scenario()) {
-        // Neither needs a file: the scenario names no processors, and shared memory is needed.
+        // Two checks do not depend on a file: the scenario names no processors, and missing shared memory is bad.
         let expected = match finding.check {
             "affinity" => Severity::Ok,
             "shared memory" => Severity::Bad,
@@ -191,7 +191,7 @@ fn capabilities_of_a_user_namespace_count_for_nothing() {
 }
 
 #[test]
-fn what_a_scenario_does_not_ask_for_is_not_missed() {
+fn a_privilege_that_is_not_asked_for_is_not_missed() {
     let fake = Fake::good();
     fake.status(NO_CAPS, "0-3");
     let mut scenario = scenario();
@@ -205,7 +205,7 @@ fn what_a_scenario_does_not_ask_for_is_not_missed() {
 }
 
 #[test]
-fn what_the_processes_got_counts_more_than_what_was_expected() {
+fn granted_privileges_override_the_expected_ones() {
     let granted = Granted { fifo: 0, locked: 4 };
     let found = scheduling(&Fake::good().machine(), &scenario(), Some(granted), "launcher");
     assert_eq!([found[0].level, found[1].level], [Severity::Bad, Severity::Ok], "{found:?}");
@@ -236,7 +236,7 @@ fn quotas_of_both_versions_are_found_also_above_the_own_group() {
     fake.write("sys/fs/cgroup/a/cpu.max", "150000 100000\n");
     fake.write("sys/fs/cgroup/a/b/cpu.max", "max 100000\n");
     fake.check("cgroup quota", Severity::Warn, &["1.50 processors", "echo max | sudo tee /sys/fs/cgroup/a/cpu.max"]);
-    // Version 1, in a container that sees its own group as the top.
+    // Control groups of version 1, in a container that sees its own group as the top.
     fake.write("proc/self/cgroup", "4:cpu,cpuacct:/docker/7\n");
     let mount = "32 31 0:29 /docker/7 /sys/fs/cgroup/cpu ro,relatime master:11 - cgroup cgroup rw,cpu,cpuacct\n";
     fake.write("proc/self/mountinfo", mount);

@@ -64,7 +64,7 @@ impl Findings {
     }
 }
 
-/// Creates a folder and checks that files can be written to it; `option` is the argument that names it.
+/// Creates a folder and checks that files can be written to it; `option` is the argument that names the folder.
 pub fn make_folder(folder: &Path, option: &str) -> anyhow::Result<()> {
     let probe = folder.join("measure.part");
     let made = fs::create_dir_all(folder).and_then(|()| fs::write(&probe, "")).and_then(|()| fs::remove_file(&probe));

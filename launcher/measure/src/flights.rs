@@ -48,7 +48,8 @@ impl<'a> Started<'a> {
         Ok(Self { namespace, scenario, stack })
     }
 
-    /// Flies; gives `watch` every message, calls `tick` in every pass of the launcher. A lost process is no error.
+    /// Flies, gives `watch` every message, and calls `tick` in every pass of the launcher's loop. A lost process is no
+    /// error.
     pub fn fly(
         self,
         interrupts: &AtomicU32,
@@ -84,13 +85,14 @@ impl<'a> Started<'a> {
     }
 }
 
-/// Returns the hover that faults and wrong candidates are added to, compiled in: the command works in any folder.
+/// Returns the hover to which faults and wrong candidates are added. The file is compiled in, so that the command works
+/// in any folder.
 pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
     let text = include_str!("../../../scenarios/faults/hover-gusts.toml");
     Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
 }
 
-/// Returns true roll or pitch, whichever is larger \[deg\].
+/// Returns the larger one of the magnitudes of the true roll and pitch \[deg\].
 pub fn lean_deg(truth: &Truth) -> f64 {
     let [roll, pitch, _] = truth.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
     roll.max(pitch)

@@ -1,5 +1,5 @@
-//! Control of a stack from outside, as by a user: it is started by a command, its processes are found by their
-//! namespace, and they are killed and stopped by signals.
+//! Control of a stack from outside, as by a user: a command starts the stack, the namespace identifies its processes,
+//! and signals kill and stop them.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -23,7 +23,7 @@ use settings::{Scenario, to_toml};
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Wall time after which a short flight is killed.
 const WATCHDOG: Duration = Duration::from_secs(30);
-/// Interval between two looks.
+/// Interval between two looks at the processes.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// A process of a stack.
@@ -68,7 +68,7 @@ impl StackProcess {
     }
 }
 
-/// Running `trefoil fly` in a namespace. Drop kills it, and its processes end with it.
+/// Running `trefoil fly` in a namespace. Drop kills this launcher, and the processes of its stack end with it.
 pub struct Launcher {
     pub namespace: String,
     pub started: Instant,
@@ -102,7 +102,8 @@ impl Launcher {
         }
     }
 
-    /// Waits until the plant has sent a sample, for seconds on a loaded machine; `None` if the flight ends before.
+    /// Waits until the plant has sent a sample, which takes seconds on a loaded machine; `None` if the flight ends
+    /// before.
     pub fn wait_for_flight(&mut self) -> Option<ControlPage> {
         let mut page = None;
         while page.is_none() && !self.has_ended() {
@@ -134,8 +135,8 @@ impl Launcher {
         None
     }
 
-    /// After the launcher was killed: returns the time from `since_ns` until the last process of its namespace is gone
-    /// \[ms\]; `None` if one is left after 5 s.
+    /// Returns the time from `since_ns`, when the launcher was killed, until the last process of its namespace is gone
+    /// \[ms\]; `None` if a process is left after 5 s.
     pub fn until_gone(&mut self, since_ns: u64) -> anyhow::Result<Option<f64>> {
         self.child.wait()?;
         let deadline = Instant::now() + PATIENCE * 5;
@@ -162,7 +163,8 @@ pub fn said(folder: &Path) -> String {
     fs::read_to_string(folder.join("stderr")).unwrap_or_default()
 }
 
-/// Returns when epoch `epoch` of `node` sent its first delivered message \[ns\]; `None` for the plant and the recorder.
+/// Returns the time at which epoch `epoch` of `node` sent its first delivered message \[ns\]; `None` for the plant and
+/// the recorder.
 pub fn first_message_ns(log: &Log, node: &str, epoch: u32) -> Option<u64> {
     fn first<M: Message>(messages: &[M], epoch: u32) -> Option<u64> {
         let mut stamps = messages.iter().map(Message::stamp);

@@ -2,11 +2,11 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by law, path and solver, and the navigation unit |
+//! | [`mpc`] | `measure mpc`: times of the controller's steps by law, path and solver, and of the navigation unit |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
 //! | [`stress`] | `measure stress`: kills of any process at any moment, swaps, faults and load, and the replay of each flight |
 //! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
-//! | [`flights`] | flights that a measurement flies itself, and the rule by which one counts as failed |
+//! | [`flights`] | flights that a measurement flies itself, by one thread or by processes |
 //! | [`findings`] | targets and results |
 //! | [`launched`] | processes of a stack seen from outside, and signals to them |
 
@@ -39,7 +39,7 @@ pub enum Measure {
 }
 
 impl Measure {
-    /// Returns the exit code.
+    /// Runs the measurement and returns the exit code.
     pub fn run(&self) -> anyhow::Result<u8> {
         match self {
             Self::Mpc(args) => mpc::measure(args),

@@ -28,7 +28,7 @@ impl ColdStarts {
         *newest = stamp.epoch;
     }
 
-    /// Marks the events by which processes started that then began cold.
+    /// Marks the start events of the processes that began cold.
     pub fn mark(&self, events: &mut [TimedEvent]) {
         for TimedEvent { cold, event, .. } in events.iter_mut().filter(|timed| timed.event.what == What::Started) {
             let is_it =
@@ -37,7 +37,8 @@ impl ColdStarts {
         }
     }
 
-    /// Describes the nodes that were restarted cold, each once; a candidate of a swap was not restarted.
+    /// Describes the nodes that were restarted cold, each once; `None` without one. A candidate of a swap was not
+    /// restarted.
     pub fn describe(&self, events: &[Event]) -> Option<String> {
         let is_candidate = |topic: Topic, epoch: u64| {
             let began = events.iter().find(|event| event.swap.is_some() && u64::from(event.epoch) == epoch);

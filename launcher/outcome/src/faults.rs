@@ -10,16 +10,16 @@
 //!
 //! | target | struck | witnesses | harm |
 //! |---|---|---|---|
-//! | process | ticks while it acts | its own topic, the launcher | a tick without a message, an event of its end |
+//! | process | ticks while the fault acts | its own topic, the launcher | a tick without a message, an event of the process's end |
 //! | STATE | marked messages of the topic | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
 //! | REFERENCE | marked messages of the topic | CONTROLS, ACTUATORS | an input that was old, missing or bad |
 //! | CONTROLS | marked messages of the topic | ACTUATORS | an input that was old, missing or bad |
 //! | ACTUATORS | marked messages of the topic | STATE | still under the command of the sample before |
-//! | sensor | ticks while it acts | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
-//! | actuator | ticks while it acts | ACTUATORS | the flight is terminated, or yaw is given up |
-//! | wind, payload | ticks while it acts | | |
-//! | mpc | ticks while it acts | CONTROLS | no optimum |
-//! | clock, host | ticks while it acts | | |
+//! | sensor | ticks while the fault acts | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | actuator | ticks while the fault acts | ACTUATORS | the flight is terminated, or yaw is given up |
+//! | wind, payload | ticks while the fault acts | | |
+//! | mpc | ticks while the fault acts | CONTROLS | no optimum |
+//! | clock, host | ticks while the fault acts | | |
 //!
 //! A struck process has recovered when its topic has a message again, or when the next process takes over before any
 //! message is missing. Its recovery time counts from the detection; all other recovery times count from the end of the
@@ -35,9 +35,9 @@ use settings::{Fault, FaultKind, FaultTarget};
 use flight::event::{Event, What, name, size_in_words};
 use flight::log::Record;
 
-/// Unanswered samples after which a silent process counts as harmed.
+/// Number of unanswered samples after which a silent process counts as harmed.
 const UNANSWERED: u64 = 3;
-/// Longest time after the end of a fault in which harm is still ascribed to it \[s\].
+/// Longest time after the end of a fault in which harm is still ascribed to it \[s\]; chosen, not measured.
 const GRACE_S: f64 = 0.5;
 
 /// One fault in the `faults` section of run.json. Times are simulated \[s\].
@@ -80,7 +80,8 @@ impl FaultRecord {
         format!("{} {}{size}", self.target.name(), name(self.kind))
     }
 
-    /// Returns the end of the fault \[s\], for a momentary one its beginning; `None` if the flight ended first.
+    /// Returns the end of the fault \[s\], which is the beginning of a momentary fault; `None` if the flight ended
+    /// first.
     pub fn until_s(&self) -> Option<f64> {
         let is_moment = self.for_s.is_none() && Fault::new(self.target, self.kind, self.at_s, None).is_momentary();
         self.ended_at_s.or(self.injected_at_s.filter(|_| is_moment))
@@ -110,7 +111,7 @@ pub struct Faults {
     rate_hz: u32,
 }
 
-/// One fault, and what the messages showed since.
+/// One fault, and the harm that the messages have shown.
 struct Watched {
     rate_hz: u32,
     fault: Fault,

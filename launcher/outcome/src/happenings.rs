@@ -31,7 +31,7 @@ pub struct Span {
     pub from_s: f64,
     /// End of the span, equal to `from_s` for a moment; `None` if the flight ended first.
     pub to_s: Option<f64>,
-    /// `true` for each node whose cycles it can delay, by topic.
+    /// `true` for each node whose cycles the span can delay, by topic.
     #[serde(skip)]
     delays: [bool; Topic::COUNT],
 }
@@ -79,7 +79,7 @@ impl Happenings {
         Self { phases: phases.iter().enumerate().map(span).collect(), ..self }
     }
 
-    /// Returns what had happened by `time_s`: a span that ended later has no end.
+    /// Returns what had happened by `time_s`: a span that ends later has no end.
     #[must_use]
     pub fn until(&self, time_s: f64) -> Self {
         let begun = |spans: &[Span]| {
@@ -99,15 +99,15 @@ impl Happenings {
         all
     }
 
-    /// Returns the time until which a span can delay cycles: a moment as long as the node that it took down is down;
-    /// `None` if that has no end.
+    /// Returns the time until which a span can delay cycles \[s\]: its end, or for a moment that took a node down, the
+    /// end of that absence. `None` if there is no such end.
     fn acts_until_s(&self, span: &Span) -> Option<f64> {
         let is_consequence =
             |absence: &&Span| absence.target == span.target && absence.from_s >= span.from_s && span.is_moment();
         self.absences.iter().find(is_consequence).map_or(span.to_s.filter(|_| !span.is_moment()), |down| down.to_s)
     }
 
-    /// Finds what can have delayed `topic` between two instants: faults, absences and events of that time.
+    /// Finds the possible causes of a delay of `topic` between two times \[s\]: faults, absences and events.
     pub fn causes(&self, topic: Topic, from_s: f64, to_s: f64) -> [Vec<String>; 3] {
         let spans = |all: &[Span]| -> Vec<String> {
             let during =
@@ -128,7 +128,7 @@ impl Span {
         Self { number, target, what, from_s, to_s, delays }
     }
 
-    /// Returns whether this is a moment, as the kill of a process is.
+    /// Returns whether the span is a moment, as the kill of a process is.
     pub fn is_moment(&self) -> bool {
         self.to_s == Some(self.from_s)
     }

@@ -1,4 +1,4 @@
-//! Reads a run back: its settings, summary and events; and whether its log is all of the flight.
+//! Reads a run back, with settings, summary and events, and tells whether its log covers the whole flight.
 //!
 //! A log alone does not show whether it is complete: a log that was cut and closed again, or thinned at its end, is
 //! well-formed. So the launcher counts the records and hashes the states itself, and writes both into run.json.
@@ -18,7 +18,7 @@ use crate::summary::Summary;
 
 /// A run read from its folder. Its messages stay in the log.
 pub struct Recorded {
-    /// Path of the log; of the first, where several recorders wrote.
+    /// Path of the log; of the first log if several recorders wrote.
     pub path: PathBuf,
     /// Log without the messages.
     pub log: Log,
@@ -27,7 +27,7 @@ pub struct Recorded {
     /// Summary gathered from the messages.
     pub summary: Summary,
     pub scenario: Scenario,
-    /// Content of run.json. A run whose launcher was killed has a log and no run.json: then it is made from the log.
+    /// Content of run.json, or a record made from the log: a run whose launcher was killed has a log and no run.json.
     pub run: RunRecord,
     /// `true` if there is a run.json.
     pub has_summary: bool,
@@ -70,8 +70,8 @@ impl Recorded {
         Self::read_each(run, TimeSpan::ALL, |_, _| {})
     }
 
-    /// Reads a part of a run, while `each` gets the settings and every message, tick by tick, and none is kept: a log
-    /// may be longer than the memory. Its events and settings are those of the whole flight.
+    /// Reads a part of a run, while `each` gets the settings and every message, tick by tick. No message is kept,
+    /// because a log may be longer than the memory. Events and settings are those of the whole flight.
     ///
     /// # Errors
     /// As for [`Self::read`].
@@ -103,7 +103,7 @@ impl Recorded {
         Ok(Self { path, log, messages, summary, scenario, run, has_summary, ticks })
     }
 
-    /// Returns the settings of the flight, with what was ordered while it flew where the summary tells.
+    /// Returns the settings of the flight, with the orders given in flight if run.json has them.
     pub fn flown(&self) -> Scenario {
         self.run.scenario().unwrap_or_else(|| self.scenario.clone())
     }

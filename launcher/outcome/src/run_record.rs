@@ -1,5 +1,5 @@
-//! `run.json`: the record of a run, for programs and for the pages. Made once, when the flight is over, and read back
-//! by every command that is given the run.
+//! `run.json`: the record of a run, for programs and for the pages. It is made once, when the flight is over, and read
+//! back by every command that is given the run.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;

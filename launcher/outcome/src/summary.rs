@@ -160,7 +160,7 @@ impl Summary {
                     self.in_air = *before;
                     self.whole.on_ground_s += t - since_s;
                 }
-                _ => {} // it flies again, or ends without having landed: all of it counts
+                _ => {} // flies again, or ends without having landed: the landing counts
             }
         }
         if stands(status) {
@@ -238,12 +238,12 @@ impl Summary {
         SolverRecord { no_reference: self.in_air.without_reference, ..self.solves.record() }
     }
 
-    /// Time of the first sample outside a bound that is judged all the way \[s\]; `None` while there is none.
+    /// Time of the first sample outside a bound that applies at every sample \[s\]; `None` while there is none.
     pub fn outside_since_s(&self) -> Option<f64> {
         self.in_air.outside.since_s
     }
 
-    /// SHA-256 over every sample's payload bits in order; `None` when a message was missed, none came, or it is not
+    /// SHA-256 over every sample's payload bits in order; `None` if a message was missed, none came, or no hash is
     /// kept.
     pub fn state_hash(&self) -> Option<String> {
         self.hash.as_ref().filter(|_| self.missed == 0 && self.samples > 0).map(StateHash::text)

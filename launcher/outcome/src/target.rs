@@ -97,7 +97,7 @@ impl Target {
     }
 }
 
-/// Formats a number with four figures; with an exponent only below 1e-3 and from 1e7 on.
+/// Formats a number with four significant digits; with an exponent only below 1e-3 and from 1e7 on.
 pub fn plain(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

@@ -61,7 +61,7 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
     }
     let (flown_s, speed) = (run.flown_s, run.speed);
     line("speed", format!("{flown_s:.2} s flown in {:.2} s: {:.0} x real time", speed.wall_s, speed.times_realtime));
-    // Only in real time is a node late.
+    // A node is late only in real time.
     if let Some(timing) = run.timing.as_ref().filter(|_| run.mode == Mode::Realtime) {
         text.push_str(&timing.describe());
     }
@@ -69,7 +69,7 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
 }
 
 /// Describes the scheduling class and memory lock that the kernel gave the processes; `None` outside real time, or if
-/// no scheduling was recorded. The command that grants more stands in the notes at the begin of the flight.
+/// no scheduling was recorded. A note at the beginning of the flight has the command that grants more.
 fn granted(scenario: &Scenario, provenance: &Provenance) -> Option<String> {
     let granted = provenance::granted(&provenance.scheduling).filter(|_| scenario.run.mode == Mode::Realtime)?;
     let [class, memory] = machine::privileges::judge(scenario, granted, "launcher");

@@ -16,7 +16,7 @@ use settings::{Mode, Scenario};
 /// Largest number of ticks from a command's own tick to the tick at which the command takes effect. The limit keeps a
 /// damaged STATE from causing a search of the whole flight.
 const MOST_AGE_TICKS: usize = 1000;
-/// Newest ticks that [`Joined`] keeps open: late messages of theirs and the age of their command may still come.
+/// Number of newest ticks that [`Joined`] keeps open, because late messages and the age of the command may still come.
 const OPEN_TICKS: u64 = 1024;
 
 /// One tick. `T` holds the kept parts of its messages.
@@ -173,7 +173,7 @@ pub type LoggedTick = Tick<Messages>;
 pub struct Joined {
     ticks: Ticks<Messages>,
     count: Count,
-    /// Newest ticks that stay open.
+    /// Number of newest ticks that stay open.
     open: u64,
 }
 
@@ -184,13 +184,13 @@ impl Joined {
         Self { ticks, count: Count::default(), open: OPEN_TICKS }
     }
 
-    /// Joins the ticks of a flight under way, and hands each out as soon as `open` later ones have begun.
+    /// Joins the ticks of a flight under way, and hands each out as soon as `open` later ticks have begun.
     pub fn live(scenario: &Scenario, first: u64, open: u64) -> Self {
         Self { open, ..Self::new(scenario, first) }
     }
 
-    /// Takes one message in, in the order of [`flight::log::stream`]; `each` gets the ticks to which nothing comes any
-    /// more.
+    /// Takes one message in, in the order of [`flight::log::stream`]; `each` gets the ticks that no later message can
+    /// change.
     pub fn observe(&mut self, record: &Record, each: impl FnMut(&LoggedTick)) {
         if self.count.gap(record).is_some() {
             self.ticks.observe(record, |of| of.put(record));
@@ -219,14 +219,14 @@ pub struct InForce {
     pub tick: u64,
     pub sequence: u64,
     pub from_ns: u64,
-    /// Instant at which the next one took effect, or the log's last sample \[ns\].
+    /// Instant at which the next command took effect, or of the log's last sample \[ns\].
     pub until_ns: u64,
     pub age_ns: u64,
 }
 
 /// Returns every command that was in force at a sample, in the order of ticks.
 ///
-/// In lockstep the age is simulated time, which the clock does not show: there a command acts from its publication on.
+/// In lockstep the age is simulated time, which the clock does not show, so a command acts from its publication on.
 pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
     let last_ns = ticks.iter().rev().find_map(|tick| tick.of.state.as_ref()).map_or(0, |state| state.stamp.sample_ns);
     let mut all: Vec<InForce> = vec![];

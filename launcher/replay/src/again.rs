@@ -1,4 +1,4 @@
-//! Replay under way: each process goes on as soon as what it read has been sent. Only a part of the log is in memory.
+//! Replay under way: each process goes on as soon as its inputs have been sent. Only a part of the log is in memory.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::recording::Recording;
 use crate::script::{Cycle, Key, Process, Read, Script};
 use crate::worker::Worker;
 
-/// Replays a recording from its log as `plan` says; `each` gets every message, computed or of the log.
+/// Replays a recording from its log as `plan` says; `each` gets every message, computed or from the log.
 ///
 /// # Errors
 /// The log cannot be read, or a process cannot be built from its settings.
@@ -58,14 +58,14 @@ pub(super) struct ReplayRun<'a, F> {
     script: Script,
     /// Course of each process of the script.
     courses: Vec<ProcessCourse>,
-    /// Memories of processes flown here that others begin with, by topic and origin; `None` until computed.
+    /// Memories with which later processes of a node begin, by topic and origin; `None` until computed.
     memories: HashMap<(Topic, Origin), Option<Snapshot>>,
     replayed: Replayed,
-    /// Messages taken in since the processes last went on.
+    /// Number of messages taken in since the processes last went on.
     taken: usize,
 }
 
-/// Messages taken in before the processes go on.
+/// Number of messages that are taken in, and of cycles that are run, at a time.
 const BATCH: usize = 1024;
 
 impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
@@ -112,7 +112,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         Ok(())
     }
 
-    /// Flies to the end of what is known, and returns the result.
+    /// Flies to the end of the known messages, and returns the result.
     ///
     /// # Errors
     /// A process cannot be built from its settings.
@@ -136,8 +136,8 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         Ok(self.replayed)
     }
 
-    /// Runs every cycle whose inputs are there. A cycle before `until` also runs without a message that a fault has
-    /// lost here and not in the flight. It never runs without a message that was not sent because the log lacks it.
+    /// Runs every cycle whose inputs are there. A cycle before `until` also runs without an input that was sent here,
+    /// but lost by a fault. It never runs without an input that was not sent.
     fn go_on(&mut self, until: u64) -> anyhow::Result<()> {
         self.courses.resize_with(self.script.processes.len(), ProcessCourse::default);
         for Process { topic, continues, .. } in &self.script.processes {
@@ -168,8 +168,9 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         }
     }
 
-    /// Returns a process that waits for what no later message brings, with its next tick and the cause: one that waits
-    /// only for a delivery, or else the one that is furthest behind; `None` if later messages may help.
+    /// Returns a process whose wait no later message of the log can end, with its next tick and the cause of the wait:
+    /// a process that waits only for a delivery, or else the process that is furthest behind; `None` if later messages
+    /// may help.
     fn furthest_behind(&self, until: u64) -> Option<(usize, u64, Waits)> {
         let waiting = (0..self.courses.len()).filter_map(|i| Some((i, self.next(i)?.tick, self.waits(i)?)));
         let for_good = waiting.filter(|(_, tick, waits)| match waits {
@@ -218,7 +219,8 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         self.script.forget_before(before.saturating_sub(LATEST as u64));
     }
 
-    /// Returns the next cycle of a process; `None` if it is held up, not known whole, or after the end of the plan.
+    /// Returns the next cycle of a process; `None` if the process is held up, or if the cycle is not complete yet or
+    /// after the end of the plan.
     fn next(&self, i: usize) -> Option<&Cycle> {
         let next = self.script.processes[i].cycles.get(self.courses[i].cycle)?;
         let is_whole = next.tick < self.script.reach;
@@ -230,17 +232,17 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         self.courses.get(self.script.process(key.topic, key.epoch)?)
     }
 
-    /// Returns whether a process is computed here; if not, its messages are those of the log.
+    /// Returns whether a process is computed here; if not, its messages are taken from the log.
     fn computes(&self, i: usize) -> bool {
         let Process { topic, epoch, .. } = self.script.processes[i];
         self.plan.computes(self.recording, topic, epoch)
     }
 
-    /// Returns what the next cycle of a process waits for; `None` if there is no such cycle.
+    /// Returns the cause for which the next cycle of a process waits; `None` if there is no such cycle.
     fn waits(&self, i: usize) -> Option<Waits> {
         let (next, course, process) = (self.next(i)?, &self.courses[i], &self.script.processes[i]);
         let is_known = self.is_known(i, next.tick);
-        // The inputs of a known cycle may have been sent before the messages that are known.
+        // The inputs of a known cycle may be older than the messages that were read.
         let inputs = next.inputs.iter().flatten().filter(|read| !is_known || read.key.tick < u64::MAX);
         let arrivals = next.arrivals.iter().map(|(read, _)| read).filter(|_| !is_known);
         let mut waits = Waits::Nothing;
@@ -300,7 +302,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
             let of_log = &self.script.processes[i].recorded[self.courses[i].recorded..];
             let answers = |record: &Record| record.tick() == next.tick;
             let count = if computes {
-                // Messages that a link held back before are in the log only; those after the answer are sent here too.
+                // Messages that a link had held back are in the log only; messages after the answer are sent here too.
                 sent.retain(|record| record.stamped().is_some() && record.is_intact());
                 let after = sent.iter().position(answers).map_or(0, |answer| sent.len() - answer - 1);
                 of_log.iter().position(answers).map_or(0, |answer| answer + 1 + after).min(of_log.len())
@@ -328,7 +330,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         Ok(())
     }
 
-    /// Computes the next cycle of a process; adds what it sends to `sent`, TRUTH first.
+    /// Computes the next cycle of a process; adds the messages that it sends to `sent`, TRUTH first.
     fn compute(&mut self, i: usize, next: &Cycle, is_known: bool, sent: &mut Vec<Record>) -> anyhow::Result<()> {
         let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
@@ -336,7 +338,7 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
             let restored = self.begins_with(i).is_some_and(|memory| worker.restore(memory));
             ensure!(
                 restored,
-                "what {} {} remembered at tick {} is not in the log: begin earlier, or without --from",
+                "the snapshot of {} {} at tick {} is not in the log: begin earlier, or without --from",
                 process.topic.publisher(),
                 process.epoch,
                 self.replayed.begun_at
@@ -383,7 +385,8 @@ impl<'a, F: FnMut(&Record)> ReplayRun<'a, F> {
         Ok(())
     }
 
-    /// Compares what a process sent in the cycle of `tick` with what it sent in the flight, TRUTH last.
+    /// Compares the messages that a process sent in the cycle of `tick` with those that it sent in the flight, TRUTH
+    /// last.
     fn compare(&mut self, i: usize, tick: u64, sent: &[Record]) {
         let Process { topic, epoch, ref recorded, .. } = self.script.processes[i];
         let messages = &mut self.replayed.messages[topic as usize];

@@ -15,16 +15,16 @@ use settings::{Late, Mode};
 use crate::recording::Recording;
 use crate::script::{Cycle, Key, Process, Read, Script};
 
-/// Disturbance of a tick: the first thing round the ring that was wrong.
+/// Disturbance of a tick: the first one in the order of the ring.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Disturbed {
     pub tick: u64,
-    /// Node at which it showed.
+    /// Node at which the disturbance showed.
     pub node: &'static str,
     pub what: String,
 }
 
-/// Returns every disturbed tick since the script begins, except the last, whose command has no sample after it.
+/// Returns every disturbed tick of the script, except its last tick, whose command has no sample after it.
 pub fn disturbed(recording: &Recording, script: &Script) -> Vec<Disturbed> {
     let Some(plant) = process_of(script, Topic::State, 1) else { return vec![] };
     let last = plant.cycles.last().map_or(0, |last| last.tick);
@@ -74,7 +74,7 @@ fn look_at(recording: &Recording, script: &Script, plant: &Process, tick: u64) -
     }
     let command = read.last()?;
     let next = plant.cycles.get(plant.cycles.partition_point(|cycle| cycle.tick <= tick))?;
-    // Without a clock a command is handed over at once, with the time of its arrival.
+    // In lockstep and in process a command is handed over at once, with the time of its arrival.
     let arrived = next.arrivals.iter().find(|(read, _)| read.key == *command).map(|(_, after_ns)| *after_ns);
     match arrived.filter(|_| next.tick == tick + 1) {
         Some(after_ns) if after_ns < recording.scenario.sample_ns() => None,
@@ -134,7 +134,8 @@ fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
 }
 
 /// Drops late answers of a process: those to ticks before `tick` for which it had read later messages, because it was
-/// started or woke up late. With an answer to `tick` in time they would not exist; their readers get that answer.
+/// started or woke up late. With an answer to `tick` in time these answers would not exist; their readers get the
+/// answer to `tick` instead.
 fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
     let Process { topic, epoch, cycles, .. } = &mut script.processes[i];
     let (topic, epoch) = (*topic, *epoch);
@@ -154,7 +155,7 @@ fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
     }
 }
 
-/// Returns the process that answers to `tick`, or else the one that answered last before it.
+/// Returns the process that answers to `tick`, or else the process that answered last before `tick`.
 fn worker_at(script: &Script, topic: Topic, tick: u64) -> Option<usize> {
     let active =
         |process: &Process| process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick);
@@ -162,7 +163,7 @@ fn worker_at(script: &Script, topic: Topic, tick: u64) -> Option<usize> {
     { of_node }.filter_map(|(i, process)| Some((active(process)?, i))).max().map(|(_, i)| i)
 }
 
-/// Makes each process that took over continue from the undone ticks of the one before it.
+/// Lets each process that took over continue after the undone ticks of the process before it.
 fn continue_from_what_was_added(script: &mut Script, ticks: &BTreeSet<u64>) {
     for i in 0..script.processes.len() {
         let Process { topic, continues: Some(origin), ref cycles, .. } = script.processes[i] else { continue };
@@ -180,7 +181,7 @@ fn continue_from_what_was_added(script: &mut Script, ticks: &BTreeSet<u64>) {
 struct Usual {
     /// Delay from the sample to the answer, by topic \[ns\].
     response_ns: [u64; Topic::COUNT],
-    /// Delay from the sample to the arrival of its command at the plant, of those before the next sample \[ns\].
+    /// Delay from the sample to the arrival of its command at the plant, if that is before the next sample \[ns\].
     arrival_ns: u64,
 }
 

@@ -21,13 +21,13 @@ pub(super) enum Runs {
 /// Cause for which the next cycle of a process waits.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Waits {
-    /// All that it reads is there.
+    /// No wait: all inputs of the cycle are there.
     Nothing,
-    /// A message that was sent, and not delivered here: it is the only thing that a cycle can do without.
+    /// A message that was sent but not delivered here; a cycle can run without it, if need be.
     Delivery,
-    /// The memory of the process that it continues from.
+    /// The memory of the process that this process continues.
     Memory,
-    /// A message that was not sent.
+    /// A message that was not sent here.
     Message(Key),
 }
 
@@ -44,14 +44,16 @@ impl Waits {
 #[derive(Default)]
 pub(super) struct ProcessCourse {
     pub worker: Option<Runs>,
-    /// Index of its next cycle, and of its next recorded message.
+    /// Index of the next cycle, and of the next recorded message.
     pub cycle: usize,
     pub recorded: usize,
-    /// Tick of its next cycle and the cause of its wait, if that never ends.
+    /// Tick of the next cycle and the cause of its wait, if the wait never ends.
     pub held_up: Option<(u64, Waits)>,
-    /// `true` if its last cycle was over before the replay begins, so that the next one begins with the logged memory.
+    /// `true` if the last cycle was over before the replay begins, so that the next cycle begins with the logged
+    /// memory.
     pub follows: bool,
-    /// Tick, message as the process meant it, and as it was delivered; `None` if it was not.
+    /// Messages sent: tick, message as the process meant it, and message as it was delivered; `None` if it was not
+    /// delivered.
     pub sent: VecDeque<(u64, Record, Option<Record>)>,
     /// Last input read, by topic.
     pub read: [Option<Read>; Topic::COUNT],
@@ -78,7 +80,7 @@ impl ProcessCourse {
             None => {
                 let delivered = (!stamp.is_faulted() && !stamp.is_withheld()).then_some(*record);
                 match self.sent.back_mut() {
-                    // This message was sent in the place of one that was withheld.
+                    // This message was sent in the place of a withheld message.
                     Some(last) if last.0 == tick => *last = (tick, *record, delivered),
                     _ => self.sent.push_back((tick, *record, delivered)),
                 }

@@ -1,9 +1,10 @@
 //! `explain`: cost of each late, lost or missing message of a flight.
 //!
-//! Every disturbed tick ([`crate::Disturbed`]) is undone in a flight of its own, every burst of consecutive
-//! disturbed ticks in another, and all disturbed ticks together in a last one. The cost of a tick is the figure of the
-//! recorded flight less that of the flight without the tick, and the largest distance between the two courses. The
-//! costs of single ticks do not add up to the cost of all, because the vehicle may or may not recover between two.
+//! Every disturbed tick ([`crate::Disturbed`]) is undone in a flight of its own, every burst of consecutive disturbed
+//! ticks in another, and all disturbed ticks together in a last one. The cost of a tick is each figure of the recorded
+//! flight minus the same figure of the flight with the tick undone, and the largest distance between the two courses.
+//! The costs of single ticks do not add up to the cost of all, because the vehicle may or may not recover between two
+//! disturbed ticks.
 //!
 //! | module | holds |
 //! |---|---|
@@ -39,26 +40,26 @@ pub struct Explained {
     pub flight: FlightCost,
     /// The flight with every disturbed tick undone.
     pub without_any: FlightCost,
-    /// Another flight that shares what is known of this one: in-process, with the controllers of this program, without
-    /// any fault or swap of the scenario, not even faults of air, sensors and actuators. `None` for a part of a flight.
+    /// A flight of the same scenario in process, with the controllers of this program and without its faults and swaps,
+    /// not even faults of air, sensors and actuators. `None` for a part of a flight, or if a user's program flew.
     pub undisturbed: Option<FlightCost>,
-    /// Number of disturbed ticks, and of bursts of more than one.
+    /// Number of disturbed ticks, and of bursts of more than one tick.
     pub disturbed: usize,
     pub bursts_found: usize,
-    /// Single ticks, and bursts of more than one; the costliest first. Empty where that was too much work.
+    /// Costs of single ticks, and of bursts of more than one tick, the costliest first; empty if there are too many.
     pub ticks: Vec<Cost>,
     pub bursts: Vec<Cost>,
 }
 
-/// Costs as far as a report looks into them, which may take a second or two.
+/// Costs of a flight for its report, which computes them if that takes only a second or two.
 #[derive(Debug)]
 pub enum Costs {
     /// No tick was disturbed.
     None,
     Known(Box<Explained>),
-    /// More disturbed ticks than a report looks into: their number.
+    /// Number of disturbed ticks, if there are more than a report examines.
     TooMany(usize),
-    /// The flight is too long for that.
+    /// The flight has more messages than a report replays.
     TooLong,
     /// The flight cannot be flown again.
     Unknown(anyhow::Error),
@@ -69,10 +70,10 @@ const MOST_TICKS: usize = 50;
 /// Largest number of samples flown again for the single ticks: ten flights of a minute at 100 Hz, which take a
 /// second or two.
 const MOST_SAMPLES: usize = 6_001 * 10;
-/// Messages of a log that is flown again, at most: its script is held in memory, with about 1 kB a tick.
+/// Largest number of messages of a log that is flown again: its script is held in memory, with about 1 kB per tick.
 const MOST_MESSAGES: u64 = 100_000;
 
-/// Finds the costs of a recorded flight if that is little work.
+/// Finds the costs of a recorded flight, if few samples need to be flown.
 pub fn costs(recorded: &Recorded) -> Costs {
     if recorded.messages.iter().sum::<u64>() > MOST_MESSAGES {
         return Costs::TooLong;
@@ -95,8 +96,8 @@ pub fn costs(recorded: &Recorded) -> Costs {
     find().unwrap_or_else(Costs::Unknown)
 }
 
-/// Flies `recording` again without any of its disturbed ticks; with `each` also once without every single one and every
-/// burst. `progress` is given the number of flights that are done, and of all.
+/// Flies `recording` again with all its disturbed ticks undone; with `each` also with each single tick and each burst
+/// undone. `progress` gets the number of these flights that are done, and the number of all.
 ///
 /// # Errors
 /// A flight cannot be flown to its end.
@@ -110,7 +111,7 @@ pub fn explain(
     let scenario = &recording.scenario;
     let Work { disturbed, last_tick, .. } = work;
     let foreign = Topic::ALL.into_iter().find(|topic| recording.is_foreign(*topic, 1));
-    // Without a disturbed tick no other answers than those of the log are needed.
+    // If no tick is disturbed, the answers in the log are enough.
     if let Some(topic) = foreign.filter(|_| !disturbed.is_empty()) {
         let (name, exec) = (topic.publisher(), &scenario.node.of(topic).exec);
         anyhow::bail!(

@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_clock_gave_is_not_compared() {
+    fn fields_from_the_clock_are_not_compared() {
         let mut other = Controls { solve_ns: 9, ..Controls::default() };
         (other.stamp.publish_ns[1], other.stamp.checksum) = (9, 9);
         assert_eq!(difference(&Controls::default().into(), &other.into()), None);

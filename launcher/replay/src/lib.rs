@@ -1,4 +1,4 @@
-//! Replay: a flight flown again from its log alone, in one thread.
+//! Replay: a flight flown again from the folder of its run, in one thread.
 //!
 //! ```text
 //! log -> Script: which process answered when to which sample, and what it had read           (script, recording)

@@ -9,13 +9,13 @@ use crate::recording::Recording;
 /// Processes that compute in a replay, and their settings.
 #[derive(Debug, Clone, Default)]
 pub struct ReplayPlan {
-    /// Node that computes alone, with the messages of the others from the log; `None` lets all compute.
+    /// Node that computes alone, with the messages of the other nodes from the log; `None` lets all nodes compute.
     pub only: Option<Topic>,
-    /// Other settings for the processes of a node, and so perhaps another program.
+    /// A node, and the settings that its processes get instead of their own, perhaps with another program.
     pub settings: Option<(Topic, Box<Scenario>)>,
-    /// First tick to compare. The replay begins at the last memories of the nodes that the log has before it.
+    /// First tick to compare. The replay begins at the newest memories of the nodes that the log has before this tick.
     pub from: u64,
-    /// Last tick to replay; `None` for the last of the flight.
+    /// Last tick to replay; `None` for the last tick of the flight.
     pub until: Option<u64>,
     /// Function that is called before the active process of a node answers to a tick.
     pub before: Option<(Topic, u64, fn())>,
@@ -36,7 +36,7 @@ impl ReplayPlan {
         (settings.node.of(*topic).kind() == ProgramKind::Executable).then_some((*topic, settings))
     }
 
-    /// Returns whether the processes of a node compute, except those of another program.
+    /// Returns whether the processes of a node compute, unless they run another program.
     pub fn covers(&self, topic: Topic) -> bool {
         self.only.is_none_or(|only| only == topic)
     }
@@ -62,13 +62,13 @@ pub struct FirstDifference {
 pub struct Replayed {
     /// Messages by the topic of their node: TRUTH counts with STATE.
     pub messages: [ComparedMessages; Topic::COUNT],
-    /// First difference of all, if there is one.
+    /// First difference, if there is one.
     pub first: Option<FirstDifference>,
-    /// Messages that differ, of those compared.
+    /// Number of compared messages that differ.
     pub different: u64,
-    /// Reason why it ended before the flight did, if it did.
+    /// Reason why the replay ended before the end of the flight; `None` if it did not.
     pub stopped: Option<String>,
-    /// Sample after which it began; 0 for the beginning of the flight.
+    /// Sample after which the replay began; 0 for the beginning of the flight.
     pub begun_at: u64,
     /// Last sample that was flown.
     pub last_tick: u64,
@@ -83,9 +83,9 @@ pub struct ComparedMessages {
     pub logged: u64,
     /// Messages that the replay sent.
     pub computed: u64,
-    /// Messages of `computed` that were compared with one of the log.
+    /// Messages of `computed` that were compared with a message of the log.
     pub compared: u64,
-    /// Messages of `computed` whose bits, those of times too, a fault has flipped; they are not compared.
+    /// Messages of `computed` in which a fault flipped bits, perhaps bits of times; they are not compared.
     pub flipped: u64,
 }
 

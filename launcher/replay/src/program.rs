@@ -1,7 +1,7 @@
 //! Another program in the place of a process. It flies in lockstep in a namespace of its own, where the replay stands
 //! for all other processes. It is started as in a flight (`trefoil swap --exec`), and answers every sample from tick 0.
 //!
-//! The program has no clock and no fault of its own link: all its answers are delivered.
+//! The program has no clock, and its link has no faults: all its answers are delivered.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -30,9 +30,9 @@ const LOOK_NS: u64 = 1_000_000;
 pub struct Program {
     topic: Topic,
     page: Arc<ControlPage>,
-    /// Senders of what it may read, by topic.
+    /// Senders of the messages that the program may read, by topic.
     senders: HashMap<Topic, SendRecord>,
-    /// Number of messages sent to it so far, by topic.
+    /// Number of messages sent to the program so far, by topic.
     sent: [u64; Topic::COUNT],
     observers: Observers,
     wall_limit: Duration,
@@ -65,7 +65,7 @@ impl Program {
             sent: [0; Topic::COUNT],
             observers: Observers::open(&mut ports, &scenario)?,
             wall_limit: match scenario.supervision.wall_limit_s {
-                0.0 => A_DAY, // no limit was wanted
+                0.0 => A_DAY, // 0 means no limit
                 limit_s => Duration::from_secs_f64(limit_s),
             },
             page,
@@ -83,7 +83,7 @@ impl Program {
     /// Sends `message` to the program, as the newest of its topic.
     pub fn read(&mut self, message: &Record) {
         let Some((of, _)) = message.stamped() else { return };
-        let Some(sender) = self.senders.get(&of) else { return }; // the program does not listen to it
+        let Some(sender) = self.senders.get(&of) else { return }; // the program does not listen to this topic
         let number = &mut self.sent[of as usize];
         *number += 1;
         sender(&message.with_stamp(|stamp| (stamp.epoch, stamp.sequence) = (1, *number)));
@@ -111,7 +111,7 @@ impl Program {
         Ok(())
     }
 
-    /// Waits until `is_so` holds, and calls `meanwhile` again and again; fails if the program ends, or after `limit`.
+    /// Waits until `is_so` holds, and calls `meanwhile` before each look; fails if the program ends, or after `limit`.
     fn wait(
         &mut self,
         limit: Duration,
@@ -141,6 +141,6 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        self.page.set_phase(phase::LEAVE); // what does not leave is killed with the children
+        self.page.set_phase(phase::LEAVE); // a process that does not leave is killed with the children
     }
 }

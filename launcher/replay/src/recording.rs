@@ -17,15 +17,15 @@ use settings::{Fault, NodeSettings, ProgramKind, Scenario, candidate};
 
 use crate::script::{LOOK_AHEAD, Script};
 
-/// Most samples of a script in memory: 16 minutes at 100 Hz take 260 MB.
+/// Largest number of samples of a script in memory: 16 minutes at 100 Hz take 260 MB.
 const MOST_SAMPLES: u64 = 100_000;
-/// Messages to read before those of computed processes are dropped.
+/// Number of messages that are read before messages of computed processes are dropped.
 const BATCH: u64 = 4096;
 
 /// Flight as it was recorded, to be replayed.
 #[derive(Debug, Clone)]
 pub struct Recording {
-    /// Settings at its beginning, with the swaps that were ordered in flight.
+    /// Settings at the beginning of the flight, with the swaps that were ordered in flight.
     pub scenario: Scenario,
     /// Path of the log, or of its first file if several recorders wrote.
     pub(super) log: PathBuf,
@@ -44,10 +44,10 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Returns what can be flown again of `run`.
+    /// Creates the recording of `run`.
     ///
     /// # Errors
-    /// A process cannot be flown again: its settings are not there.
+    /// A process cannot be flown again, because its settings are missing.
     pub fn of(run: &Recorded) -> anyhow::Result<Self> {
         let settings = run.path.with_file_name("scenario.toml");
         let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
@@ -56,8 +56,9 @@ impl Recording {
         Self::new(&run.path, &run.log.events, run.messages, last_tick, &run.scenario, settled.as_ref())
     }
 
-    /// Creates the recording of the flight whose log at `path` has these `events`, messages by topic and last sample.
-    /// `settled` are the settings in the folder of the run, which have the swaps that were ordered in flight.
+    /// Creates the recording of a flight of `scenario` whose log at `path` has these `events`, numbers of messages by
+    /// topic, and last sample. `settled` are the settings in the folder of the run, which have the swaps that were
+    /// ordered in flight.
     ///
     /// # Errors
     /// The settings of a process are missing.
@@ -72,7 +73,7 @@ impl Recording {
         let mut scenario = scenario.clone();
         let mut injected = events.iter().filter(|event| event.what == What::Injected);
         if let Some(first) = injected.find_map(|event| event.fault.as_ref()) {
-            scenario.fault.truncate(first.0); // the settings of joined logs have them already
+            scenario.fault.truncate(first.0); // a joined log has these faults in its settings already
         }
         let given = events.iter().filter_map(|event| event.fault.as_deref().copied()).collect();
         scenario.swap = settled.map_or(scenario.swap, |settled| settled.swap.clone());
@@ -97,15 +98,15 @@ impl Recording {
         self.settings.get(&(topic, epoch)).unwrap_or(&self.scenario)
     }
 
-    /// Returns whether a process ran a program that the user has not named to this replay: its messages are known from
-    /// the log only, because a folder from elsewhere may name any program.
+    /// Returns whether a process ran a program of its own, or a library that the user has not named to this replay. Its
+    /// messages are then taken from the log: a folder from elsewhere may name any program, so none is started.
     pub fn is_foreign(&self, topic: Topic, epoch: u64) -> bool {
         let program = self.settings_of(topic, epoch).node.of(topic);
         let is_trusted = || self.trusted.iter().any(|(of, sha256)| *of == topic && sha256 == program.sha256());
         program.kind() == ProgramKind::Executable || program.kind() == ProgramKind::Library && !is_trusted()
     }
 
-    /// Returns the processes that ran such a program, by topic and epoch.
+    /// Returns the processes that are [foreign](Self::is_foreign), by topic and epoch.
     pub fn foreign(&self) -> impl Iterator<Item = (Topic, u64)> {
         self.processes.iter().copied().filter(|(topic, epoch)| self.is_foreign(*topic, *epoch))
     }
@@ -139,9 +140,9 @@ impl Recording {
         Ok(())
     }
 
-    /// Creates a script, without messages, that begins at the last memories of the nodes in the log before tick `from`,
-    /// or else at tick 0, as in a flight with a core that keeps no memory. It also takes in what was sent before:
-    /// messages that may be under way.
+    /// Creates a script, without messages, that begins at the newest memories of the nodes in the log before tick
+    /// `from`; at tick 0 if there are none, or if a core keeps no memory. The script also takes in earlier messages,
+    /// which may still be under way.
     ///
     /// # Errors
     /// The log cannot be read.
@@ -164,13 +165,14 @@ impl Recording {
         tick.saturating_mul(self.scenario.sample_ns())
     }
 
-    /// Returns the span of the log up to tick `until`, and on: a process that slept may have read later messages.
+    /// Returns the span of the log for a replay up to tick `until`. It ends later, because a process that slept may
+    /// have read later messages.
     pub(super) fn span(&self, script: &Script, until: u64) -> LogSpan {
         self.log_time(script.begins)..=self.log_time(until.saturating_add((LOOK_AHEAD / Topic::COUNT) as u64))
     }
 
-    /// Reads the script of the flight into memory, from the last place before tick `from` where it can begin up to tick
-    /// `until`. Messages of processes that can be computed are left out.
+    /// Reads the script of the flight into memory, from the last place before tick `from` where a script can begin, up
+    /// to tick `until`. Messages of processes that can be computed are left out.
     ///
     /// # Errors
     /// The flight is too long, or the log cannot be read.

@@ -1,10 +1,10 @@
 //! Script of a flight, from its log alone: which process answered to which samples, and what it had read.
 //!
 //! A message is known by its topic, the epoch of its publisher and the tick it answers to: no process answers twice.
-//! Copies that a fault has changed on the way or a deadline has withheld are known by the same.
+//! Copies that a fault has changed or a deadline has withheld have the same key.
 //!
-//! A process that slept may have read what was sent long after the sample that it answers to. So a message is held back
-//! until [`LOOK_AHEAD`] later ones are known, or the log ends.
+//! A process that slept may have read messages that were sent long after the sample that it answers to. So a message is
+//! held back until [`LOOK_AHEAD`] later messages are known, or the log ends.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub struct Key {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Read {
     pub key: Key,
-    /// `true` if it is read as it was meant, whatever a fault made of it on the way.
+    /// `true` if the message is read as its sender meant it, without the faults of the link.
     pub unharmed: bool,
 }
 
@@ -47,7 +47,7 @@ pub struct Cycle {
     pub faults: u64,
     /// Inputs by topic: the newest message that the process had; none for the plant.
     pub inputs: [Option<Read>; Topic::COUNT],
-    /// Commands that came to the plant since the sample before, each with its delay from that sample \[ns\].
+    /// Commands that came to the plant since the previous sample, each with its delay from that sample \[ns\].
     pub arrivals: Vec<(Read, u64)>,
 }
 
@@ -56,7 +56,7 @@ pub struct Cycle {
 pub struct Process {
     pub topic: Topic,
     pub epoch: u64,
-    /// Process and tick whose memory it began with; `None` if it began without.
+    /// Origin of the memory with which the process began; `None` if it began without one.
     pub continues: Option<Origin>,
     pub cycles: Vec<Cycle>,
     /// Intact messages in the order of sending.
@@ -64,7 +64,7 @@ pub struct Process {
     numbers: Numbers,
     /// Last input by topic: epoch and sequence number, and the message.
     last_read: [Option<(u64, u64, Read)>; Topic::COUNT],
-    /// `true` if the log lacks messages of it; all later ones are left out.
+    /// `true` if the log lacks messages of the process; all its later messages are left out.
     has_hole: bool,
 }
 
@@ -74,7 +74,7 @@ struct Numbers {
     /// Number of messages known, and the highest sequence number.
     messages: u64,
     sent: u64,
-    /// Sequence numbers, each with its tick; the first message of a number is the one as meant.
+    /// Sequence numbers, each with the tick of the first message that has it; copies of a message come later.
     ticks: VecDeque<(u64, u64)>,
 }
 
@@ -93,12 +93,12 @@ pub struct Script {
     pub(super) begins_with: Vec<Memory>,
     /// First tick of which messages are taken in.
     pub(super) begins: u64,
-    /// Newest tick of which a cycle is known, before which every cycle is known with all of its messages; `u64::MAX`
-    /// when no more messages come.
+    /// Newest tick of which a cycle is known. Before it, every cycle is known with all of its messages. `u64::MAX` when
+    /// no more messages come.
     pub(super) reach: u64,
 }
 
-/// Messages that are held back: a minute and more of a flight at 100 Hz, and four seconds at 2 kHz.
+/// Number of messages that are held back: a minute and more of a flight at 100 Hz, and four seconds at 2 kHz.
 pub(super) const LOOK_AHEAD: usize = 32_768;
 
 impl Default for Script {
@@ -129,14 +129,14 @@ impl Script {
         }
     }
 
-    /// Creates a script that begins at the memories `begins_with`, and also takes in messages of the `before` ticks
-    /// earlier. Without memories it begins at tick 0.
+    /// Creates a script that begins at the memories `begins_with`, and also takes in messages of up to `before` earlier
+    /// ticks. Without memories the script begins at tick 0.
     pub(super) fn beginning_with(begins_with: Vec<Memory>, before: u64) -> Self {
         let begins = begins_with.first().map_or(0, |memory| memory.tick.saturating_sub(before).max(1));
         Self { begins_with, begins, ..Self::default() }
     }
 
-    /// Returns the sample after which it begins; 0 for the beginning of the flight.
+    /// Returns the sample after which the script begins; 0 for the beginning of the flight.
     pub fn begun_at(&self) -> u64 {
         self.begins_with.first().map_or(0, |memory| memory.tick)
     }
@@ -162,12 +162,12 @@ impl Script {
         }
     }
 
-    /// Finds the cycles of all messages held back; no more come.
+    /// Finds the cycles of all messages held back; call this when no more messages come.
     pub fn finish(&mut self) {
         while self.finish_some(usize::MAX) {}
     }
 
-    /// Finds the cycles of at most `most` messages held back; returns whether there are others.
+    /// Finds the cycles of at most `most` messages held back; returns whether more messages are held back.
     pub(super) fn finish_some(&mut self, most: usize) -> bool {
         (0..most.min(self.ahead.len())).for_each(|_| self.find_next_cycle());
         if self.ahead.is_empty() {
@@ -195,7 +195,8 @@ impl Script {
         }
     }
 
-    /// Drops the messages of the processes `of`, and keeps their cycles; messages sent where the script begins stay.
+    /// Drops the messages of the processes `of`, and keeps their cycles; messages near the beginning of the script
+    /// stay.
     pub(super) fn forget_messages(&mut self, of: impl Fn(Topic, u64) -> bool) {
         let begun = if self.begins_with.is_empty() { 0 } else { self.begun_at() + HELD_MESSAGES as u64 };
         for process in self.processes.iter_mut().filter(|process| of(process.topic, process.epoch)) {
@@ -245,7 +246,7 @@ impl Script {
         Arc::make_mut(&mut self.processes[at].recorded).push(record);
     }
 
-    /// Finds a message by its sequence number; one that the log lacks has the tick `u64::MAX`.
+    /// Finds a message by its sequence number; a message that the log lacks has the tick `u64::MAX`.
     fn read(&self, topic: Topic, epoch: u64, sequence: u64) -> Read {
         let ticks = self.process(topic, epoch).map(|i| &self.processes[i].numbers.ticks);
         let tick = ticks.and_then(|ticks| {
@@ -270,8 +271,9 @@ impl Process {
         }
     }
 
-    /// Notes the number of a message, and whose memory its process began with. Fails from a gap in the numbers on,
-    /// because what the process then remembers is not known; the error has the gap if it is new.
+    /// Notes the sequence number of a message, and the origin of the memory with which its process began. Fails from a
+    /// gap in the numbers on, because the memory of the process is not known after a gap; the error describes the gap
+    /// once.
     fn number(&mut self, stamp: &Stamp, begins: u64) -> Result<(), Option<(u64, String)>> {
         let Stamp { sequence, tick, restored_epoch, restored_ticks, .. } = *stamp;
         if self.has_hole {
@@ -279,7 +281,7 @@ impl Process {
         }
         let Numbers { messages, sent, ticks } = &mut self.numbers;
         if *messages == 0 && begins > 0 {
-            *sent = sequence.saturating_sub(1); // those before are not asked for
+            *sent = sequence.saturating_sub(1); // earlier messages are not needed
         }
         let (name, epoch, next) = (self.topic.publisher(), self.epoch, *sent + 1);
         let hole = if tick > begins.saturating_add(last_tick(*messages)) {
@@ -304,7 +306,7 @@ impl Process {
         Ok(())
     }
 
-    /// Returns whether a message begins a cycle: the first of each tick does. Ticks never go back.
+    /// Returns whether a message begins a cycle: the first message of each tick does. Ticks never go back.
     fn is_cycle(&mut self, stamp: &Stamp) -> bool {
         let Some(last) = self.cycles.last_mut().filter(|last| stamp.tick <= last.tick) else { return true };
         last.faulted |= stamp.is_faulted() && stamp.tick == last.tick;
@@ -325,17 +327,18 @@ impl Process {
         });
     }
 
-    /// Returns its place in the order of processes.
+    /// Returns the place of the process in the order of processes.
     pub(super) fn place(&self) -> (usize, u64) {
         (self.topic as usize, self.epoch)
     }
 
-    /// Returns its cycle of `tick`, if there is one.
+    /// Returns the cycle of `tick`, if there is one.
     pub fn cycle(&self, tick: u64) -> Option<&Cycle> {
         self.cycles.get(self.cycles.partition_point(|cycle| cycle.tick < tick)).filter(|cycle| cycle.tick == tick)
     }
 
-    /// Adds the sample of `tick` to the plant, if it is missing: arrivals after it are then counted from it.
+    /// Adds the sample of `tick` to the plant's cycles, if it is missing; the delays of later arrivals then count from
+    /// this sample.
     pub fn sample_at(&mut self, tick: u64, period_ns: u64) {
         let at = self.cycles.partition_point(|cycle| cycle.tick < tick);
         if self.cycles.get(at).is_none_or(|cycle| cycle.tick == tick) || at == 0 {

@@ -7,14 +7,15 @@ use runtime::ports::Ports;
 
 use flight::log::Record;
 
-/// Sends a message of one topic; one of another is ignored.
+/// Function that sends messages of one topic and ignores all others.
 pub type SendRecord = Box<dyn Fn(&Record)>;
 
 /// Opens the sender of the process `epoch` that publishes `topic`.
 pub fn open(ports: &mut Ports, topic: Topic, epoch: u32) -> Result<SendRecord, SessionError> {
     fn of<M: Message>(ports: &mut Ports, epoch: u32) -> Result<SendRecord, SessionError> {
         let port = ports.sender::<M>(epoch)?;
-        // A send fails if no port listens. The port of a worker does; the wait for a program notices its end.
+        // A send fails if no port listens. A worker's port always listens, and the wait for a program notices the
+        // program's end.
         Ok(Box::new(move |record| _ = record.message().map(|message| port.send(message))))
     }
     match topic {

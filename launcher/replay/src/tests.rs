@@ -98,7 +98,8 @@ fn a_flight_with_every_kind_of_trouble_repeats_bit_for_bit() {
     assert_eq!((&read_on.messages, &read_on.first, read_on.stopped), (&replayed.messages, &None, None));
 }
 
-/// A process that dies on the tick of its take-over has answered to nothing: the next one goes on from its predecessor.
+/// A process that dies on the tick of its take-over has answered no sample: the next process continues from its
+/// predecessor.
 #[test]
 fn a_flight_with_any_schedule_of_kills_repeats_bit_for_bit() {
     let nodes = [FaultTarget::Guidance, FaultTarget::AttitudeMpc, FaultTarget::Mixer];
@@ -107,7 +108,7 @@ fn a_flight_with_any_schedule_of_kills_repeats_bit_for_bit() {
     let schedules = vec(kill, 1..8);
     let found = vec![
         (FaultTarget::Guidance, 0.56, 0.3),
-        (FaultTarget::Guidance, 0.66, 0.1), // dies as it takes over
+        (FaultTarget::Guidance, 0.66, 0.1), // the new process dies as it takes over
     ];
     let fly = |schedule: Vec<(FaultTarget, f64, f64)>| {
         let kills = schedule.iter().map(|(node, at_s, for_s)| Fault::new(*node, FaultKind::Kill, *at_s, Some(*for_s)));
@@ -140,8 +141,8 @@ fn a_flipped_bit_is_found_where_it_stands() {
     assert_eq!(replay(&flight, &later).first, None, "from there on it is the same");
 }
 
-/// A constant that only the climb needs: the flight begins level, and differs once the end of the preview
-/// is limited.
+/// The changed constant matters only in the climb: the flight begins level, and differs once the end of the preview is
+/// limited.
 #[test]
 fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
     let flight = flown(6.0, &[], &[]);
@@ -202,7 +203,7 @@ fn a_changed_truth_is_a_difference() {
     }
 }
 
-/// The mixer gets nothing for three ticks. With these undone, the flight equals one that was never disturbed.
+/// The mixer gets no CONTROLS for three ticks. With these ticks undone, the flight equals a flight without the stall.
 #[test]
 fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
     let stall = Fault::new(FaultTarget::AttitudeMpc, FaultKind::Stop, 0.5, Some(0.03));
@@ -222,7 +223,7 @@ fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
     assert!(truths != of(&stalled.1), "it made a difference");
 }
 
-/// A mixer that slept answers to an old tick with the newest state, skips two, and goes on.
+/// A mixer that slept answers to an old tick with the newest state, skips two ticks, and goes on.
 #[test]
 fn a_tick_can_be_undone_after_late_answers_to_earlier_ones() {
     let (recording, mut script) = recording(&flown(1.0, &[], &[]));

@@ -1,7 +1,7 @@
-//! Verdict on a replay: one sentence and one exit code, which depend on what was compared.
+//! Verdict on a replay: one sentence and one exit code, which depend on the messages compared.
 //!
-//! A flight is called the same only if its log is all of it, every message of the log was computed again and
-//! compared, and the hash of the states is that of run.json. The verdict names all that was not compared.
+//! A flight is called the same only if its log is complete, every message of the log was computed again and compared,
+//! and the hash of the states is that of run.json. The verdict names everything that was not compared.
 
 use std::collections::BTreeSet;
 
@@ -18,7 +18,7 @@ use outcome::summary::Summary;
 /// Verdict on a replay.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReplayVerdict {
-    /// For people; the first line is the verdict.
+    /// Text for people; the first line is the verdict.
     pub text: String,
     pub exit_code: u8,
 }
@@ -71,7 +71,7 @@ impl Judged<'_> {
         ReplayVerdict { text: lines.into_iter().flatten().map(|line| line + "\n").collect(), exit_code }
     }
 
-    /// First line of the verdict, and the exit code.
+    /// Returns the first line of the verdict, and the exit code.
     fn outcome(&self) -> (String, u8) {
         let first = self.replayed.first.as_ref().map(|first| self.describe(first));
         let is_whole = self.lacking().is_none();
@@ -100,7 +100,7 @@ impl Judged<'_> {
         (*different > 0).then(|| format!("{different} of {} messages compared differ", self.replayed.compared()))
     }
 
-    /// Says what was compared, of what there is.
+    /// Says how many messages of the log, and which part of the flight, were compared.
     fn coverage(&self) -> String {
         let all = &self.replayed.messages;
         let logged: u64 = all.iter().map(|of_topic| of_topic.logged).sum();
@@ -127,14 +127,14 @@ impl Judged<'_> {
         )
     }
 
-    /// Says where the replay began, if that was in the middle of the flight.
+    /// Says where the replay began, if it began in the middle of the flight.
     fn begun(&self) -> Option<String> {
         let Replayed { begun_at, .. } = *self.replayed;
         let begun_s = begun_at as f64 * self.recording.scenario.sample_s();
-        (begun_at > 0).then(|| format!("begun with what the nodes remembered at {begun_s:.2} s"))
+        (begun_at > 0).then(|| format!("begun with the snapshots at {begun_s:.2} s"))
     }
 
-    /// Line on the processes that did not compute; `None` if all did.
+    /// Returns the line on the processes that did not compute; `None` if all computed.
     fn not_computed(&self) -> Option<String> {
         let nodes = Topic::ALL.into_iter().filter(|topic| !self.plan.covers(*topic));
         let nodes = nodes.map(|topic| format!("{} (not asked for)", topic.publisher()));
@@ -155,7 +155,7 @@ impl Judged<'_> {
         (!told.is_empty()).then(|| format!("not computed: {}{how}", told.join(", ")))
     }
 
-    /// Reasons why less was compared than asked for; `None` if there are none.
+    /// Returns the reasons why less was compared than asked for; `None` if there are none.
     fn lacking(&self) -> Option<String> {
         let stopped = self.replayed.stopped.as_ref().map(|why| {
             format!(
@@ -167,7 +167,7 @@ impl Judged<'_> {
         (!told.is_empty()).then(|| told.join("\n"))
     }
 
-    /// Line on the first node with messages in the log that were not compared, if there is one.
+    /// Returns the line on the first node whose messages in the log were not all compared, if there is one.
     fn uncompared(&self) -> Option<String> {
         if !self.covers_all_time() || self.replayed.stopped.is_some() {
             return None;
@@ -216,7 +216,8 @@ impl Judged<'_> {
     }
 }
 
-/// Exit code of a replay that was asked for other answers and gave some: success only if nothing is missing.
+/// Returns the exit code of a replay that was asked for other answers and gave some: success only if nothing is
+/// missing.
 fn answered(is_whole: bool) -> u8 {
     if is_whole { exit::FLOWN } else { exit::OUT_OF_BOUNDS }
 }

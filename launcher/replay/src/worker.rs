@@ -1,5 +1,5 @@
 //! Process of a replay: its core, ports, link and faults, with a control page and queues of its own. The caller sends
-//! it the messages that the process reads, and collects those that it sends.
+//! the messages that the process reads, and collects the messages that the process sends.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -27,9 +27,9 @@ pub struct Worker {
     member: Member,
     core: Core,
     observers: Observers,
-    /// Senders of what it reads, by topic and epoch.
+    /// Senders of the messages that the process reads, by topic and epoch.
     senders: HashMap<(Topic, u32), SendRecord>,
-    /// Number of changes of the fault table that it knows.
+    /// Number of changes of the fault table that the process knows.
     faults: u64,
 }
 
@@ -39,7 +39,7 @@ enum Core {
 }
 
 impl Worker {
-    /// Creates the process `epoch` of the node that answers on `topic`, which begins with this memory.
+    /// Creates the process `epoch` of the node that answers on `topic`; it begins with `memory`, if given.
     pub fn new(
         topic: Topic,
         epoch: u32,
@@ -68,7 +68,8 @@ impl Worker {
         Ok(Self { ring, member, core, observers, senders: HashMap::new(), faults: 0 })
     }
 
-    /// Sends `message` to the process, as the newest of its topic. The plant gets commands with their arrival instead.
+    /// Sends `message` to the process, as the newest of its topic. ACTUATORS is ignored: the plant gets commands by
+    /// [`Self::command`].
     pub fn read(&mut self, message: &Record) -> Result<(), SessionError> {
         let Some((topic, stamp)) = message.stamped().filter(|(topic, _)| *topic != Topic::Actuators) else {
             return Ok(());
@@ -95,8 +96,9 @@ impl Worker {
         }
     }
 
-    /// Runs one cycle under the faults, of those `given` in flight, that the process knew then; `each` gets what it
-    /// sends. A `known` message is not computed but sent again, so that ports and faults get the state of the flight.
+    /// Runs one cycle under those of the faults `given` in flight that the process knew in that cycle; `each` gets the
+    /// messages that it sends. A `known` message is not computed but sent again, so that ports and faults get the state
+    /// of the flight.
     pub fn run(
         &mut self,
         cycle: &Cycle,
@@ -115,7 +117,8 @@ impl Worker {
             Assignment { active: *epoch, standby: 0 }
         };
         page.role(*topic).assign(cycle.tick as u32, |_| active);
-        // Sets the clock without the offset of a fault: `publish_ns` has it already, and the fault adds it again.
+        // The clock is set without the offset of a fault: `publish_ns` has the offset already, and the fault adds it
+        // again.
         let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);
         let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
         faults.update();
@@ -140,12 +143,12 @@ impl Worker {
         Ok(())
     }
 
-    /// Notes whose memory the process began with, if that memory itself is not known.
+    /// Notes the origin of the memory with which the process began, if the memory itself is not known.
     pub fn continue_from(&self, origin: Origin) {
         self.member.continues.set(origin);
     }
 
-    /// Continues from what the process remembered in the flight; returns false if `memory` does not fit it.
+    /// Continues from `memory`, which the process had in the flight; returns false if it does not fit the core.
     pub fn restore(&mut self, memory: &Memory) -> bool {
         match &mut self.core {
             Core::Plant(sampler) => sampler.plant.restore(memory.origin.done - 1, &memory.words),

@@ -16,7 +16,7 @@ use view::table;
 
 /// Parts of the results that come from the command line.
 pub struct ResultsView {
-    /// Command that flies one flight again; a number follows.
+    /// Command that flies one flight again, without the number of the flight at its end.
     pub again: String,
     observed: Option<Observed>,
 }
@@ -44,7 +44,7 @@ pub fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &ResultsView) -> an
     };
     let [passed, failed, invalid] = Standing::ALL.map(count);
     let verdicts = match plan.campaign.limit() {
-        Some(_) => format!("{failed} fail already at the safe end, {invalid} invalid"),
+        Some(_) => format!("{failed} fail at the safe end, {invalid} invalid"),
         None => format!("{passed} passed, {failed} failed, {invalid} invalid"),
     };
     let mut text = format!("{}: {} {}: {verdicts}\n", plan.campaign.name(), flights.rows(), plan.campaign.units());
@@ -63,7 +63,7 @@ pub fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &ResultsView) -> an
         let whole = "flights.parquet";
         match missing.is_empty() {
             true => folder.dir.write_whole(whole, &flights.to_parquet(&[])?)?,
-            false if folder.dir.has(whole) => folder.dir.remove(whole)?, // its shards are no longer all there
+            false if folder.dir.has(whole) => folder.dir.remove(whole)?, // some of its shards are missing now
             false => {}
         }
         Ok(())
@@ -94,7 +94,7 @@ pub fn conclude(plan: &Plan, folder: &CampaignFolder, shown: &ResultsView) -> an
     Ok(if invalid > 0 || is_broken { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
 }
 
-/// Returns the table of how many flights each controller passes, and sentences on the basis of these rates.
+/// Returns the table of how many flights each controller passes, and sentences that say what these rates are based on.
 fn rates(page: &CampaignPage) -> String {
     let row = |(name, rate): (&str, Rate)| {
         let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share) };

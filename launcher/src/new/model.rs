@@ -5,7 +5,7 @@ use std::fmt::Write;
 use attitude_mpc::model::PredictionModel;
 use settings::Scenario;
 
-/// Value of the model with its name, in lower case, and its meaning.
+/// Name in lower case, meaning and value of a quantity of the model.
 type Entry = (&'static str, &'static str, Value);
 
 /// Number, or table of numbers by rows.
@@ -15,7 +15,7 @@ enum Value {
     Table(Vec<Vec<f64>>),
 }
 
-/// Linear model about hover, its vehicle and its limits.
+/// Linear model about hover, with the vehicle and its limits.
 pub struct HoverModel(Vec<Entry>);
 
 impl HoverModel {
@@ -114,7 +114,7 @@ impl HoverModel {
         text
     }
 
-    /// Numbers of states and inputs.
+    /// Returns the numbers of states and inputs.
     fn size(&self) -> (usize, usize) {
         let table = self.0.iter().find_map(|(name, _, value)| match value {
             Value::Table(rows) if *name == "b" => Some((rows.len(), rows[0].len())),
@@ -124,7 +124,8 @@ impl HoverModel {
     }
 }
 
-/// Writes a value with these brackets around its lists; every number as the shortest text of the same bits.
+/// Writes a value with the brackets `open` and `close` around its lists, and every number as the shortest text that
+/// parses to the same bits.
 fn nested(value: &Value, [open, close]: [&str; 2]) -> String {
     let row = |numbers: &Vec<f64>| {
         let numbers: Vec<String> = numbers.iter().map(|number| format!("{number:?}")).collect();

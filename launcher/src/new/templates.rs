@@ -44,16 +44,17 @@ pub enum TemplateNode {
 pub struct Template {
     pub language: Language,
     pub node: TemplateNode,
-    /// Folders of its files, read after `common`; a file replaces one of the same path in an earlier folder.
+    /// Folders of the template's files, read after `common`; a file replaces a file of the same path in an earlier
+    /// folder.
     folders: &'static [&'static str],
     /// Generated files: the path, and the function that makes the text.
     made: &'static [(&'static str, Make)],
 }
 
-/// Makes the text of a file.
+/// Function that makes the text of a file.
 type Make = fn(&HoverModel) -> String;
 
-/// The folders, read when the launcher is built.
+/// Folders of all templates, read when the launcher is built.
 static FOLDERS: Dir = include_dir!("$CARGO_MANIFEST_DIR/templates");
 const C: &[(&str, Make)] = &[("model.h", HoverModel::c), ("trefoil.h", trefoil_h)];
 const JSON: &[(&str, Make)] = &[("model.json", HoverModel::json)];

@@ -31,7 +31,7 @@ fn line(text: Option<&clap::builder::StyledStr>) -> String {
     text.map_or(String::new(), |text| text.to_string().split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
-/// Name of an argument, as it is typed.
+/// Returns an argument as it is typed.
 fn typed(arg: &Arg) -> String {
     let values = arg.get_value_names().into_iter().flatten().map(clap::builder::Str::as_str);
     let values = values.collect::<Vec<_>>().join(" ");
@@ -98,7 +98,7 @@ fn the_page_of_commands_is_generated() {
     is_generated("docs/reference/commands.md", &page);
 }
 
-/// Commands that users see and that do something, by their words.
+/// Returns the words of each command that users see and can run.
 fn visible(command: &Command, before: &str) -> Vec<String> {
     let own = |inner: &Command| format!("{before}{}", inner.get_name());
     let seen = command.get_subcommands().filter(|inner| !inner.is_hide_set() && inner.get_name() != "help");

@@ -16,7 +16,7 @@ Foxglove, PlotJuggler, Rerun and the Python package `mcap` read it.
 struct Part {
     name: String,
     about: String,
-    /// Name, type or number, meaning.
+    /// Cells of each field: name, type or number, meaning.
     fields: Vec<[String; 3]>,
 }
 
@@ -49,7 +49,7 @@ fn parts(schema: &str) -> (String, Vec<Part>) {
     (intro, found)
 }
 
-/// Returns the name of a type; that of the schema's own is a link to its section.
+/// Returns the name of a type; the name of a type of this schema is a link to its section.
 fn linked(kind: &str) -> String {
     if kind.starts_with(char::is_uppercase) { format!("[{kind}](#{})", kind.to_lowercase()) } else { kind.into() }
 }

@@ -43,7 +43,8 @@ fn the_page_of_names_is_generated() {
     is_generated("docs/names.md", &page);
 }
 
-/// Settings with `old`, a key or a key with its value, in TOML; the elements of lists have no index.
+/// Returns settings in TOML that contain `old`: a key, or a key with its value. In `old`, elements of lists have no
+/// index.
 fn settings(old: &str) -> String {
     let value = if old.contains('=') { old.to_owned() } else { format!("{old} = 1") };
     match value.split_once('.') {
@@ -66,7 +67,7 @@ fn refusal(kind: NameKind, old: &str) -> Option<String> {
     }
 }
 
-/// Names of the kind that the program has, as its reference pages list them.
+/// Returns whether the program has the `name` of this `kind`, as its reference pages list it.
 fn is_known(kind: NameKind, name: &str) -> bool {
     let keys = |schema: &serde_json::Value| -> BTreeSet<String> {
         let all = objects(schema);
@@ -76,7 +77,7 @@ fn is_known(kind: NameKind, name: &str) -> bool {
     match kind {
         NameKind::Key => keys(&settings::schema()).contains(name),
         NameKind::Value => {
-            let said = refusal(kind, name).unwrap_or_default(); // another setting may be missing beside it
+            let said = refusal(kind, name).unwrap_or_default(); // the text may lack another setting
             find(kind, name).is_none() && !said.contains("unknown variant")
         }
         NameKind::Field => keys(&outcome::run_record::schema()).contains(name),

@@ -17,7 +17,7 @@ pub struct Object<'a> {
     pub fields: Vec<SchemaField<'a>>,
 }
 
-/// Lists the objects of `schema` in order, the whole one first.
+/// Lists the objects of `schema` in order, the schema itself first.
 pub fn objects(schema: &Value) -> Vec<Object<'_>> {
     let mut found = vec![];
     collect("", schema, &mut found);
@@ -35,7 +35,7 @@ fn collect<'a>(key: &str, schema: &'a Value, found: &mut Vec<Object<'a>>) {
             Some(object) if object["properties"].is_object() => {
                 let own = found.len();
                 collect(&key, object, found);
-                found[own].about = text(inner); // what it is here says more than what its type is
+                found[own].about = text(inner); // the text of the field says more than that of its type
             }
             _ => found[place].fields.push(SchemaField { key, schema: inner }),
         }
@@ -57,7 +57,7 @@ fn object_in(key: String, schema: &Value) -> (String, Option<&Value>) {
     }
 }
 
-/// Description of a schema.
+/// Returns the description of a schema; empty if it has none.
 pub fn text(schema: &Value) -> &str {
     schema["description"].as_str().unwrap_or_default()
 }
@@ -102,7 +102,7 @@ fn name(json: &str) -> &str {
     }
 }
 
-/// Words that a value may have, each with its meaning; `None` if it is no choice of words.
+/// Returns the words that a value may have, each with its meaning; `None` if the value is no choice of words.
 pub fn choices(schema: &Value) -> Option<Vec<(&str, &str)>> {
     let inner = schema["anyOf"].as_array().and_then(|all| all.iter().find_map(choices));
     if inner.is_some() {
@@ -113,7 +113,7 @@ pub fn choices(schema: &Value) -> Option<Vec<(&str, &str)>> {
     (found.len() == one_of.len()).then_some(found)
 }
 
-/// Formats the range of a number, or of those of an array; empty if there is none.
+/// Formats the range of a number, or of the numbers of an array; empty if there is no range.
 pub fn range_of(schema: &Value) -> String {
     let inner = |schema: &Value| ["items", "anyOf", "oneOf"].iter().find_map(|key| first_range(&schema[*key]));
     let bound = |key: &str| schema[key].as_f64().map(plain);
@@ -148,8 +148,8 @@ pub fn head(names: &[&str]) -> String {
     format!("{}|{}\n", row(names), "---|".repeat(names.len()))
 }
 
-/// Formats the words that fields may have with their meanings, as lists; fields with the same words share one. `told`
-/// has the lists that stand in the page already.
+/// Formats the words that fields may have with their meanings, as lists; fields with the same words share a list.
+/// `told` has the lists that the page has already.
 pub fn meanings(fields: &[SchemaField], told: &mut Vec<String>) -> String {
     let mut lists: Vec<(String, Vec<&str>)> = vec![];
     for SchemaField { key, schema } in fields {

@@ -21,7 +21,7 @@ frame: ahead, right, down, which is NED turned by the yaw. Rotor speeds are in t
 Rules between settings are in the messages of `trefoil check`. A setting that has no effect beside the others is an error.
 ";
 
-/// Description of the table of a node, which each of the four has.
+/// Description of the table of a node; each of the four nodes has such a table.
 const A_NODE: &str = "Settings of one node; NAME is `plant`, `guidance`, `attitude-mpc` or `mixer`.";
 
 /// Units that a description names in brackets.
@@ -115,7 +115,7 @@ const PURE: &[&str] = &[
     "mission.ramp_s",
 ];
 
-/// Units in the description of a setting.
+/// Returns the units in the description of a setting.
 fn units(about: &str) -> Vec<&str> {
     let brackets = about.split('[').skip(1).filter_map(|rest| rest.split(']').next());
     brackets.filter(|word| UNITS.contains(word)).collect()
@@ -167,8 +167,8 @@ fn has_numbers(schema: &Value) -> bool {
     }
 }
 
-/// Lists the tables of settings; that of a node stands in it once, as `node.NAME`, and the keys of `[airframe]` once
-/// too.
+/// Lists the tables of settings. The table of a node is listed once, as `node.NAME`, and so are the keys of
+/// `[airframe]`, which `[plant.airframe]` has too.
 fn tables(schema: &Value) -> Vec<Object<'_>> {
     let mut all = objects(schema);
     let (first, others) = NODES.split_first().expect("there are nodes");

@@ -1,4 +1,4 @@
-//! docs/reference/run-json.md: what a flight writes.
+//! docs/reference/run-json.md: the fields of run.json.
 
 use super::is_generated;
 use super::page::{Object, SchemaField, head, meanings, objects, row, text, type_of};
@@ -19,7 +19,7 @@ fn rows(fields: &[SchemaField], told: &mut Vec<String>) -> String {
     head(&HEADS) + &fields.iter().map(line).collect::<String>() + &meanings(fields, told)
 }
 
-/// Names and descriptions of the fields of an object, by which objects of one type are known.
+/// Returns names and descriptions of the fields of an object, which are equal for objects of one type.
 fn form(object: &Object) -> Vec<(String, String)> {
     let of = |field: &SchemaField| (field.key.replacen(&object.key, "", 1), text(field.schema).to_owned());
     object.fields.iter().map(of).collect()

@@ -20,7 +20,7 @@ from acados.acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver  # no
 
 SAMPLES, STEP_S = 20, 0.02
 STATE = [1e2, 1e3, 1e3, 1e3, 1e1, 1e1, 1e1]  # weights of w, roll, pitch, yaw, p, q, r
-COMMAND = [2e2, 2e2, 2e2, 1e2]  # weights of the rotor speeds, as a share of those in hover, and of the tilt
+COMMAND = [2e2, 2e2, 2e2, 1e2]  # weights of the rotor speeds, as shares of the hover speeds, and of the tilt
 
 model = json.loads(pathlib.Path("model.json").read_text())
 ixx, iyy, izz = model["inertia_kgm2"]

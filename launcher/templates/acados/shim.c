@@ -17,9 +17,9 @@
 enum { STATES = CONTROLLER_NX, COMMANDS = CONTROLLER_NU, SAMPLES = CONTROLLER_N };
 enum { WEIGHTS = CONTROLLER_NY, MOTION = CONTROLLER_NYN };
 
-// Rotor speeds as a share of those in hover, and the tilt [rad].
+// Rotor speeds as shares of the hover speeds, and the tilt [rad].
 typedef struct {
-  double actuators[COMMANDS];  // as they follow their commands
+  double actuators[COMMANDS];  // positions, which follow the commands with a lag
   double command[COMMANDS];    // last command
 } Memory;
 
@@ -37,7 +37,8 @@ static void destroy(void *node) {
   free(controller);
 }
 
-// Reads {"weights":[...]}: those of w, roll, pitch, yaw, p, q, r and of the commands. Returns whether all are there.
+// Reads {"weights":[...]}: the weights of w, roll, pitch, yaw, p, q, r and of the commands. Returns false unless all
+// are there and positive.
 static bool read_weights(const char *json, double weights[WEIGHTS]) {
   static const char KEY[] = "{\"weights\":[";
   if (strncmp(json, KEY, strlen(KEY))) return false;
@@ -50,7 +51,7 @@ static bool read_weights(const char *json, double weights[WEIGHTS]) {
   return !strcmp(at, "]}");
 }
 
-// Puts weights in place of those of generate.py.
+// Replaces the weights of generate.py.
 static void set_weights(controller_solver_capsule *solver, const double weights[WEIGHTS]) {
   ocp_nlp_config *config = controller_acados_get_nlp_config(solver);
   ocp_nlp_dims *dims = controller_acados_get_nlp_dims(solver);

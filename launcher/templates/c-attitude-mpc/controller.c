@@ -11,9 +11,9 @@
 static const double Q[N] = {1e2, 1e3, 1e3, 1e3};
 static const double R[M] = {0.4, 300, 85, 300};
 
-// Part of a node that goes on in the next process after a kill or a swap.
+// Part of a node from which the next process goes on after a kill or a swap.
 typedef struct {
-  double lag[M];     // demand as the lagging actuators follow it
+  double lag[M];     // demand that the lagging actuators have reached
   double demand[M];  // last demand
 } Memory;
 

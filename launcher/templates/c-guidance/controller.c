@@ -9,7 +9,8 @@
 
 enum { MOST_WAYPOINTS = 100 };
 
-// Gains of position, integral and velocity, of the angles [rad/m] and of the vertical speed [1/s].
+// Gains on the errors of position [m], of its integral [m s] and of velocity [m/s]: ANGLE gives the angles [rad], CLIMB
+// the vertical speed [m/s].
 static const double ANGLE[3] = {0.2, 0.02, 0.2}, CLIMB[3] = {2.0, 0.1, 0.0};
 static const double ANGLE_LIMIT_RAD = 0.5, CLIMB_LIMIT_MPS = 4.0, INTEGRAL_LIMIT = 2.0;
 
@@ -56,7 +57,7 @@ static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) 
   return NULL;
 }
 
-// Position, velocity and acceleration of one axis at `time_s`: legs of least jerk, at rest at every waypoint.
+// Writes position, velocity and acceleration of one axis at `time_s`: legs of least jerk, at rest at every waypoint.
 static void course(const Controller *controller, double time_s, int axis, double out[3]) {
   int leg = (int)fmin(time_s / controller->leg_s, controller->waypoints - 1);
   int next = leg + 1 < controller->waypoints ? leg + 1 : leg;
@@ -67,7 +68,7 @@ static void course(const Controller *controller, double time_s, int axis, double
   out[2] = way * 60 * s * (1 - s) * (1 - 2 * s) / (T * T);
 }
 
-// Turns a vector of the body frame into the world's.
+// Rotates a vector from the body frame to the world frame, NED.
 static void to_world(const double angles[3], const double body[3], double world[3]) {
   double sr = sin(angles[0]), cr = cos(angles[0]), sp = sin(angles[1]), cp = cos(angles[1]);
   double sy = sin(angles[2]), cy = cos(angles[2]);
@@ -94,7 +95,7 @@ static int32_t step(void *node, const void *input, void *answer) {
     rate[i] = at[1] - velocity[i];
   }
   out->attitude_rad[0] = controller->trim_roll_rad;
-  if (sample->age_ticks > 0 || isnan(error[0]) || isnan(rate[0])) return 0;  // blind: level, no vertical speed
+  if (sample->age_ticks > 0 || isnan(error[0]) || isnan(rate[0])) return 0;  // level, no vertical speed
 
   double wanted[3];
   for (int i = 0; i < 3; i++) {

@@ -8,7 +8,7 @@
 #include "model.h"
 #include "trefoil.h"
 
-// Age from which on a demand is not followed any more: the rotors then turn as in hover [s].
+// Age of a demand beyond which it is ignored, and the rotors turn as in hover [s].
 static const double LOST_S = 0.1;
 
 typedef struct {
@@ -66,7 +66,7 @@ static int32_t step(void *node, const void *input, void *answer) {
   return 0;
 }
 
-// A mixer without a memory is continued by the next process as it is.
+// The mixer has no memory: the next process needs none to go on.
 static const TrefoilNode NODE = {
     TREFOIL_ABI, sizeof(TrefoilMixerInput), sizeof(TrefoilMixerAnswer), 0, create, step, NULL, NULL, free,
 };

@@ -14,7 +14,7 @@ LIMITS = np.array([6.0, 0.6, 0.6, 0.2])  # largest demands [N, N m, N m, N m]
 model = json.loads(pathlib.Path("model.json").read_text())
 A, B = np.array(model["a"]), np.array(model["b"])
 
-# Weight of the last state: the cost from there on without limits, by the Riccati iteration.
+# Weight of the last state: the cost of all later samples without limits, by the Riccati iteration.
 P = Q
 for _ in range(5000):
     K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
@@ -35,7 +35,7 @@ names = {"velocity": 3, "attitude": 3, "rates": 3, "w_ref": 1, "attitude_ref": 3
 inputs = {name: ca.MX.sym(name, size) for name, size in names.items()}
 velocity, attitude, rates, w_ref, attitude_ref, rates_ref, dt, z = inputs.values()
 trim = [model["trim_roll_rad"], 0, 0]
-w = ca.if_else(ca.fabs(velocity[2]) < 1e3, velocity[2], w_ref)  # it is NaN while its sensor is off
+w = ca.if_else(ca.fabs(velocity[2]) < 1e3, velocity[2], w_ref)  # the velocity is NaN while its sensor is off
 # The demand of this step acts from the next sample on, so the state is predicted by one sample.
 following = A @ ca.vertcat(w, attitude - trim, rates, z[:4]) + B @ z[4:]
 error = following - ca.vertcat(w_ref, attitude_ref - trim, rates_ref, np.zeros(4))

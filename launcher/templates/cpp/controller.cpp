@@ -16,9 +16,9 @@ namespace {
 constexpr double Q[N] = {1e2, 1e3, 1e3, 1e3};
 constexpr double R[M] = {0.4, 300, 85, 300};
 
-// Part of a node that goes on in the next process after a kill or a swap.
+// Part of a node from which the next process goes on after a kill or a swap.
 struct Memory {
-  std::array<double, M> lag;     // demand as the lagging actuators follow it
+  std::array<double, M> lag;     // demand that the lagging actuators have reached
   std::array<double, M> demand;  // last demand
 };
 

@@ -58,7 +58,7 @@ static inline double riccati_step(const double q[N], const double r[M], double P
   return change;
 }
 
-// Computes K for the weights on the diagonals of Q and R. Returns 0, or -1 if the iteration does not settle.
+// Computes K for the weights on the diagonals of Q and R. Returns 0, or -1 if the iteration does not converge.
 static inline int lqr(const double q[N], const double r[M], double K[M][N]) {
   double P[N][N] = {{0}};
   for (int i = 0; i < N; i++) P[i][i] = q[i];

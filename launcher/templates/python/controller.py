@@ -49,7 +49,7 @@ def fly():
         if abs(node.setup.dt_s - MODEL["sample_s"]) > 1e-9 or node.setup.mass_kg != MODEL["mass_kg"]:
             raise SystemExit("model.json is a model of another run.rate_hz or vehicle")
         controller = Controller()
-        if left := node.memory():  # of the process before this one, after a kill or a swap
+        if left := node.memory():  # memory of the process before this one, after a kill or a swap
             controller.lag, controller.demand = np.frombuffer(left).reshape(2, 4)
         for sample, reference in node:
             w = sample.velocity_mps[2]

@@ -1,7 +1,8 @@
 // Flies the code that Simulink Coder generates for the model `controller` as attitude-mpc.
 //
-// Generated code keeps its state in globals. Several nodes may share them: in flight in process, or in a replay. The
-// shim therefore keeps the state of each node (DW), and puts it into the globals for each step.
+// Generated code keeps its state in globals. Several nodes of one process may share these globals: in a flight in
+// process, or in a replay. The shim therefore keeps the state of each node (DW), and puts it into the globals for each
+// step.
 
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
-//! `compare`: several flights side by side. Their settings that differ, their metrics and the timing of their nodes, as
-//! tables for terminal and page; on the page also their paths and plots, laid over each other, with the faults and
-//! events of each.
+//! `compare`: several flights side by side. Tables for terminal and page have the settings that differ, the metrics and
+//! the timing of the nodes. The page also has the paths and plots, laid over each other, with the faults and events of
+//! each flight.
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,7 @@ fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
 /// Plot of every flight: label, unit, least range, column, and the mission's column beside it.
 type Picture = (&'static str, &'static str, f64, &'static str, Option<&'static str>);
 
-/// NED and body axes; angles in degrees, rotor speeds in the paper's unit.
+/// Plots of the page: NED and body axes, angles in degrees, rotor speeds in the paper's unit.
 const PICTURES: [Picture; 11] = [
     ("position error", "m", 0.02, "error", None),
     ("north", "m", 0.5, "x", Some("x_wanted")),
@@ -70,7 +70,7 @@ struct Flight {
     title: String,
     recorded: Recorded,
     columns: ReportColumns,
-    /// Settings, with what was ordered while it flew.
+    /// Settings, with the orders given in flight.
     scenario: Scenario,
 }
 
@@ -80,14 +80,14 @@ impl Flight {
         self.recorded.summary.timing.as_ref().filter(|_| self.scenario.run.mode == Mode::Realtime)
     }
 
-    /// Encodes the columns of the pictures; those of the mission only if it is to be drawn.
+    /// Encodes the columns of the pictures; `with_mission` adds those of the mission.
     fn encoded(&self, with_mission: bool) -> FlightColumns {
         let flown = PICTURES.iter().map(|(_, unit, _, name, _)| (*name, *unit == DEGREES));
         let wanted = PICTURES.iter().filter_map(|(.., wanted)| *wanted).filter(|_| with_mission);
         self.columns.encoded(flown.chain(wanted.map(|name| (name, false))), 0.0, self.scenario.sample_s())
     }
 
-    /// Name, mode and end of the flight.
+    /// Cells of the flight in the table of flights.
     fn cells(&self) -> Vec<String> {
         let Self { title, recorded, scenario, .. } = self;
         let folder = recorded.path.parent().unwrap_or(&recorded.path).display().to_string();
@@ -166,7 +166,8 @@ impl Comparison {
         ]
     }
 
-    /// Title of the metrics; it warns if the flights have different lengths, because their extremes do not compare.
+    /// Returns the title of the metrics, with a warning if the flights have different lengths, because extremes do not
+    /// compare then.
     fn lengths(&self) -> String {
         let all: Vec<String> =
             self.flights.iter().map(|flight| format!("{:.2}", flight.recorded.summary.time_s())).collect();
@@ -177,7 +178,7 @@ impl Comparison {
         }
     }
 
-    /// Wake-up and response of every node, deadlines missed, and the age at the actuator.
+    /// Makes the table of the timing: wake-up, response and misses of every node, and the age at the actuator.
     fn timing(&self) -> Table {
         let row = |name: String, cell: &dyn Fn(&Timing) -> String| -> Vec<String> {
             let cells = self.flights.iter().map(|flight| flight.timing().map_or("-".into(), cell));
@@ -204,7 +205,7 @@ impl Comparison {
         Table::new(told, &headings("figure", &self.titles()), rows)
     }
 
-    /// Text for people: what the logs lack, then the tables.
+    /// Returns text for people: what the logs lack, then the tables.
     pub fn text(&self) -> String {
         let text = |table: Table| if table.rows.is_empty() { format!("{}\n", table.title) } else { table.text() };
         let missing = self.missing().map(|missing| format!("note: {missing}\n"));
@@ -228,7 +229,7 @@ impl Comparison {
         draw::page(&title, &[STYLE, "main { max-width: 80rem; }"].concat(), &body)
     }
 
-    /// The paths, and every quantity over time.
+    /// Makes the section with the paths, and with every quantity over time.
     fn pictures(&self) -> String {
         let draws_mission = |i: usize| self.mission_drawn_from(i) == i;
         let several_missions = (0..self.flights.len()).filter(|i| draws_mission(*i)).count() > 1;
@@ -284,7 +285,7 @@ impl Comparison {
     }
 }
 
-/// The 50th and 99th percentile and the maximum \[us\].
+/// Formats the 50th and 99th percentile and the maximum \[us\]; `-` if the histogram is empty.
 fn three(histogram: &Histogram<u64>) -> String {
     if histogram.is_empty() {
         return "-".into();
@@ -296,8 +297,8 @@ fn three(histogram: &Histogram<u64>) -> String {
 /// The name of a flight, and the path of its log.
 type Place = (String, PathBuf);
 
-/// Titles of flights: their names, with the folder where another has the same name, or the whole path where that does
-/// not tell them apart either.
+/// Returns the titles of flights: the name, with the folder if another flight has the same name, or with the whole path
+/// if the folders have equal names too.
 fn titles(flights: &[Place]) -> Vec<String> {
     let folder = |path: &Path| path.parent().and_then(Path::file_name).unwrap_or_default().display().to_string();
     let ways: [&dyn Fn(&Place) -> String; 3] =

@@ -3,7 +3,7 @@
 use contract::Topic;
 use contract::message::Stamp;
 
-/// Times of the cycle that made a message \[us\], and what went wrong just before it.
+/// Times of the cycle that made a message \[us\], and the slips and late messages just before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CycleTimes {
     /// Time from the sample to the release of the node.
@@ -14,11 +14,11 @@ pub struct CycleTimes {
     pub execution_us: f64,
     /// Time from the sample to the publication.
     pub response_us: f64,
-    /// CPU time; `None` if no later message of the process tells it.
+    /// CPU time; `None` if the next message of the process, which tells it, is not known.
     pub cpu_us: Option<f64>,
     /// Periods without a cycle just before this one.
     pub slips: u64,
-    /// Late messages since the message before, this one included; those not sent count too.
+    /// Late messages since the message before, this one and messages that were not sent included.
     pub late: u64,
 }
 

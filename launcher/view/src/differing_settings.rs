@@ -8,8 +8,9 @@ use toml::Value;
 
 use crate::draw::DASH;
 
-/// Every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps are listed
-/// one by one. The name of a flight is no setting, nor is the path of a program where the hash of its file is known.
+/// Returns every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps
+/// are listed one by one. The name of a flight is no setting, nor is the path of a program where the hash of its file
+/// is known.
 pub fn differences(scenarios: &[&Scenario]) -> Vec<Vec<String>> {
     let tree = |scenario: &&Scenario| {
         let mut nameless = Scenario { name: String::new(), ..(*scenario).clone() };
@@ -68,7 +69,7 @@ fn list_of_tables(value: Option<&Value>) -> Option<&[Value]> {
     }
 }
 
-/// Formats a value on one line, as in a scenario file.
+/// Formats a value on one line: a string without quotes, a table as names and values.
 fn words(value: Option<&Value>) -> String {
     match value {
         None => DASH.into(),

@@ -22,19 +22,19 @@ const PLOTS: usize = 5;
 /// Smallest distance of the courses that is worth a plot \[m\]: a closer pair is one line to the eye.
 const PLOTTED_M: f64 = 1e-3;
 
-/// The costs of a flight as they are shown, and what happened in it.
+/// Costs and happenings of a flight, to be shown.
 pub struct ShownCosts<'a> {
     pub explained: &'a Explained,
     pub happened: &'a Happenings,
 }
 
-/// The ticks of a cost: one, or from the first to the last.
+/// Formats the ticks of a cost: one tick, or the first and the last of a burst.
 fn ticks_in_words(cost: &Cost) -> String {
     let (first, last) = cost.ticks;
     if first == last { first.to_string() } else { format!("{first}-{last}") }
 }
 
-/// One line for each cost.
+/// Makes a table with a line for each cost.
 fn table(title: &str, costs: &[Cost]) -> Table {
     let cells = |cost: &Cost| {
         let Cost { at_s, node, what, max_error_m, max_distance_m, error_integral_ms, worst_tilt_deg, .. } = cost;
@@ -52,7 +52,7 @@ fn table(title: &str, costs: &[Cost]) -> Table {
 }
 
 impl ShownCosts<'_> {
-    /// For people: the costliest ticks and bursts, and the flights side by side.
+    /// Describes for people the costliest ticks and bursts, and the flights side by side.
     pub fn text(&self) -> String {
         let (ticks, bursts) = (self.explained.disturbed, self.explained.bursts_found);
         let mut text = format!("{}: {ticks} disturbed ticks, {bursts} bursts of more than one\n", self.explained.name);
@@ -71,7 +71,7 @@ impl ShownCosts<'_> {
         text + &format!("\n{}{}\n", self.side_by_side().text(), ANOTHER[1])
     }
 
-    /// For programs: the flights, what all ticks together cost, and what each of them did.
+    /// Returns for programs the figures of the flights, the cost of all disturbed ticks together, and the cost of each.
     pub fn to_json(&self) -> Value {
         let (flight, without) = (&self.explained.flight, &self.explained.without_any);
         json!({
@@ -90,7 +90,8 @@ impl ShownCosts<'_> {
         })
     }
 
-    /// Largest error, integral and worst tilt of the flights, and what all and each tick cost.
+    /// Makes the table of the flights: error integral, distance of the courses, largest error and worst tilt, with the
+    /// cost of all disturbed ticks together and the sum over single ticks.
     fn side_by_side(&self) -> Table {
         let row = |name: &str, scale: f64, of: &dyn Fn(&FlightCost) -> f64, cost: fn(&Cost) -> f64| {
             let [flight, without] = [&self.explained.flight, &self.explained.without_any].map(of);
@@ -118,7 +119,7 @@ impl ShownCosts<'_> {
         )
     }
 
-    /// The tables and plots, for a page of their own or a section of the report.
+    /// Makes the tables and plots, for a page of their own or a section of the report.
     pub fn section(&self) -> String {
         let mut html = format!(
             "<p>A tick is disturbed when a node answered late, not at all, or to old messages, when a fault lost or changed a \
@@ -139,7 +140,8 @@ impl ShownCosts<'_> {
         html + &self.plots()
     }
 
-    /// Plots the costliest ticks, each with and without it, if they move the course by a visible distance.
+    /// Plots the flights with and without each of the costliest ticks and bursts, if they move the course by a visible
+    /// distance.
     fn plots(&self) -> String {
         let all = self.explained.bursts.iter().chain(&self.explained.ticks);
         let mut costliest: Vec<&Cost> = all.filter(|cost| cost.max_distance_m >= PLOTTED_M).collect();
@@ -155,7 +157,7 @@ impl ShownCosts<'_> {
         hint + &costliest.iter().take(PLOTS).map(plot).collect::<String>()
     }
 
-    /// The position error with and without, around the ticks.
+    /// Plots the position error of the flight, and of the flight without the ticks of `cost`, around these ticks.
     fn plot(&self, cost: &Cost) -> String {
         let (flight, sample_s) =
             (self.explained.flight.error_around(cost.at_s, self.explained.sample_s), self.explained.sample_s);
@@ -184,7 +186,7 @@ impl ShownCosts<'_> {
         .html()
     }
 
-    /// Makes a page of its own; it begins with a warning if the log has gaps.
+    /// Makes a page of its own; `missing` is a warning for a log with gaps.
     pub fn page(&self, missing: Option<&str>) -> String {
         let title = format!("What disturbed ticks cost: {}", self.explained.name);
         let missing = missing.map_or(String::new(), |why| format!("<p><strong>{}</strong></p>", escape(why)));
@@ -196,7 +198,7 @@ impl ShownCosts<'_> {
     }
 }
 
-/// Figures of a flight from which its costs are computed.
+/// Returns the figures of a flight from which its costs are computed, and its state hash.
 fn figures(of: &FlightCost) -> Value {
     json!({
         "max_error_m": of.metrics.max_position_error_m,

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`comparison`] | several flights side by side |
-//! | [`differing_settings`] | what differs between the settings of flights |
+//! | [`differing_settings`] | settings that differ between flights |
 //! | [`explain`] | the costs of late, lost and missing messages |
 //! | [`table`] | tables as aligned text and as HTML |
 //! | [`targets`] | verdicts on targets as a table |

@@ -1,7 +1,7 @@
 //! Reduction of long series to what a picture can show.
 
-/// The smallest and the largest of every `bucket` items, in the order in which they occur; `None` where no `value` is a
-/// number.
+/// Returns the smallest and the largest of every `bucket` items, in the order in which they occur; `None` where no
+/// `value` is a number.
 pub fn extremes<T>(
     items: &[T],
     bucket: usize,

@@ -28,7 +28,7 @@ fn is_inside(limits: &ActuatorLimits, rotor_speed: &[f64; 3]) -> bool {
 
 proptest! {
     #[test]
-    fn what_some_actuators_give_is_allocated_exactly(
+    fn attainable_demands_are_allocated_exactly(
         share in prop::array::uniform3(0.0..=1.0_f64), tilt_deg in -44.0..=44.0_f64, ten in any::<bool>(),
     ) {
         let (mixing, limits) = parts(if ten { Preset::TenInch } else { Preset::Paper });

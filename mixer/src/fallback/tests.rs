@@ -67,7 +67,8 @@ fn every_error_is_pushed_back() {
     assert!(rising_nose_up[col] > 0.0, "forward with the nose up is climbing");
 }
 
-/// Roll angle 20 s after one of 1, with a lagging moment and the state of `delay` samples ago.
+/// Norm of (roll, rate, moment) 20 s after a roll of 1, with a lagging moment and a law that sees the state of `delay`
+/// samples ago.
 fn growth(rate_hz: f64, lag_s: f64, delay: usize) -> f64 {
     let h = 1.0 / rate_hz;
     let e = (-h / lag_s).exp();

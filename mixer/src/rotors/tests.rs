@@ -13,7 +13,8 @@ fn hovering() -> (RotorModel, Actuation, Kinematics) {
     (rotors, actuation, Kinematics { attitude_rad: [roll_rad, 0.0, 0.0], ..Kinematics::default() })
 }
 
-/// Time after which a rotor of a vehicle with these accelerations is declared dead \[s\]; the attitude stays at hover.
+/// Time after which a rotor of a vehicle with the accelerations `does` is declared dead \[s\]; `None` if none is within
+/// `ticks`. The attitude stays at hover.
 fn certain_after(does: Vector4<f64>, rate_hz: f64, ticks: usize) -> Option<f64> {
     let (rotors, trim, mut before) = hovering();
     let (mut evidence, dt) = (rotors.unknown(&trim), 1.0 / rate_hz);
@@ -61,9 +62,9 @@ fn each_rotor_can_be_seen_to_be_dead() {
     }
 }
 
-/// Returns whether a rotor seems dead that should give the shares `moment` and `lift` of its moment and lift at hover,
-/// if the shares `missing` and `lift_missing` of these are missing, and a moment at a right angle, `aside` times as
-/// large as the missing one, is added.
+/// Returns whether `rotor` seems dead. It should give the shares `moment` and `lift` of its moment and lift at hover;
+/// the shares `missing` and `lift_missing` of these are missing. A missing moment at a right angle is added, `aside`
+/// times as large.
 fn seems_dead(rotor: usize, moment: f64, lift: f64, missing: f64, lift_missing: f64, aside: f64) -> bool {
     let (rotors, trim, _) = hovering();
     let mut evidence = rotors.unknown(&trim);
@@ -98,7 +99,7 @@ fn healthy_weak_and_pushed_vehicles_have_no_dead_rotor() {
     for rotor in 0..3 {
         assert_eq!(certain_after(with(one_at(rotor, 0.6), [0.0; 4]), 100.0, 20), None, "rotor {rotor} at 60 %");
     }
-    // 0.2 N m on pitch and on roll, a fifth of the moment of rotor 1; and a fall.
+    // Pushes of 0.2 N m on roll and on pitch, a fifth of the moment of rotor 1, and a fall.
     for push in [
         [0.0, 8.0, 0.0, 0.0],
         [0.0, -8.0, 0.0, 0.0],

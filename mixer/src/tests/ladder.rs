@@ -143,7 +143,7 @@ fn levelling_and_descending_take_the_disturbance_estimate_into_account() {
     for (tick, rung) in [(10, flags::LEVELLED), (300, flags::DESCENDING)] {
         let mut mixer = Mixer::new(&scenario);
         let mut controls = climb(0);
-        controls.disturbance = [0.0, -0.1, 0.0, 0.0]; // it pitches the nose down
+        controls.disturbance = [0.0, -0.1, 0.0, 0.0]; // a moment that pitches the nose down
         mixer.step(0, &controls, &hover(&scenario, 0));
         let [front, right, left] = mixer.step(tick, &controls, &hover(&scenario, tick)).command.rotor_speed;
         assert_eq!(mixer.step(tick, &controls, &hover(&scenario, tick)).flags, rung);

@@ -5,7 +5,7 @@ use super::*;
 use crate::state::{ERRORS, StateError, turn};
 use crate::tests::{G_MPS2, NOISE, START, check_mean, draw};
 
-/// Samples of the IMU, of which every tenth has a fix and a field.
+/// Number of IMU samples, of which every tenth has a fix, a height and a field.
 const SAMPLES: u32 = 1000;
 const TIME_S: f64 = 5.0;
 
@@ -48,7 +48,7 @@ fn stand(seed: u64) -> (State, State, Covariance) {
     (truth, state, covariance)
 }
 
-/// Errors of sensors that do not wander while the vehicle stands.
+/// Noise of sensors whose drift and bias do not wander while the vehicle stands.
 fn still(noise: &ExpectedNoise) -> ExpectedNoise {
     let constant = Wander::stationary(0.0, f64::INFINITY);
     ExpectedNoise { drift: [constant; 3], barometer: constant, ..*noise }
@@ -61,7 +61,7 @@ fn val_errors_are_as_large_as_the_covariance_says() {
     for seed in 0..seeds {
         let (truth, state, covariance) = stand(seed);
         let error: StateError = state.error_to(&truth);
-        // The fixes correlate position with drift and height with bias, so the whole error is weighed at once.
+        // The fixes correlate position with drift and height with bias, so the NEES is computed for the whole error.
         nees += error.dot(&covariance.cholesky().expect("positive").solve(&error)) / seeds as f64;
     }
     check_mean("NEES", nees, ERRORS as f64, seeds as f64);

@@ -5,7 +5,7 @@ use crate::state::{ATTITUDE, POSITION};
 use crate::tests::{DELAY, DT_S, Flight, NOISE, START, draw, truth};
 use crate::{IMUS, Navigation};
 
-/// Flies 20 s with two IMUs, where `spoil` changes what they measure from 5 s to 10 s; `look` sees each sample.
+/// Flies 20 s with two IMUs, where `spoil` changes their samples from 5 s to 10 s; `look` sees each sample.
 fn fly(spoil: impl Fn(u32, &mut [Imu; IMUS]), mut look: impl FnMut(u32, &Flight)) -> Flight {
     let mut flight = Flight::new(1, truth, START);
     let filter = flight.navigation.filter().clone();
@@ -33,7 +33,7 @@ fn check_error(flight: &Flight, most_m: f64) {
 }
 
 #[test]
-fn an_imu_that_gives_no_news_hands_over_at_once() {
+fn a_stale_imu_hands_over_at_once() {
     let stuck = Imu { rates_radps: Vector3::new(0.3, 0.1, 0.0), ..Imu::default() };
     let silent = Imu { rates_radps: Vector3::repeat(f64::NAN), ..stuck };
     for bad in [stuck, silent, Imu { specific_force_mps2: Vector3::repeat(1e9), ..stuck }] {
@@ -52,7 +52,7 @@ fn an_imu_that_gives_no_news_hands_over_at_once() {
 }
 
 #[test]
-fn gyros_that_lie_hand_over_and_are_trusted_again_after_the_fault() {
+fn wrong_gyros_hand_over_and_are_trusted_again_after_the_fault() {
     let turning = Vector3::new(0.2, -0.1, 0.1);
     let flight = fly(|_, imus| imus[0].rates_radps += turning, |_, flight| check_error(flight, 2.0));
     assert_eq!((flight.navigation.imu(), flight.navigation.sound()), (1, 2));
@@ -74,7 +74,7 @@ fn one_imu_after_the_other_may_fail() {
 }
 
 #[test]
-fn without_a_sound_imu_it_is_said() {
+fn no_imu_is_sound_if_all_fail() {
     let mut least = IMUS;
     fly(|_, imus| *imus = [Imu::default(); IMUS], |_, flight| least = least.min(flight.navigation.sound()));
     assert_eq!(least, 0);

@@ -4,8 +4,8 @@ use crate::tests::{DELAY, DT_S, Flight, START, truth};
 use crate::{Filter, IMUS, Navigation, Source};
 use nalgebra::Vector3;
 
-/// Error of the heading in a flight of 20 s without a magnetometer, whose filter starts `off_rad` from the truth and
-/// takes its heading for known to `deviation_rad`.
+/// Error of the attitude \[rad\] and resets of the velocity after a flight of 20 s without magnetometer and flow. The
+/// filter starts with a heading that is off by `off_rad` and has the standard deviation `deviation_rad`.
 fn error_rad(off_rad: f64, deviation_rad: f64) -> (f64, f64) {
     let mut flight = Flight::new(2, truth, START);
     let mut state = flight.navigation.filter().state;

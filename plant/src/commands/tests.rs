@@ -221,7 +221,7 @@ fn jitter_is_uniform_and_does_not_depend_on_drops() {
 }
 
 proptest! {
-    /// For any arrivals the command in force only becomes newer, and the waiting ones are in order.
+    /// For any arrivals the command in force only becomes newer, and the waiting commands are in order.
     #[test]
     fn the_command_in_force_only_gets_newer(
         arrivals in prop::collection::vec((0u64..40, 0u64..30), 1..60),

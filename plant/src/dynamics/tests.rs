@@ -320,7 +320,7 @@ fn a_loop_passes_through_90_degrees_of_pitch() {
     };
     let end = (0..100).fold(assemble(&motion, &command), |x, _| step(x));
     let [roll, pitch, yaw] = kinematics(&end).attitude_rad;
-    let over = std::f64::consts::PI - 1.9; // 1.4 rad and 0.5 more, on its back
+    let over = std::f64::consts::PI - 1.9; // 1.4 rad of pitch and 0.5 rad more: the vehicle is on its back
     assert!((pitch - over).abs() < 1e-9 && (roll.abs() - std::f64::consts::PI).abs() < 1e-9, "{roll} {pitch}");
     assert!((yaw.abs() - std::f64::consts::PI).abs() < 1e-9, "{yaw}");
 }

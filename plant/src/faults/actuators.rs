@@ -10,7 +10,7 @@
 //!
 //! An unpowered rotor has thrust as long as it turns. An unpowered servo returns to the centre; the fault of a servo
 //! that keeps its angle is `stuck`. An actuator outside the range that a fault leaves returns to that range with its
-//! lag. A lag is never shorter than the actuator's own, and the longest of several counts.
+//! lag. A lag is never shorter than the actuator's own, and the longest of several lags counts.
 
 use contract::actuation::Actuation;
 use settings::fault_schedule::FaultSchedule;
@@ -23,7 +23,7 @@ use crate::rotors::Condition;
 const EFFECTIVENESS: f64 = 0.7;
 /// Default offset of a wrong tilt from its command \[deg\].
 const TILT_BIAS_DEG: f64 = 5.0;
-/// Default lag of a slow actuator \[ms\]: five times the healthy one.
+/// Default lag of a slow actuator \[ms\]: five times the default lag.
 const SLOW_MS: f64 = 150.0;
 /// Default share of its range that a saturated actuator reaches.
 const REACH: f64 = 0.8;
@@ -56,7 +56,7 @@ struct ActuatorFault {
 #[derive(Debug, Clone, Copy)]
 enum Effect {
     Off,
-    /// Position at the onset, or the given one; `None` before the onset.
+    /// Position at the onset, or the given position; `None` before the onset.
     Stuck(Option<f64>),
     /// Factor on thrust and torque.
     Weak(f64),

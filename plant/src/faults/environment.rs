@@ -1,16 +1,16 @@
 //! Faults of wind and payload.
 //!
 //! ```text
-//! step     wind = vector (1 - cos(pi t / ms)) / 2     t since the onset, up to ms; then vector, while it lasts; is
-//! added                                                    to the scenario's wind. With ms = 0 at once
+//! step     wind = vector (1 - cos(pi t / ms)) / 2    t since the onset, up to ms; then vector, to the fault's end
 //! gust     wind = vector (1 - cos(2 pi t / T)) / 2   t since the onset, T the duration: smooth, vector at the peak
-//! mass     m = m + value                             while it lasts, at the centre of mass
+//! mass     m = m + value                             to the fault's end, at the centre of mass
 //! ```
 //!
-//! A step with ms > 0 is the discrete gust of flight control practice (MIL-F-8785C, section 3.7), which stays at its
-//! peak; a gust is that of certification (CS-25.341, 14 CFR 25.341), which passes. Both are evaluated inside the
-//! integration steps. Added mass changes neither the moments of inertia nor the velocity of the vehicle. The effects of
-//! several faults are added.
+//! The wind is added to the wind of the scenario; a step with ms = 0 has `vector` at once. A step with ms > 0 is the
+//! discrete gust of flight control practice (MIL-F-8785C, section 3.7), which stays at its peak; a gust is the discrete
+//! gust of certification (CS-25.341, 14 CFR 25.341), which passes. Both are evaluated inside the integration steps.
+//! Added mass changes neither the moments of inertia nor the velocity of the vehicle. The effects of several faults are
+//! added.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,7 +20,7 @@ use settings::{Fault, FaultKind, FaultTarget, Scenario};
 
 use crate::dynamics::Surroundings;
 
-/// Default wind of a step, and of a gust at its peak, NED \[m/s\]: a fresh breeze from the south.
+/// Default wind of a step, and of a gust at its peak, NED \[m/s\]: a gentle breeze (Beaufort 3) from the south.
 const WIND_MPS: [f64; 3] = [5.0, 0.0, 0.0];
 /// Default duration of a gust \[s\].
 const GUST_S: f64 = 2.0;
@@ -87,7 +87,7 @@ impl EnvironmentFaults {
 }
 
 impl Effect {
-    /// Builds the effect; `None` if the fault is not one of wind or payload.
+    /// Builds the effect; `None` if it is not a fault of wind or payload.
     fn of(fault: &Fault, sample_ns: u64) -> Option<Self> {
         let wind_mps = fault.vector.unwrap_or(WIND_MPS).into();
         match (fault.target, fault.kind) {

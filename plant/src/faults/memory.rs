@@ -1,4 +1,4 @@
-//! Readings of all sensors, and the past that slow and delayed sensors need. Samples may be left out.
+//! Readings of all sensors, and the past that slow and delayed sensors need. Samples may be missing.
 
 use std::collections::VecDeque;
 
@@ -81,7 +81,7 @@ pub struct Past {
 impl Past {
     /// Builds a memory of `ticks`.
     pub fn new(ticks: u64) -> Self {
-        // Room for one reading per tick, the present one, and the one that it displaces.
+        // Room for one reading per tick, the present reading, and the reading that the present one displaces.
         Self { ticks, readings: VecDeque::with_capacity(ticks as usize + 2) }
     }
 
@@ -110,7 +110,7 @@ impl Past {
         }
     }
 
-    /// Newest readings that are at least `age` ticks old at sample `tick`, else the oldest ones; NaN if there are none.
+    /// Newest readings that are at least `age` ticks old at sample `tick`, else the oldest readings; NaN without any.
     pub fn before(&self, tick: u64, age: u64) -> Readings {
         let old_enough = self.readings.partition_point(|(at, _)| at.saturating_add(age) <= tick);
         self.readings.get(old_enough.saturating_sub(1)).map_or([[f64::NAN; 3]; SENSORS], |(_, readings)| *readings)

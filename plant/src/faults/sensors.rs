@@ -6,13 +6,13 @@
 //! garbage        NaN, infinite or random bits, on the share `probability` of the ticks
 //! wrong          m + value (bias, on every axis), m value (scale), -m (sign)
 //! slow           y = y + (1 - exp(-Ts / tau)) (m - y), with tau = `ms`, from the last measurement before the fault
-//! delayed        the measurement `ms` ago, rounded up to whole samples, without any fault
+//! delayed        the measurement `ms` ago, rounded up to whole samples, as it was before any fault
 //! intermittent   off, on the share `probability` of the ticks
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
 //!
 //! Behind the EKF the faults act on its sensors: those of position and velocity on the receiver, of rates and
-//! acceleration on one IMU or on every one. The measurement m includes the scenario's noise and the effects of earlier
+//! acceleration on one IMU or on every IMU. The measurement m includes the scenario's noise and the effects of earlier
 //! faults of the same sensor.
 
 use contract::message::Kinematics;
@@ -161,8 +161,8 @@ impl SensorFault {
             std::array::from_fn(|imu| has(imu).then_some(sensors[imu]))
         };
         let (only, degree) = (|sensor| [Some(sensor), None], 1_f64.to_radians());
-        // Unit of the settings, and default bias and noise deviation in that unit: much larger than those of a good
-        // sensor, no larger than those of a bad one.
+        // Unit of the settings, and default bias and noise deviation in that unit: much larger than the errors of a
+        // good sensor, and no larger than the errors of a bad sensor.
         let (sensors, unit, sizes) = match fault.target {
             FaultTarget::Position => (only(POSITION), 1.0, [1.0, 0.3]),
             FaultTarget::Velocity => (only(VELOCITY), 1.0, [0.5, 0.2]),
@@ -181,8 +181,8 @@ impl SensorFault {
 }
 
 impl Effect {
-    /// Builds the effect of a fault of a sensor whose settings are in `unit`, with these default sizes; `None` if a
-    /// sensor has no such kind.
+    /// Builds the effect of a fault of a sensor whose settings are in `unit`, with the default sizes `[bias, noise]`;
+    /// `None` if a sensor cannot have this kind of fault.
     fn new(sample_s: f64, fault: &Fault, unit: f64, [bias, noise]: [f64; 2]) -> Option<Self> {
         Some(match (fault.kind, fault.wrong()) {
             (FaultKind::Off, _) => Self::Off,
@@ -232,7 +232,7 @@ impl Effect {
     }
 }
 
-/// Readings of the sensors of a motion; the others are 0.
+/// Readings of the sensors of a motion; readings of other sensors are 0.
 fn readings(motion: &Kinematics) -> Readings {
     let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = *motion;
     let mut readings = [[0.0; 3]; SENSORS];

@@ -33,7 +33,8 @@ fn spinning_rotors_precess() {
     let [o1, o2, o3] = at.rotor_speed;
     assert!((h.z - 2e-5 * (o1 * at.tilt_rad.cos() - o2 + o3)).abs() < 1e-15 && h.z > 0.0);
     assert!((h.y + 2e-5 * o1 * at.tilt_rad.sin()).abs() < 1e-15);
-    // A vehicle that rolls right has its momentum turned to the left: rotors that spin clockwise then pitch it up.
+    // The momentum of a vehicle that rolls right turns to the left: rotors that spin clockwise then pitch the vehicle
+    // up.
     let needed = Vector3::new(1.0, 0.0, 0.0).cross(&h);
     assert!(needed.y < 0.0, "to keep rolling it would have to be pitched down, so it pitches up");
 }
@@ -87,10 +88,10 @@ fn a_vehicle_that_turns_is_damped_at_its_hubs() {
     let ([o1, o2, o3], (sin, cos)) = (at.rotor_speed, at.tilt_rad.sin_cos());
     let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, .. } = Parameters::default();
     let (inflow, across) = (1e-4, 2e-5);
-    // Rolling at p moves the right hub down and the left one up at p l3, which changes the inflow of both by that much.
+    // Rolling at p moves the right hub down and the left hub up at p l3, which changes the inflow of each by p l3.
     let roll = more(Vector3::x());
     assert!((roll.x + inflow * l3 * l3 * (o2 + o3)).abs() < 1e-12, "it damps the roll: {roll}");
-    // Pitching at q moves the front hub, whose axis is tilted, up at q l1, and the rear ones down at q l2.
+    // Pitching at q moves the front hub, whose axis is tilted, up at q l1, and the rear hubs down at q l2.
     let pitch = more(Vector3::y());
     let front = (inflow * cos * cos + across * sin * sin) * o1 * l1 * l1;
     assert!((pitch.y + front + inflow * l2 * l2 * (o2 + o3)).abs() < 1e-12, "it damps the pitch: {pitch}");

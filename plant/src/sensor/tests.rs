@@ -3,7 +3,7 @@ use crate::random::Stream;
 
 const SAMPLE_NS: u64 = 10_000_000;
 
-/// Measurements along x of a sensor with these settings at the first samples of a vehicle at `x(k)`.
+/// Measurements along x of a sensor with these settings, at the first samples; the vehicle is at `x(k)`.
 fn along_x(settings: &SensorSettings, seed: u64, samples: u64, x: impl Fn(u64) -> f64) -> Vec<f64> {
     let mut sensor = Sensor::new(settings, 0.0, 1.0, SAMPLE_NS);
     let mut random = Stream::Noise.open(seed);

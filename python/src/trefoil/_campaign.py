@@ -17,7 +17,7 @@ WRITTEN = (0, 1)
 
 
 def campaign(file: str | PathLike[str], *, out: str | PathLike[str]) -> pd.DataFrame:
-    """Flies a campaign by the launcher; continues one that was interrupted.
+    """Flies a campaign by the launcher; continues a campaign that was interrupted.
 
     Args:
         file: campaign file.
@@ -28,7 +28,7 @@ def campaign(file: str | PathLike[str], *, out: str | PathLike[str]) -> pd.DataF
         are those of ``flights.parquet`` in docs/campaigns.md.
 
     Raises:
-        Error: the results are not complete; with the launcher's words and exit code.
+        Error: the results are not complete; it has the launcher's message and exit code.
     """
     import pandas as pd
 

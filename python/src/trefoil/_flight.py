@@ -1,4 +1,4 @@
-"""The closed loop, stepped."""
+"""The closed loop, stepped by the caller."""
 
 import json
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ from ._toml import assignments
 
 
 class Flight(Loop):
-    """Flight in this process, whose caller is one of the nodes.
+    """Flight in this process; the caller takes the place of one node.
 
-    Equal, bit for bit, to ``trefoil fly --mode inprocess`` with the same answers.
+    The flight is equal, bit for bit, to ``trefoil fly --mode inprocess`` with the same answers.
 
     Example::
 
@@ -24,10 +24,10 @@ class Flight(Loop):
         print(flight.metrics.max_position_error_m)
 
     Samples at which a fault leaves the node without a process are flown without an answer. Libraries of other nodes are
-    loaded without a trial: one that crashes ends Python.
+    loaded without a trial: a library that crashes ends Python.
 
     Args:
-        scenario: scenario file; without one the defaults.
+        scenario: scenario file; ``None`` = the defaults.
         node: ``guidance``, ``attitude-mpc`` or ``mixer``.
         settings: settings by key, as for ``trefoil fly --set``.
 
@@ -74,14 +74,14 @@ class Flight(Loop):
 
     @property
     def exit_code(self) -> int:
-        """Exit code of ``trefoil fly`` for such a flight: 0 = flown inside its bounds."""
+        """Exit code of ``trefoil fly`` for this flight: 0 = inside its bounds. A flight that is not over ends here."""
         return self.record["exit_code"]
 
     def _failed(self, exit_code: int) -> None:
         raise Error(LIB.trefoil_flight_error(self._living()).decode(), exit_code)
 
     def close(self) -> None:
-        """Frees the flight. Its record stays; one that is not over ends as interrupted."""
+        """Frees the flight, and keeps its record. A flight that is not over ends as interrupted."""
         if self._handle is not None:
             _ = self.record
             handle, self._handle = self._handle, None

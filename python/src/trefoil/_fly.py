@@ -23,7 +23,7 @@ class Run:
 
     #: Folder of the run.
     folder: Path
-    #: 0 = inside its bounds; 1 = not, see ``record["ended"]`` and ``record["reservations"]``.
+    #: 0 = inside its bounds; 1 = not inside, see ``record["ended"]`` and ``record["reservations"]``.
     exit_code: int
     #: ``run.json``.
     record: dict[str, Any]
@@ -55,15 +55,15 @@ def fly(
     """Flies a scenario by the launcher, to its end.
 
     Args:
-        scenario: scenario file; without one the defaults.
-        mode: mode of the flight; without one that of the scenario, which is ``realtime`` if it names none.
+        scenario: scenario file; ``None`` = the defaults.
+        mode: mode of the flight; ``None`` = the mode of the scenario, by default ``realtime``.
         settings: settings by key, as for ``trefoil fly --set``.
-        out: folder for the results; without one a new folder in ``runs/``.
-        namespace: name of the stack; several can fly at once under different names.
+        out: folder for the results; ``None`` = a new folder in ``runs/``.
+        namespace: name of the stack; several stacks can fly at once under different names.
 
     Raises:
-        Error: the flight was not flown to its end; with the launcher's words and exit code (2 = it cannot be flown, 3 =
-            a process or the log was lost, 4 = a deadline with the policy ``stop`` was missed, 130 = interrupted).
+        Error: the flight was not flown to its end; it has the launcher's message and exit code (2 = cannot be flown, 3
+            = a process or the log was lost, 4 = a deadline with the policy ``stop`` was missed, 130 = interrupted).
     """
     words = ["fly", *([] if scenario is None else [fspath(scenario)]), "--namespace", namespace]
     words += ["--mode", mode] if mode else []

@@ -1,17 +1,17 @@
-"""What a node is given, as views of the buffer that the library writes: nothing is copied."""
+"""Inputs of a node, as views of the buffer that the library writes: nothing is copied."""
 
 import numpy as np
 
 
 class Age:
-    """Message with its age. Its arrays are views: the next sample overwrites them, so copy what shall be kept."""
+    """Message with its age. Its arrays are views: the next sample overwrites them, so copy the arrays to keep."""
 
     def __init__(self, record: np.ndarray) -> None:
         self._record = record
 
     @property
     def age_ticks(self) -> int | None:
-        """Age of the message in ticks: 0 = of this tick, ``None`` = none has come."""
+        """Age of the message in ticks: 0 = a message of this tick, ``None`` = no message has come."""
         age = int(self._record["age_ticks"])
         return None if age == 2**64 - 1 else age
 
@@ -50,8 +50,8 @@ class Reference(Age):
         velocity_mps: velocity on the trajectory, north, east, down, shape (3,) [m/s].
         attitude_rad: references of roll, pitch, yaw, shape (3,) [rad].
         rates_radps: references of the body rates p, q, r, shape (3,) [rad/s].
-        preview: changes of the references of w [m/s] and of roll, pitch, yaw [rad] until eight later times, shape
-            (8, 4); zero without ``guidance.preview_s``.
+        preview: changes of the references of w [m/s] and of roll, pitch, yaw [rad] from now to eight later times,
+            shape (8, 4); zero without ``guidance.preview_s``.
     """
 
     def __init__(self, record: np.ndarray) -> None:
@@ -71,7 +71,7 @@ class Reference(Age):
 
     @property
     def preview_step_s(self) -> float:
-        """Time from one row of ``preview`` to the next, and from the sample to the first [s]; 0 = no preview."""
+        """Time from one row of ``preview`` to the next, and from the sample to the first row [s]; 0 = no preview."""
         return self._preview_step_s.item()
 
 

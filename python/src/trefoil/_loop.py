@@ -1,4 +1,4 @@
-"""The loop of one node: samples that come, and the answer to each."""
+"""The loop of one node: the samples, and the answer to each of them."""
 
 import ctypes as c
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from ._types import NODES
 class Loop:
     """Samples for one node, answered one after the other.
 
-    Iterating gives what the node is given at each sample; the loop body calls :meth:`answer` once.
+    The iteration gives the input of the node at each sample; the loop body calls :meth:`answer` once.
 
     =================  ======================  ============================================================
     node               the iteration gives     :meth:`answer` takes
@@ -31,7 +31,7 @@ class Loop:
         setup: vehicle and settings.
     """
 
-    #: Functions of the library, and the handle that they get.
+    #: Functions of the library, and the handle to pass to them.
     _next: Any
     _send: Any
     _handle: int | None
@@ -63,7 +63,7 @@ class Loop:
 
     @property
     def time_s(self) -> float:
-        """Time of that sample [s]."""
+        """Time of the sample to answer to [s]."""
         return float(self._input["time_s"])
 
     def __iter__(self) -> Iterator[Any]:
@@ -80,12 +80,12 @@ class Loop:
         Args:
             values: the fields of the answer in their order, see :class:`Loop`. ``demand``: deviations of col, lon, lat,
                 ped from trim, 4 numbers [N, N m, N m, N m]. ``rotor_speed``: 3 numbers [rotor speed unit].
-                ``tilt_rad``: tilt of rotor 1 [rad]. Those of guidance are the fields of :class:`Reference`.
-            fields: the same by their names. ``status`` is 0 if it is not given; with any other number the demand is no
-                answer, and the mixer goes on with the last one that was.
+                ``tilt_rad``: tilt of rotor 1 [rad]. The values of guidance are fields of :class:`Reference`.
+            fields: the fields of the answer by their names. ``status`` is 0 by default; any other number says that
+                there is no answer, and the demand counts as late for the mixer.
 
         Raises:
-            TypeError: a field is missing, given twice, or not one of the node.
+            TypeError: a field is missing, given twice, or not a field of the node's answer.
             ValueError: a field has another shape.
             Error: there is no sample to answer.
         """
@@ -112,7 +112,7 @@ class Loop:
         return self._handle
 
     def _checked(self, code: int) -> int:
-        """Returns the result of a call; a failure is raised."""
+        """Returns the result of a call, or raises its failure."""
         if code < 0:
             self._failed(-code)
         return code

@@ -1,4 +1,4 @@
-"""``libtrefoil``, loaded by ctypes. A library of another interface is refused at import."""
+"""``libtrefoil``, loaded by ctypes. A library with another interface is refused at import."""
 
 import ctypes as c
 import json
@@ -16,7 +16,7 @@ ABI = 1
 ERROR_BYTES = 16384
 
 PACKAGE = Path(__file__).parent
-#: Program that flies, built with the package.
+#: Launcher, built with the package.
 LAUNCHER = PACKAGE / "trefoil"
 
 
@@ -24,7 +24,7 @@ class Error(Exception):
     """Failure of libtrefoil or of the launcher, with its reason.
 
     Attributes:
-        exit_code: exit code of the launcher for such a failure; its README has the table.
+        exit_code: exit code of the launcher for such a failure; docs/reference/commands.md has the table.
     """
 
     def __init__(self, why: str, exit_code: int = 2) -> None:
@@ -91,7 +91,7 @@ class Setup:
 
     @classmethod
     def of(cls, given: CSetup) -> "Setup":
-        """Copies what the library gives."""
+        """Copies the setup that the library gives."""
         names = [name for name, _ in CSetup._fields_[1:]]
         values = {name: getattr(given, name) for name in names}
         vectors = {name: np.array(value) for name, value in values.items() if isinstance(value, c.Array)}
@@ -99,7 +99,7 @@ class Setup:
 
 
 def _load() -> c.CDLL:
-    """Loads the library, and compares number and sizes of its interface with those of this package."""
+    """Loads the library, and checks that its interface has the number and the sizes of this package."""
     path = PACKAGE / "libtrefoil.so"
     if not path.exists():
         raise ImportError(f"{path} is missing: install the package by `pip install ./python`, which builds it")
@@ -147,7 +147,7 @@ def texts(words: list[str]) -> c.Array:
 
 
 def opened(open_: Any, *arguments: Any) -> int:
-    """Calls a function that returns a handle; its reason of a failure is raised."""
+    """Calls a function that returns a handle; raises :class:`Error` with the reason of a failure."""
     why = c.create_string_buffer(ERROR_BYTES)
     handle = open_(*arguments, why, ERROR_BYTES)
     if not handle:

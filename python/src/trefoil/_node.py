@@ -6,7 +6,7 @@ import sys
 from ._loop import Loop
 from ._native import ERROR_BYTES, LIB, Setup, opened, texts
 
-#: Largest memory that the next process goes on with [byte].
+#: Largest memory that a process can leave for the next process [byte].
 MEMORY_BYTES = 1000
 
 
@@ -14,8 +14,9 @@ class Node(Loop):
     """Process of the ring: the launcher starts this program, as ``exec`` of a node, and it answers to samples.
 
     In a scenario: ``[node.attitude-mpc] exec = "python3", args = ["my.py"]``. Deadline, faults, trial, timing and
-    replay are those of every node. The first step of the iteration says that the process is ready: import, compile and
-    allocate before it. An exception ends the process; its traceback is in ``NODE.EPOCH.log`` in the run's folder.
+    replay work as for every node. The first step of the iteration says that the process is ready: import, compile and
+    allocate before that step. An exception ends the process; its traceback is in the run's folder, in
+    ``NODE.EPOCH.log``.
 
     Example::
 
@@ -39,21 +40,21 @@ class Node(Loop):
         self.setup = Setup.of(LIB.trefoil_setup(self._handle).contents)
 
     def memory(self) -> bytes | None:
-        """Returns what the process before this one has remembered; ``None`` if it left nothing: begin cold.
+        """Returns the memory that the process before this one left by :meth:`remember`; ``None`` if there is none.
 
-        Call it before the iteration; a program that does not begins cold.
+        Call it before the iteration. A program that does not call it begins cold, as the first process does.
         """
         left = c.create_string_buffer(MEMORY_BYTES)
         size = self._checked(LIB.trefoil_memory(self._living(), left, MEMORY_BYTES))
         return left.raw[:size] if size else None
 
     def remember(self, memory: bytes) -> None:
-        """Gives memory, of at most 1000 byte, to the process that continues after this one, from the next answer on."""
+        """Leaves ``memory``, at most 1000 byte, with the next answer, to the process that continues after this one."""
         memory = bytes(memory)
         self._checked(LIB.trefoil_remember(self._living(), memory, len(memory)))
 
     def _failed(self, exit_code: int) -> None:
-        """Ends the process as the launcher's own nodes end: with the reason, and the exit code that tells it."""
+        """Ends the process as the launcher's own nodes end: with the reason on stderr, and its exit code."""
         print(f"{self.name}: {LIB.trefoil_error(self._living()).decode()}", file=sys.stderr)
         raise SystemExit(exit_code)
 

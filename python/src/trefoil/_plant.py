@@ -46,17 +46,17 @@ class Vehicle(Protocol):
                 ``tilt_rad`` [rad].
             state: record to be written: ``position_m`` north, east, down [m], ``velocity_mps`` u, v, w in the body
                 frame [m/s], ``attitude_rad`` roll, pitch, yaw [rad], ``rates_radps`` p, q, r [rad/s], each of shape
-                (3,); ``rotor_speed`` and ``tilt_rad`` of the actuators, which are those of the command before the call.
+                (3,); ``rotor_speed`` and ``tilt_rad`` of the actuators, which hold the command before the call.
         """
 
 
 def fly_plant(create: Callable[[Setup], Vehicle]) -> None:
-    """Runs this program as the plant, which the launcher starts as ``exec`` of ``[node.plant]``; returns after the run.
+    """Flies the plant in this program, the ``exec`` of ``[node.plant]`` in a scenario; returns after the run.
 
-    An exception of the vehicle ends the process with its traceback, and the flight, because a plant is not replaced.
+    An exception of the vehicle ends the process with a traceback, and ends the flight, because a plant is not replaced.
 
     Args:
-        create: makes the vehicle; its setup has the start of the flight, ``start_position_m`` and so on.
+        create: makes the vehicle from a setup, which has the start of the flight, ``start_position_m`` and so on.
     """
     vehicles: list[Vehicle] = []
 

@@ -23,8 +23,8 @@ class Log:
 
     A frame of a topic has one row for each message, processes on standby included (``stamp.delivery`` is 0 for the
     messages that were delivered), with ``time_s`` of its sample as index. Its columns are the fields of the schema
-    ``trefoil.proto``, nested ones with dots: ``measured.position_m.x``. Those of ``/truth`` at the same tick stand in
-    ``state``: ``actual.position_m.x``; they are NaN if that message was lost.
+    ``trefoil.proto``, nested fields with dots: ``measured.position_m.x``. The fields of ``/truth`` at the same tick are
+    in ``state``: ``actual.position_m.x``; they are NaN if the message of ``/truth`` was lost.
     """
 
     #: STATE and TRUTH: measured and true motion, actuators, command in force.
@@ -40,7 +40,7 @@ class Log:
     #: Timing of ``run.json``: one row for each node, nested fields with dots (``execution.p99_us``); empty for a flight
     #: in process.
     timing: pd.DataFrame
-    #: Metrics of ``run.json`` by their names; those with several numbers are lists.
+    #: Metrics of ``run.json`` by their names; metrics with several numbers are lists.
     metrics: pd.Series
     #: ``run.json``.
     record: dict[str, Any]
@@ -95,7 +95,7 @@ def _topics(log: Path, record: dict[str, Any]) -> Iterator[pd.DataFrame]:
 
 
 def _columns(message: Descriptor, before: str = "") -> Iterator[str]:
-    """Lists the fields of a message, nested ones with dots."""
+    """Lists the fields of a message, nested fields with dots."""
     for field in message.fields:
         if field.message_type is None:
             yield before + field.name

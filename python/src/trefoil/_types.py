@@ -1,4 +1,4 @@
-"""Types of ``trefoil.h`` as numpy types. Their sizes are compared with those of the library when it is loaded."""
+"""Types of ``trefoil.h`` as numpy types. Loading the library compares their sizes with the library's sizes."""
 
 import numpy as np
 

@@ -21,7 +21,7 @@ from ._inputs import Reference, Sample
 #: Largest deviation of col, lon, lat, ped from trim in one action [N, N m, N m, N m].
 MAX_DEMAND = np.array([5.0, 0.5, 0.5, 0.5])
 
-#: Largest magnitudes of an observation: those beyond which nodes refuse a message (``contract/src/message.rs``).
+#: Largest magnitudes of an observation: beyond them, nodes refuse a message (``contract/src/message.rs``).
 MAX_OBSERVATION = np.repeat([1e4, 100.0, 1e3, 100.0, 1e3, 1e4, 1e6], [6, 3, 3, 3, 3, 1, 3])
 
 
@@ -29,22 +29,23 @@ class FlightEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """Attitude controller as an agent, in place of attitude-mpc.
 
     Observation, shape (22,): position error, north, east, down [m]; velocity u, v, w [m/s]; attitude [rad]; body rates
-    [rad/s]; references of attitude [rad], body rates [rad/s] and w [m/s]; rotor speeds of the command in force less
-    those at trim. A number beyond :data:`MAX_OBSERVATION`, also an infinite one, is clipped to it. A NaN, as of a
-    sensor that is off, is replaced by the last value, or by 0 before the first.
+    [rad/s]; references of attitude [rad], body rates [rad/s] and w [m/s]; rotor speeds of the command in force minus
+    the speeds at trim [rotor speed unit]. A number beyond :data:`MAX_OBSERVATION`, also an infinite number, is clipped
+    to it. A NaN, as of a sensor that is off, is replaced by the last value, or by 0 before the first value.
 
     Action, shape (4,), from -1 to 1: share of :data:`MAX_DEMAND`.
 
     Reward: 1 / (1 + e) for each step, with the length e of the observed position error [m], and 0 for the step that
     loses the vehicle. So a return lies between 0 and the number of steps, and at any moment, with any discount, each
-    way to stay in the air is worth more than a loss. What was earned before a loss stays earned.
+    way to stay in the air is worth more than a loss. Rewards before a loss are kept.
 
     An episode is terminated if the vehicle is lost, and truncated at ``run.duration_s``: after at most
     ``run.duration_s * run.rate_hz + 1`` steps. A step after the end raises :class:`trefoil.Error` until ``reset``.
 
     Args:
-        scenario: scenario file; without one the defaults.
-        settings: settings by key, as for ``trefoil fly --set``. The seed of ``reset`` is ``run.seed``.
+        scenario: scenario file; ``None`` = the defaults.
+        settings: settings by key, as for ``trefoil fly --set``. Each ``reset`` draws ``run.seed``, from the ``seed``
+            of ``reset``.
     """
 
     metadata = {"render_modes": []}

@@ -34,7 +34,7 @@ def pd_law(flight: Flight) -> Law:
 
 
 def recorded(answers: np.ndarray) -> Law:
-    """Makes a law that gives the rows of ``answers``, one after the other."""
+    """Makes a law that returns the rows of ``answers``, one after the other."""
     rows = iter(answers)
     return lambda sample, reference: next(rows)
 

@@ -74,7 +74,7 @@ impl Problem {
         hard.chain(outside).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Cost of `x`, 0 at the centre.
+    /// Cost of `x`, that of the soft rows' excesses included.
     pub fn cost(&self, x: &[f64]) -> f64 {
         let miss = DVector::from_column_slice(x) - DVector::from_column_slice(&self.centre);
         let (rows, _) = self.slacks(x);
@@ -98,7 +98,7 @@ impl Problem {
         let (mut rows, mut discs) = (vec![], vec![]);
         for ((slack, softness), row) in slacks.iter().zip(&self.softness).zip(self.rows.row_iter()) {
             if *softness > 0.0 {
-                gradient -= row.transpose() * ((-slack).max(0.0) / softness); // gradient of the cost of its excess
+                gradient -= row.transpose() * ((-slack).max(0.0) / softness); // gradient of the cost of the excess
             } else if *slack < TOUCHED {
                 rows.push((row.transpose(), slack.abs()));
             }
@@ -150,7 +150,7 @@ impl Problem {
         rows.view_mut((0, 0), (m, n)).copy_from(&-&self.rows);
         right[..m].copy_from_slice(&self.offsets[..m]);
         for (row, softness) in self.softness.iter().enumerate() {
-            rows[(row, n + row)] = -softness.sqrt(); // the excess times the root of its weight
+            rows[(row, n + row)] = -softness.sqrt(); // the variable is the excess times the root of its weight
         }
         for disc in 0..k {
             let (first, pair) = (m + 3 * disc, m + 2 * disc);
@@ -167,7 +167,7 @@ impl Problem {
         (solver.solution.status == SolverStatus::Solved).then(|| solver.solution.x[..n].to_vec())
     }
 
-    /// Linear rows at `x`, and those of the discs.
+    /// Values of the linear rows at `x`, and of the rows of the discs.
     fn slacks(&self, x: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let x = DVector::from_column_slice(x);
         let (rows, discs) = self.offsets.split_at(self.rows.nrows());
@@ -175,7 +175,7 @@ impl Problem {
         (at(rows, &self.rows), at(discs, &self.discs))
     }
 
-    /// Largest change of a slack by the centre, by which the centre is scaled to violate limits by a given amount.
+    /// Largest change of a slack from 0 to the centre; the centre is scaled by it to violate limits by a given amount.
     fn far(&self) -> f64 {
         let centre = DVector::from_column_slice(&self.centre);
         let (rows, discs) = (&self.rows * &centre, &self.discs * &centre);

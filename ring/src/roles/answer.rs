@@ -1,10 +1,10 @@
 //! Comparison of the answers that two processes of a node give to the same samples.
 //!
-//! The similarity of two processes compares their latest answers, number by number.
+//! The similarity of two processes is that of the least similar number in their latest answers.
 //!
 //! The similarity of a number is the cosine of the angle between its last values from the one process and from the
 //! other, where older values weigh less: 1 if they are the same up to a factor, 0 if they have nothing in common, -1 if
-//! one is the opposite of the other. It shows a wrong sign while the values are still small, on standby.
+//! one is the opposite of the other. The cosine shows a wrong sign while the values are still small, on standby.
 
 use std::f64::consts::PI;
 
@@ -16,7 +16,7 @@ use settings::{Mode, Scenario};
 
 use crate::record::Record;
 
-/// Largest common reference of w \[m/s\], unless the limit of the settings is lower.
+/// Largest usual reference of w \[m/s\], unless the limit of the settings is lower.
 const W_MPS: f64 = 5.0;
 
 const NUMBERS: usize = 4;
@@ -31,9 +31,9 @@ pub struct Answer {
     pub epoch: u64,
     /// Time from the sample to the answer \[ns\]; see [`Scale::clocked`].
     pub response_ns: u64,
-    /// `true` if its checksum fits and its numbers are plausible.
+    /// `true` if the checksum of the answer fits and its numbers are plausible.
     pub usable: bool,
-    /// Numbers of the answer, each as a share of its largest common value.
+    /// Numbers of the answer, each as a share of its largest usual value.
     pub shares: [f64; NUMBERS],
     /// `true` if the last number is a heading, which wraps round.
     pub has_heading: bool,
@@ -46,7 +46,7 @@ pub struct Scale {
     pub topic: Topic,
     /// Deadline of an answer after its sample \[ns\].
     pub due_ns: u64,
-    /// Largest common value of each number.
+    /// Largest usual value of each number.
     largest: [f64; NUMBERS],
     /// `true` in real time: a response is the time since the sample. Otherwise it is the delay that faults added.
     pub clocked: bool,
@@ -82,7 +82,7 @@ impl Scale {
         Self { topic, due_ns: scenario.deadline_of(rank).deadline_ns, largest, clocked }
     }
 
-    /// Reads `record` as an answer; `None` for a STATE, and if it is on another topic.
+    /// Reads `record` as an answer; `None` for STATE and TRUTH, and for a message on another topic.
     pub fn read(&self, record: &Record) -> Option<Answer> {
         let (_, stamp) = record.stamped().filter(|(topic, _)| *topic == self.topic)?;
         let publish_ns = stamp.publish_ns[self.topic as usize];
@@ -116,7 +116,7 @@ impl Answer {
         self.usable && self.response_ns <= due_ns
     }
 
-    /// Returns the largest difference of a number from another answer to the same sample, as a share.
+    /// Returns the largest difference between a number of this answer and of another to the same sample, as a share.
     pub fn difference(&self, other: &Self) -> f64 {
         self.shares_beside(other)
             .iter()
@@ -140,7 +140,7 @@ impl Answer {
 const STAYS: f64 = 0.95;
 /// Number of answers below which no similarity is computed.
 const FEW: u32 = 10;
-/// Root mean square below which a number is left out, as a share of its largest common value: two good laws may differ
+/// Root mean square below which a number is left out, as a share of its largest usual value: two good laws may differ
 /// in sign for a while if next to nothing is demanded.
 const SILENCE: f64 = 0.02;
 
@@ -182,7 +182,7 @@ impl Similarity {
 mod tests {
     use super::*;
 
-    /// Returns the similarity after `answers` answers: the old process answers `theirs`, the candidate `mine` of that.
+    /// Returns the similarity after `answers` answers: the old process answers `theirs`, the candidate `mine(theirs)`.
     fn similarity(answers: u32, theirs: impl Fn(f64) -> f64, mine: impl Fn(f64) -> f64) -> f64 {
         let mut similarity = Similarity::default();
         for i in 0..answers {

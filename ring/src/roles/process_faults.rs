@@ -1,4 +1,4 @@
-//! Faults of processes, turned into inputs of their roles when they are due.
+//! Faults of processes, turned into inputs of the roles when the faults are due.
 
 use contract::topic::Topic;
 use settings::fault_schedule::{Entry, FaultSchedule};
@@ -17,14 +17,14 @@ struct Injected {
     kind: FaultKind,
     /// Time before which no other process is started \[ns\].
     held_until_ns: u64,
-    /// Process that the fault was applied to; `None` before it begins.
+    /// Process that the fault was applied to; `None` before the fault begins.
     victim: Option<u32>,
     ended: bool,
 }
 
 impl FaultInputs {
     /// Takes the process faults of `scenario`. In real time the process itself carries out `exit` and `hog`: an `exit`
-    /// only holds off the next start, a `hog` gives no input.
+    /// then only delays the next start, and a `hog` gives no input.
     pub fn new(scenario: &Scenario) -> Self {
         let (simulated, sample_ns) = (scenario.run.mode != Mode::Realtime, scenario.sample_ns());
         let faults = FaultSchedule::new(scenario, |_, fault| Injected::of(fault));

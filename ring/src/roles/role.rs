@@ -43,7 +43,7 @@ pub enum RoleInput {
     Progress {
         /// Ticks done, counted from the first of the run.
         done: u64,
-        /// Samples to answer.
+        /// Number of samples to answer, counted from the first of the run.
         samples: u64,
         /// Time in which the driver itself did not run \[ns\].
         excused_ns: u64,
@@ -67,14 +67,14 @@ pub enum RoleInput {
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
-    /// Starts this epoch, with the program and settings of this swap, or with those of the run if `None`.
+    /// Starts this epoch, with the program and settings of this swap, or of the run if `None`.
     Spawn(u32, Option<usize>),
     Signal(u32, Signal),
     /// Makes this epoch active when the next tick begins; a standby changes places with the active process.
     Activate(u32),
     /// Puts this epoch on standby: it answers beside the active process, and its messages are not delivered.
     Standby(u32),
-    /// Removes this epoch from the role; it works no longer from now on.
+    /// Removes this epoch from the role; its process answers no more samples.
     Vacate(u32),
     Report(Event),
 }
@@ -92,18 +92,18 @@ const HANG_TICKS: u64 = 3;
 /// Window in which failures are counted together \[ns\].
 const WINDOW_NS: u64 = 5_000_000_000;
 
-/// Settings in which roles differ, from `[supervision]`.
+/// Limits in which roles differ, most of them from `[supervision]`.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Policy {
     /// Delays before the first, second, ... restart within the window \[ns\]; one more failure gives the role up.
     pub restart_ns: Vec<u64>,
     /// Length of the window in which failures are counted \[ns\].
     pub window_ns: u64,
-    /// Time after which a process that is not ready counts as hung \[ns\].
+    /// Time after its start at which a process that is not ready counts as hung \[ns\].
     pub start_limit_ns: u64,
-    /// Time without progress after which the active process hangs \[ns\], if `hang_ticks` samples have passed too.
+    /// Time without progress after which the active process counts as hung \[ns\], if `hang_ticks` samples passed too.
     pub hang_ns: u64,
-    /// Samples without an answer after which the active process hangs, if `hang_ns` has passed too.
+    /// Samples without an answer after which the active process counts as hung, if `hang_ns` has passed too.
     pub hang_ticks: u64,
 }
 
@@ -119,7 +119,7 @@ struct Worker {
 struct Starting {
     worker: Worker,
     since_ns: u64,
-    /// `true` if a swap started it, `false` if it replaces a process that failed.
+    /// `true` if a swap started the process, `false` if the process replaces one that failed.
     candidate: bool,
 }
 
@@ -133,7 +133,7 @@ pub struct Contest {
     pub handed_over: bool,
 }
 
-/// Ticks done by the active process when they last grew, and that time.
+/// Ticks done by the active process, and the time since which their number has not grown while a sample waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct Progress {
     done: u64,
@@ -155,9 +155,9 @@ pub struct Role {
     restart_at_ns: Option<u64>,
     held_until_ns: u64,
     failures_ns: Vec<u64>,
-    /// Processes that this role has killed.
+    /// Processes that this role has killed and whose exits it has not seen yet.
     expected_exits: Vec<u32>,
-    /// Swap whose program and settings a restart has: that of the newest candidate that was kept.
+    /// Swap whose program and settings a restart uses: the swap of the newest candidate that was kept, if any.
     origin: Option<usize>,
     progress: Progress,
     given_up: bool,
@@ -177,12 +177,12 @@ impl Policy {
         }
     }
 
-    /// Returns the policy of the plant: the vehicle has no replacement, and no other node samples for it.
+    /// Returns the policy of the plant, which is never restarted: no other process can continue the vehicle.
     pub fn plant(settings: &Supervision, sample_ns: u64) -> Self {
         Self { restart_ns: vec![], hang_ns: PLANT_HANG_NS, hang_ticks: 0, ..Self::node(settings, sample_ns) }
     }
 
-    /// Returns the policy of the recorder: a disk may be slow.
+    /// Returns the policy of the recorder, with longer limits, because a disk may be slow.
     pub fn recorder(settings: &Supervision) -> Self {
         let node = Self::node(settings, 0);
         let start_limit_ns = node.start_limit_ns.max(RECORDER_START_NS);
@@ -295,8 +295,8 @@ impl Role {
         restart_ns.into_iter().chain(limit_ns).min()
     }
 
-    /// Returns when the active process counts as hung if it answers to no more samples \[ns\]. Samples are seen from
-    /// `origin_ns` on, `sample_ns` apart.
+    /// Returns the time at which the active process, if any, counts as hung if it answers to no more samples \[ns\].
+    /// Samples are seen from `origin_ns` on, `sample_ns` apart.
     pub fn hangs_at_ns(&self, sample_ns: u64, origin_ns: u64) -> Option<u64> {
         let last = (self.progress.done + self.policy.hang_ticks).saturating_sub(1);
         self.active.map(|_| (origin_ns + last * sample_ns).max(self.progress.since_ns + self.policy.hang_ns))
@@ -369,7 +369,7 @@ impl Role {
         self.lost(now, epoch, "it hung", out);
     }
 
-    /// Removes process `epoch`, which works no longer, with its trial if it was the candidate, and fills the role.
+    /// Removes process `epoch`, which no longer works, with its trial if it was the candidate, and fills the role.
     fn lost(&mut self, now: Now, epoch: u32, why: &str, out: &mut Vec<Action>) {
         out.push(Action::Vacate(epoch));
         let is = |worker: &mut Worker| worker.epoch == epoch;
@@ -388,7 +388,7 @@ impl Role {
                 self.contest = None;
                 self.report(now, epoch, what, Some(why), out);
             } else if contest.old == Some(epoch) {
-                contest.old = None; // the trial goes on without it
+                contest.old = None; // the trial goes on without the old process
             }
         }
         self.fill(now, epoch, out);
@@ -407,7 +407,7 @@ impl Role {
         if let Some(late) = self.starting.take_if(|starting| starting.candidate) {
             let late = late.worker.epoch;
             self.kill(late, out);
-            self.report(now, late, What::Rejected, Some("no other was active any more before it was ready"), out);
+            self.report(now, late, What::Rejected, Some("the active process ended before it was ready"), out);
         }
         if self.starting.is_none() && self.restart_at_ns.is_none() && !self.given_up {
             self.count_failure(now, epoch, out);
@@ -451,7 +451,7 @@ impl Role {
             Ruling::Keep if handed_over => What::Kept,
             Ruling::Reject if !handed_over => What::Rejected,
             Ruling::Return if handed_over => What::Returned,
-            _ => return, // ruled before candidate and old process last changed places
+            _ => return, // the ruling is from before candidate and old process changed places
         };
         self.contest = None;
         self.report(now, candidate, what, Some(why), out);
@@ -495,8 +495,8 @@ impl Role {
         }
     }
 
-    /// Starts another process: the candidate of `swap`; without one, the program of the newest candidate that was kept,
-    /// or that of the run.
+    /// Starts another process: the candidate of `swap`, if any; otherwise one with the program of the newest candidate
+    /// that was kept, or with the program of the run.
     fn spawn(&mut self, now: Now, swap: Option<usize>, out: &mut Vec<Action>) {
         self.newest += 1;
         let origin = swap.or(self.origin);

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Lockstep and in process share this driver. Between two ticks it decides which processes end, which are started, and
-//! which work on the tick. An event between two samples takes effect with the second one. A candidate is ready at once:
-//! no answer is missing while it starts.
+//! which work on the second tick. An event between two samples takes effect with the second sample. A candidate is
+//! ready at once: no answer is missing while it starts.
 
 use contract::topic::Topic;
 use runtime::shared_role::Assignment;
@@ -34,7 +34,7 @@ pub struct Simulated {
     assignments: [Assignment; Topic::COUNT],
     /// Stopped process of each node, with the first tick that it has not answered.
     stopped: [Option<(u32, u64)>; Topic::COUNT],
-    /// Processes to start and to kill before the tick.
+    /// Processes to start and to kill before the tick that begins.
     orders: Vec<Order>,
     /// Tick that begins.
     boundary: u64,
@@ -61,7 +61,7 @@ impl Simulated {
         }
     }
 
-    /// Returns the active and the standby process of the node that publishes on `topic`, without a stopped one.
+    /// Returns the active and the standby process of the node that publishes on `topic`, without a stopped process.
     pub fn assignment(&self, topic: Topic) -> Assignment {
         let assignment = self.assignments[topic as usize];
         self.stopped[topic as usize].map_or(assignment, |(epoch, _)| assignment.without(epoch))
@@ -76,8 +76,8 @@ impl Simulated {
         self.nodes.iter_mut().for_each(|node| node.observe(record));
     }
 
-    /// Decides which processes work on `tick`, after all messages of earlier ticks were observed. Returns those to
-    /// start ([`Action::Spawn`]) and to kill ([`Action::Signal`]) before it.
+    /// Decides which processes work on `tick`, after all messages of earlier ticks were observed. Returns the processes
+    /// to start ([`Action::Spawn`]) and to kill ([`Action::Signal`]) before `tick`.
     pub fn begin(&mut self, tick: u64) -> Vec<Order> {
         if tick < self.next {
             return vec![];
@@ -141,7 +141,7 @@ impl Simulated {
         if self.nodes[topic as usize].role.active() != Some(epoch) || now.tick <= first {
             return;
         }
-        // The newest sample is seen `DETECT_NS` after it was taken, as the last answer was after its own sample.
+        // The newest sample is seen `DETECT_NS` after it was taken. So was the last answer, after its own sample.
         let seen_ns = self.faults.time_ns(now.tick - 1) + DETECT_NS;
         let progress = RoleInput::Progress { done: first, samples: now.tick, excused_ns: 0 };
         self.on(topic, self.at(seen_ns), progress);

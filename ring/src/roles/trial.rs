@@ -6,9 +6,10 @@
 //! ```
 //!
 //! A tick counts against the candidate if its answer is missing, not usable, late, too far from the answer of the old
-//! process, or the opposite of it (`answer.rs`): both answer to the same inputs, whichever of them is active. While the
-//! last judged tick is against it, a candidate is neither handed the role nor kept. A tick that the plant skipped does
-//! not count, nor does one on which the old process has no good answer either: then the fault is not the candidate's.
+//! process, or the opposite of it (`answer.rs`): both answer to the same inputs, whichever of them is active. A
+//! candidate is neither handed the role nor kept while the last judged tick is against it. A tick that the plant has
+//! skipped does not count. A tick on which the old process has no good answer either does not count against the
+//! candidate.
 //! If the old process dies, the trial goes on. While the candidate is active the vehicle itself is watched too. The
 //! trial judges messages alone, so it ends the same way in every mode.
 
@@ -47,7 +48,7 @@ pub struct Trial {
     similarity: Similarity,
     /// Ticks in a row that count against the candidate.
     bad_ticks: u64,
-    /// Bound that the vehicle has exceeded under the candidate, for people.
+    /// Bound that the vehicle has exceeded under the candidate, in words.
     out_of_bounds: Option<String>,
     seen: Seen,
 }
@@ -64,7 +65,7 @@ struct Seen {
 pub enum Ruling {
     /// The candidate becomes active.
     HandOver,
-    /// The candidate is active for good.
+    /// The candidate stays active, and its trial ends.
     Keep,
     /// The candidate is killed on standby.
     Reject,

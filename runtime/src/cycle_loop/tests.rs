@@ -91,7 +91,7 @@ fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
     assert!(matches!(end, Some(Err(SessionError::FaultExit { tick: 5.. }))));
 }
 
-/// Makes a ring in real time with ten seconds between two samples, of which sample 0 was taken `since_ns` ago.
+/// Makes a ring in real time for [`slow_guidance`]; sample 0 was taken `since_ns` ago.
 fn slow_ring(since_ns: u64) -> TestRing {
     let mut ring = TestRing::flying(Mode::Realtime);
     ring.run.node.plant.deadline_ms = Some(2_000.0);
@@ -99,7 +99,7 @@ fn slow_ring(since_ns: u64) -> TestRing {
     ring
 }
 
-/// Returns its guidance, with a timer of ten seconds, which no scenario allows.
+/// Returns loop and input of guidance, with ten seconds between two samples, which no scenario allows.
 fn slow_guidance(ring: &TestRing) -> (CycleLoop, Input<State>) {
     let (mut cycles, states) = guidance(ring, 1);
     cycles.release = Release::Timer { period_ns: TEN_S_NS };

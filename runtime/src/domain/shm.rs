@@ -29,11 +29,11 @@ pub fn check_room(folder: &Path, bytes: u64) -> Result<(), DomainError> {
     if f_files > 0 && f_favail < FILES_NEEDED { Err(DomainError::NoFiles(f_favail)) } else { Ok(()) }
 }
 
-/// Sets the length of a file in shared memory and allocates all its memory now. Without that, a page that cannot be had
-/// when it is first written to would end the process (SIGBUS).
+/// Sets the length of a file in shared memory and allocates all its memory now. Otherwise the first write to a page for
+/// which no memory is left would end the process (SIGBUS).
 pub fn allocate(file: &File, bytes: u64) -> io::Result<()> {
     match fallocate(file, FallocateFlags::empty(), 0, bytes) {
-        Err(Errno::OPNOTSUPP) => file.set_len(bytes), // in a file system that is no tmpfs
+        Err(Errno::OPNOTSUPP) => file.set_len(bytes), // in a file system other than tmpfs
         done => Ok(done?),
     }
 }
@@ -74,7 +74,7 @@ pub fn make_home() -> Result<PathBuf, DomainError> {
     Err(DomainError::Crowded(names().next().unwrap_or_default()))
 }
 
-/// Opens a folder; anything else is an error. It neither waits for the other end of a FIFO nor follows a link.
+/// Opens a folder, without following a link or waiting for the other end of a FIFO. An error if `path` is no folder.
 pub fn open_folder(path: &Path) -> Result<OwnedFd, Errno> {
     open(path, OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC, Mode::empty())
 }

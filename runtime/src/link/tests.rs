@@ -16,7 +16,7 @@ fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> 
         let mut marked = 0;
         link.pass(tick, &demand(tick), &schedule, |message| match message.stamp.delivery {
             delivery::DELIVERED => all.push((tick, *message)),
-            _ => marked += u64::from(message.is_intact()), // or the mark itself was corrupted
+            _ => marked += u64::from(message.is_intact()), // a corrupted message may be marked by chance
         });
         assert!(marked <= 1, "what was meant is shown once");
     }
@@ -99,12 +99,12 @@ fn messages_can_arrive_twice_or_in_the_wrong_order() {
 fn bad_contents_are_refused_for_the_right_reason() {
     let all_but = |kind, allowed: &[Result<(), Refusal>]| {
         let verdicts = judged(&arrivals(kind, |_| {}));
-        // A few corrupt messages are not counted as delivered, because the bits of their mark were flipped.
+        // A few corrupt messages do not count as delivered, because bits of their `delivery` were flipped.
         assert!(verdicts.len() == 20 || kind == FaultKind::Corrupt && verdicts.len() > 15);
         assert!(verdicts.iter().all(|verdict| allowed.contains(verdict)), "{kind:?}: {verdicts:?}");
     };
     all_but(FaultKind::Garbage, &[Err(Refusal::Range)]);
-    // The accepted ones carry a sample of ten ticks ago, so their receiver treats them as old.
+    // The accepted messages name the sample of ten ticks ago, so that their receiver treats them as old.
     all_but(FaultKind::Stale, &[Err(Refusal::Age), Ok(())]);
     assert!(arrivals(FaultKind::Stale, |_| {}).iter().all(|(t, m)| !(10..30).contains(t) || m.stamp.tick + 10 == *t));
     all_but(FaultKind::Corrupt, &Refusal::ALL.map(Err));

@@ -74,7 +74,7 @@ mod tests {
         let mut own = Descriptors::of(folder.path(), "7");
         assert_eq!(own.0.len(), 1, "one of ours is below this folder");
         assert_eq!(own.replaced(), None);
-        own.0[0].0 = Path::new(ALL).join(other.as_raw_fd().to_string()); // as if it were the number of the other
+        own.0[0].0 = Path::new(ALL).join(other.as_raw_fd().to_string()); // as if `ours` had the number of `other`
         assert!(own.replaced().is_some());
         own.0[0].0 = Path::new(ALL).join("1000000000");
         assert_eq!(own.replaced(), None, "it was closed, and no other file has its number");

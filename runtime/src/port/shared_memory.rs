@@ -2,7 +2,7 @@
 //!
 //! Publish-subscribe with safe overflow: a publisher never waits, and a slow subscriber loses the oldest messages. A
 //! process that dies while it creates a service makes that service unusable for all. So the launcher creates every
-//! service before it starts any process, and keeps it; the nodes only open services.
+//! service before it starts any process, and keeps the services; the nodes only open them.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -34,7 +34,7 @@ pub struct Bus {
     domain: Domain,
 }
 
-/// Handles that keep the services of a run alive: one for each topic, and that of TRUTH.
+/// Handles that keep the services of a run alive: one for each topic, and one for TRUTH.
 pub struct Services(#[expect(dead_code, reason = "they are kept, not used")] [Box<dyn Any>; LAYOUT.len()]);
 
 impl Bus {
@@ -52,11 +52,11 @@ impl Bus {
 
     /// Removes the ports of dead processes from the services of `domain`. May take tens of milliseconds.
     pub fn remove_dead_ports(domain: &Domain) -> Result<(), PortError> {
-        // Only one thread at a time: looking for the dead opens the files of all nodes for a moment, and another thread
-        // that attaches meanwhile would take these descriptors for its own (`Descriptors::of`).
+        // Only one thread at a time: the search for dead nodes opens the files of all nodes for a moment, and another
+        // thread that attaches meanwhile would take these descriptors for its own (`Descriptors::of`).
         static ONE: Mutex<()> = Mutex::new(());
         let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-        // What cannot be removed now is wiped at the end of the run.
+        // Ports that cannot be removed now are wiped at the end of the run.
         let _ = Self::attach(domain)?.node.try_cleanup_dead_nodes();
         Ok(())
     }
@@ -147,7 +147,7 @@ impl<M: Payload> ReceivePort<M> for Subscription<M> {
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
         let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
         let Some(sample) = sample else { return Ok(false) };
-        let message = *sample; // a publisher may change its memory between check and use
+        let message = *sample; // a copy, because the publisher may change its memory between check and use
         take(&message, numbered(sample.header().publisher_id().value()));
         Ok(true)
     }

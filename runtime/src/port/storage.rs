@@ -2,7 +2,8 @@
 //!
 //! iceoryx2's own `ipc` uses POSIX shared memory, whose names all stand in `/dev/shm` itself, where every user can
 //! create names. [`FileService`] keeps the same structures in files below the root path instead. That path lies in the
-//! same file system, so the memory is the same. iceoryx2's own tools look for POSIX shared memory and do not find it.
+//! same file system, so the memory is the same. iceoryx2's own tools look for POSIX shared memory and do not find these
+//! files.
 
 use std::fmt::Debug;
 use std::fs::OpenOptions;
@@ -31,13 +32,13 @@ use crate::error::PortError;
 use crate::limits::MAX_SUBSCRIBERS;
 use contract::message::{Actuators, Controls, Reference, State, Truth};
 
-/// Samples that iceoryx2 reserves for each subscriber besides its queue, and for each publisher.
+/// Number of samples that iceoryx2 reserves for each subscriber besides its queue, and for each publisher.
 const BORROWED: usize = 2;
 /// Size of a sample besides header and message \[bytes\].
 const PER_SAMPLE: usize = 16;
 /// Size of a place in a queue \[bytes\].
 const PER_PLACE: usize = 16;
-/// Size of services, control page, settings, and of rounding up to pages \[bytes\].
+/// Size of services, control page and settings, and of rounding up to pages \[bytes\].
 const REST: usize = 1 << 20;
 
 /// Shared memory that a flight at `rate_hz` needs \[bytes\], with a second process for every node.
@@ -89,7 +90,7 @@ pub fn config(domain: &Domain) -> Result<Config, PortError> {
     let path = iceoryx2::prelude::Path::new(as_bytes(&root)).map_err(too_long)?;
     let mut config = Config::default();
     config.global.set_root_path(&path);
-    // The launcher watches its children itself; a node would clean up after a dead one inside its loop.
+    // The launcher watches its children itself; a node would clean up after a dead process inside its loop.
     config.global.node.cleanup_dead_nodes_on_creation = false;
     config.global.node.cleanup_dead_nodes_on_destruction = false;
     config.global.service.cleanup_dead_nodes_on_open = false;
@@ -103,7 +104,7 @@ pub fn makers(segment: &str) -> impl Iterator<Item = u32> {
     numbers.map(|id| (id >> 64) as u32)
 }
 
-/// Allocates the memory of those segments of `domain` that ports of this process use, because iceoryx2 does not.
+/// Allocates the memory of the segments of `domain` that ports of this process use: iceoryx2 does not allocate it.
 pub fn allocate_own(domain: &Domain) -> Result<(), PortError> {
     let own = std::process::id();
     for (path, bytes) in domain.files() {

@@ -1,4 +1,4 @@
-//! Two clocks. Times that cross processes are `CLOCK_MONOTONIC`, which all processes of a machine share.
+//! Clocks of the kernel. Times that cross processes are `CLOCK_MONOTONIC`, which all processes of a machine share.
 
 use rustix::thread::ClockId;
 use rustix::time::{Timespec, clock_gettime};

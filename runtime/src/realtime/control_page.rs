@@ -1,8 +1,9 @@
 //! The control page: shared memory with the phase of the run, a doorbell per topic, the roles and the fault table.
 //!
 //! iceoryx2 carries the messages; the doorbells only wake. A doorbell is a counter with a futex on it: a publisher
-//! raises it after it has sent, and a receiver sleeps until it changes or a deadline passes. iceoryx2's own event is a
-//! datagram with time-outs in milliseconds; a futex needs one system call on each side and times out at the nanosecond.
+//! raises the counter after a send, and a receiver sleeps until the counter changes or a deadline passes. The event of
+//! iceoryx2 is a datagram with time-outs in milliseconds; a futex needs one system call on each side and has time-outs
+//! in nanoseconds.
 //!
 //! A doorbell holds no state that matters: if a process dies between sending and ringing, the others wait for one
 //! time-out.
@@ -19,13 +20,13 @@ use contract::snapshot::PLANT_WORDS;
 #[repr(C)]
 #[derive(Default)]
 pub struct Page {
-    /// Version of the page's layout, by which a process recognises it.
+    /// Version of the page's layout, by which a process recognises the page.
     pub(super) magic: AtomicU32,
     /// Phase of the run: see [`phase`]. Rung at every change.
     pub phase: Doorbell,
     /// Newest tick that the launcher has seen; limits how far lockstep may run ahead.
     pub watched: Doorbell,
-    /// Newest tick that the recorder has seen, with the same effect; `u32::MAX` if nothing is recorded.
+    /// Newest tick that the recorder has seen, which limits lockstep too; `u32::MAX` if nothing is recorded.
     pub recorded: Doorbell,
     /// Lockstep: ticks up to which the plant has asked the launcher for the assignment of the roles.
     pub asked: Doorbell,
@@ -47,7 +48,7 @@ pub struct Page {
     pub truth_port: LongWord,
     /// Instant of sample 0, in lockstep of the present sample \[ns\]; 0 before it is known. Set by the plant.
     pub origin_ns: LongWord,
-    /// Number of samples of the run; 0 until the plant takes the last one, and set before it sends that.
+    /// Number of samples of the run; 0 at first. The plant sets it before it sends the last STATE.
     pub total_samples: LongWord,
 }
 

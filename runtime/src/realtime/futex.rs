@@ -14,7 +14,7 @@ pub fn sleep_while(word: &AtomicU32, seen: u32, deadline_ns: u64) {
     while word.load(Ordering::Acquire) == seen {
         match futex::wait_bitset(word, futex::Flags::empty(), seen, Some(&deadline), NonZeroU32::MAX) {
             Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
-            Err(_) => return, // the deadline
+            Err(_) => return, // the deadline has passed
         }
     }
 }

@@ -5,7 +5,7 @@
 //! | `control_page` | the shared page of a run |
 //! | `clock`, `futex` | clocks of the kernel, and sleeping on a word of memory |
 //! | `linux` | other services of the kernel: mappings, priority, locked memory, pipes, signals, copies |
-//! | `without_os` | stand-in where there is no kernel, for flights in process |
+//! | `without_os` | stand-in for the kernel on other targets, for flights in process |
 
 #[cfg(target_os = "linux")]
 mod clock;

@@ -51,7 +51,7 @@ fn standby_and_active_change_places_and_back() {
 }
 
 #[test]
-fn what_launcher_and_plant_do_at_the_same_time_is_done_one_after_the_other() {
+fn simultaneous_changes_by_launcher_and_plant_are_serialised() {
     const ROUNDS: u32 = 5_000;
     let role = role();
     let mut lost = vec![];

@@ -13,7 +13,7 @@ use crate::words::word;
 
 /// Largest number of bits flipped in a corrupt message: more than any message has.
 const MAX_BITS: f64 = 10_000.0;
-/// Largest number of messages lost in a burst, or for each one that passes.
+/// Largest number of messages that a burst loses, or of which one passes (`rate`).
 const MAX_MESSAGES: f64 = 1e6;
 /// Largest wind along one axis \[m/s\]: beyond any storm.
 const MAX_WIND_MPS: f64 = 200.0;
@@ -116,7 +116,7 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
         ("vector", _) => (-MAX_WIND_MPS, MAX_WIND_MPS),
         ("value", K::Mass) => (0.0, MAX_PAYLOAD_KG),
         ("value", K::Wrong | K::Stuck) if fault.target == FaultTarget::Tilt => (-180.0, 180.0),
-        ("value", K::Wrong) if fault.target.is_an_actuator() => (0.0, 2.0), // as `plant.rotor_effectiveness`
+        ("value", K::Wrong) if fault.target.is_an_actuator() => (0.0, 2.0), // the range of `plant.rotor_effectiveness`
         ("value", K::Noise) => (0.0, MAX_ERROR),
         _ => (-MAX_ERROR, MAX_ERROR),
     }
@@ -144,7 +144,8 @@ fn check_vehicle(fault: &Fault, scenario: &Scenario, found: &mut Found) {
     );
 }
 
-/// Requires the sensor that has the fault, for one that only the EKF has.
+/// Requires that the faulty sensor exists: height, flow, field and acceleration have sensors only with the EKF, the
+/// attitude only without.
 fn check_unit(fault: &Fault, sensors: &SensorsSettings, found: &mut Found) {
     let (is_there, key) = match fault.target {
         FaultTarget::Height => (sensors.barometer.rate_hz > 0.0, "plant.sensors.barometer.rate_hz"),
@@ -189,7 +190,8 @@ fn check_imu(fault: &Fault, sensors: &SensorsSettings, found: &mut Found) {
     );
 }
 
-/// Checks faults of clock and host: a process is named only where one is needed, and the mode has processes.
+/// Checks faults of clock and host: only an offset names a process, and needs a mode with processes; a fault of the
+/// host has no end.
 fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
     let of_one = fault.kind == FaultKind::Offset;
     let named = fault.process.is_some_and(|target| target.process().is_some());

@@ -1,6 +1,7 @@
-//! Refuses settings without effect: with them a flight would seem to test something that it does not.
+//! Refuses settings without effect, because a flight would seem to test them.
 //!
-//! A setting is idle if it differs from its default while another setting, its switch, is off, so that it is not read.
+//! A setting is idle if its value differs from the default while another setting, its switch, is off: no code then
+//! reads the idle setting.
 //! A switch that the scenario sets to off by name (`false`, 0, `"none"`, an empty list) shows that this is intended:
 //! `plant.turbulence.wind_at_6m_mps=0` flies without turbulence, whatever its other settings are.
 //!
@@ -25,15 +26,15 @@ use crate::table::program::ProgramKind;
 use crate::table::run::Scenario;
 use crate::words::at;
 
-/// Dotted keys of settings, and the switch that decides whether they are read: its key, and when it is on. The key of a
-/// table stands for all settings in it.
+/// Dotted keys of settings, the key of the switch that decides whether they are read, and the condition under which the
+/// switch is on. The key of a table stands for all settings in the table.
 type Switch = (&'static [&'static str], &'static str, On);
 
-/// Condition under which a switch is on. The words beside it are the value that turns it on, for people.
+/// Condition under which a switch is on. Its text describes, for messages, the value that turns the switch on.
 enum On {
     /// Requires this word.
     Is(&'static str),
-    /// Requires any word but this one.
+    /// Requires any word except the first.
     IsNot(&'static str, &'static str),
     /// Requires a value that is not off by name.
     Has(&'static str),
@@ -148,7 +149,7 @@ fn has_lead(scenario: &Scenario) -> bool {
     scenario.guidance.acceleration_feedforward || scenario.guidance.velocity_feedforward || turns
 }
 
-/// Returns whether attitude-mpc is a program, which may use any setting.
+/// Returns whether attitude-mpc is a library or program of the user, which may use any setting.
 fn has_own_controller(scenario: &Scenario) -> bool {
     scenario.node.attitude_mpc.kind() != ProgramKind::Own
 }
@@ -164,7 +165,7 @@ impl On {
         }
     }
 
-    /// Value that turns the switch on, for people.
+    /// Describes the value that turns the switch on, for messages.
     fn words(&self) -> String {
         match self {
             Is(word) => format!("{word:?}"),
@@ -222,7 +223,7 @@ fn remove(table: &mut Table, key: &str) {
     }
 }
 
-/// Refuses a fault or a swap, `what`, that begins on a tick after the last one of the flight.
+/// Refuses a fault or a swap, `what`, that begins after the last tick of the flight.
 pub fn check_begin(what: &str, at_s: f64, first_tick: u64, scenario: &Scenario, found: &mut Found) {
     let duration_s = scenario.run.duration_s;
     found.require(
@@ -233,7 +234,7 @@ pub fn check_begin(what: &str, at_s: f64, first_tick: u64, scenario: &Scenario, 
     );
 }
 
-/// Returns whether a switch with this value is off.
+/// Returns whether `value` turns a switch off by name: `false`, 0, `"none"` or an empty list.
 fn is_off_by_name(value: &Value) -> bool {
     match value {
         Value::Boolean(is_on) => !is_on,

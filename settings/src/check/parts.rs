@@ -1,5 +1,5 @@
 //! Checks of a mission of parts: the keys of each part, and what its curves ask of the vehicle. A part that may exceed
-//! its limits is warned of and flown.
+//! the limits of the vehicle gets a warning and is flown.
 
 use curves::fastest::MAX_POINTS;
 use curves::limits::Demand;
@@ -16,13 +16,13 @@ use crate::words::word;
 
 /// Largest number of parts, which bounds the time of the check.
 const MAX_PARTS: usize = 100;
-/// Largest number of points of a part whose curve needs times, so that none are searched for.
+/// Largest number of points of a part whose curve needs `times_s`, so that no times are searched for.
 const MAX_TIMED_POINTS: usize = 1000;
-/// Shortest time from point to point \[s\].
+/// Shortest time between successive points \[s\].
 const MIN_LEG_S: f64 = 0.01;
-/// Shortest way from point to point \[m\].
+/// Shortest distance between successive points \[m\].
 const MIN_WAY_M: f64 = 0.01;
-/// Depth of a curve below a vehicle that stands, up to which it counts as rounding \[m\].
+/// Depth of a curve below the position of a standing vehicle that still counts as rounding \[m\].
 const GRAZE_M: f64 = 0.01;
 
 /// Finds every rule that the parts of `scenario` break. Curves are built only of parts with the right keys, and only
@@ -79,7 +79,7 @@ fn check_keys(part: &MissionPart, place: &Place, found: &mut Found) {
     check_heading(part, place, found);
 }
 
-/// Requires points in number, and times that rise.
+/// Requires an allowed number of points, and rising times whose legs have room for the ramps.
 fn check_points(part: &MissionPart, place: &Place, found: &mut Found) {
     let Some(points_m) = &part.points_m else { return };
     let count = points_m.len();
@@ -114,7 +114,7 @@ fn check_points(part: &MissionPart, place: &Place, found: &mut Found) {
     );
 }
 
-/// Requires a heading for each point, and a centre where there is one.
+/// Requires headings within 360 degrees, one per point or sorted by time, and a rule that the kind of part can follow.
 fn check_heading(part: &MissionPart, place: &Place, found: &mut Found) {
     let is_figure = matches!(part.kind, PartKind::Circle | PartKind::FigureEight | PartKind::Helix);
     let count = part.points_m.as_ref().map_or(0, Vec::len);
@@ -147,7 +147,7 @@ fn check_heading(part: &MissionPart, place: &Place, found: &mut Found) {
     place.require(found, holds, "heading_deg", &what, &allowed);
 }
 
-/// Requires a take-off first, a landing last, and ground below it.
+/// Requires that a take-off is the first part, and that a landing is the last, above ground and slower than a crash.
 fn check_place(scenario: &Scenario, i: usize, found: &mut Found) {
     let (place, kind, last) = (Place(i), scenario.mission.part[i].kind, scenario.mission.part.len() - 1);
     let is_first = kind != PartKind::Takeoff || i == 0;
@@ -205,8 +205,8 @@ fn check_curves(scenario: &Scenario, found: &mut Found) {
     );
 }
 
-/// Describes what the parts of a checked scenario ask for beyond the vehicle, and how far smooth curves leave their
-/// points.
+/// Describes where the parts of a checked scenario ask for more than the vehicle has, and how far smooth curves leave
+/// their points.
 pub fn warnings(scenario: &Scenario) -> Vec<String> {
     if scenario.mission.trajectory != TrajectoryKind::Parts {
         return vec![];
@@ -241,7 +241,8 @@ pub fn warnings(scenario: &Scenario) -> Vec<String> {
     all
 }
 
-/// Limits for the curve of `part`: where the acceleration steps, the rate at which the thrust turns has no meaning.
+/// Limits for the curve of `part`, without a limit of the turn rate for curves whose acceleration steps: the direction
+/// of the thrust then steps too.
 fn for_curve(part: &MissionPart, limits: VehicleLimits) -> VehicleLimits {
     match part.curve {
         Some(CurveKind::Line | CurveKind::Trapezoid) => {
@@ -251,7 +252,7 @@ fn for_curve(part: &MissionPart, limits: VehicleLimits) -> VehicleLimits {
     }
 }
 
-/// Requires that each point of a curve lies away from the one before.
+/// Requires a distance of at least [`MIN_WAY_M`] between successive points; the start of the part is the first.
 fn check_ways(part: &MissionPart, planned: &Planned, place: &Place, found: &mut Found) {
     let from_m = planned.curve.at(0.0).position_m;
     let points_m = part.points_m.iter().flatten();
@@ -279,7 +280,8 @@ fn check_steps(part: &MissionPart, planned: &Planned, place: &Place, found: &mut
     );
 }
 
-/// Finds the first leg that asks for more than the vehicle has: the key that could mend it, and what it asks for.
+/// Finds the first leg that asks for more than the vehicle has. Returns the key that could mend the leg, and a
+/// description of the excess.
 fn excess(part: &MissionPart, planned: &Planned, limits: &VehicleLimits) -> Option<(&'static str, String)> {
     let legs = planned.legs();
     let exceeded = |(leg, of)| Some((leg, limits.demand(of, 1.0).excess(limits)?));
@@ -351,8 +353,8 @@ fn check_space(part: &MissionPart, planned: &Planned, place: &Place, found: &mut
     );
 }
 
-/// Describes how far the curve of part `i` goes below the ground; `None` if it does not, or if it lands: as a landing,
-/// or as the last part, if that part may exceed the limits.
+/// Describes how far the curve of part `i` goes below the ground. Returns `None` if the curve stays above, without a
+/// ground, and for a part that may end on the ground: a landing, or a last part that may exceed the limits.
 fn below_ground(scenario: &Scenario, i: usize, planned: &Planned) -> Option<String> {
     let (ground, parts) = (&scenario.plant.ground, &scenario.mission.part);
     let lands = parts[i].kind == PartKind::Landing || parts[i].may_exceed() && i + 1 == parts.len();

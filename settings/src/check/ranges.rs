@@ -17,7 +17,7 @@ const ANY: AllowedRange = (Included(-MAX), Included(MAX));
 const LIFTED: AllowedRange = (Excluded(0.0), Unbounded);
 const POSITIVE: AllowedRange = (Included(1e-9), Included(MAX));
 const NOT_NEGATIVE: AllowedRange = (Included(0.0), Included(MAX));
-/// Longest horizon of a plan \[samples\].
+/// Longest horizon of the MPC \[samples\].
 pub const MAX_HORIZON: usize = 200;
 /// Shortest integration step \[s\]: the longest sample then has 2000 steps.
 const MIN_STEP_S: f64 = 1e-5;
@@ -26,7 +26,8 @@ const LATENCY_MS: AllowedRange = (Included(0.0), Included(500.0));
 const INERTIA: AllowedRange = (Included(1e-9), Included(1e6));
 const ARM: AllowedRange = (Included(1e-3), Included(1e3));
 const ROTOR_CONSTANT: AllowedRange = (Included(1e-12), Included(1e3));
-/// `SCHED_FIFO` has 1 to 99; the nodes downstream of the plant add up to 3, and the highest belong to the kernel.
+/// Range of a node's priority, out of 1 to 99 in `SCHED_FIFO`: the nodes downstream of the plant add up to 3, and the
+/// highest belong to the kernel.
 const PRIORITY: AllowedRange = (Included(1.0), Included(95.0));
 /// Horizons from one sample at the highest rate to [`MAX_HORIZON`] samples at the lowest.
 const HORIZON_S: AllowedRange = (Included(1.0 / 2000.0), Included(MAX_HORIZON as f64 / 50.0));
@@ -196,10 +197,10 @@ pub fn shown(key: &str) -> String {
     key.split('.').map(name).collect::<String>()[1..].to_owned()
 }
 
-/// Returns the range of the numbers under `key`: the part that is common to its own range and those of the tables that
-/// it is in.
+/// Returns the range of the numbers under `key`: the intersection of its own range with the ranges of the tables around
+/// it.
 pub fn range_of(key: &str) -> AllowedRange {
-    // Split once: every flight of a campaign checks all of its settings.
+    // The keys are split only once, because every flight of a campaign checks all of its settings.
     static TABLES: LazyLock<Vec<(Vec<&str>, AllowedRange)>> =
         LazyLock::new(|| RANGES.iter().map(|(table, range)| (table.split('.').collect(), *range)).collect());
     let names: Vec<&str> = key.split('.').filter(|name| !is_index(name)).collect();

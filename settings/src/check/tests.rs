@@ -221,7 +221,7 @@ fn two_swaps_of_a_node_may_not_share_a_tick() {
         let sample_s = 1.0 / f64::from(rate_hz);
         let pair = |apart: f64| {
             let second = format!("{{at_s={}, node=\"mixer\"}}", 1.0 + apart * sample_s);
-            let first = "{at_s=1, node=\"mixer\", standby_s=0.0, watch_s=0.0}"; // still one tick on standby
+            let first = "{at_s=1, node=\"mixer\", standby_s=0.0, watch_s=0.0}"; // one tick on standby
             from_set(&[&format!("run.rate_hz={rate_hz}"), &format!("swap=[{first}, {second}]")])
         };
         assert!(pair(1.0).is_err() && pair(1.1).is_ok(), "{rate_hz} Hz");
@@ -309,7 +309,7 @@ fn a_switch_that_is_turned_off_by_name_leaves_the_others_as_they_are() {
         ["plant.battery.sag=0.2", "plant.battery.energy_wh=0.0"],
         ["plant.wind_roughness_m=0.1", "plant.wind_ned_mps=[]"],
         ["fault=[{at_s=60, target=\"mixer\", kind=\"kill\"}]", "run.duration_s=60"],
-        ["mission.part=[{kind='takeoff', height_m=5}]", "mission.trajectory=survey"], // the default, as a run's folder has it
+        ["mission.part=[{kind='takeoff', height_m=5}]", "mission.trajectory=survey"], // the default, written out
     ] {
         let scenario = from_set(&settings).unwrap_or_else(|error| panic!("{settings:?}: {error}"));
         from_merged(&to_toml(&scenario), "scenario.toml").unwrap();

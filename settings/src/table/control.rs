@@ -39,27 +39,27 @@ pub struct GuidanceSettings {
     pub acceleration_feedforward: bool,
     /// `true` to feed the reference climb rate forward to w.
     pub velocity_feedforward: bool,
-    /// `true` to choose w such that the inertial vertical speed is the wanted one.
+    /// `true` to choose w such that the vertical speed in the world is the wanted vertical speed.
     pub exact_w: bool,
     /// Bandwidth of the outer acceleration observer \[rad/s\], below `run.rate_hz`; 0 = off.
     pub disturbance_observer_radps: f64,
-    /// Largest tilt that the references of roll (without trim) and pitch have \[deg\]: together, in any direction, with
-    /// `heading_frame`, and else each.
+    /// Limit of the references of roll (without trim) and pitch \[deg\]: with `heading_frame` of their common tilt, in
+    /// any direction; without it of each angle.
     pub angle_limit_deg: f64,
     /// Limit of the wanted vertical speed in the world, up or down, before `exact_w` \[m/s\].
     pub climb_limit_mps: f64,
     /// Limit of the reference of w, the body z velocity, after `exact_w` \[m/s\]. Level flight at speed V has w = V sin
     /// theta; a lower limit costs altitude.
     pub w_limit_mps: f64,
-    /// Rate at which the heading reference turns \[deg/s\]; 0 = it steps.
+    /// Rate at which the heading reference turns \[deg/s\]; 0 = the reference steps.
     pub heading_rate_limit_dps: f64,
-    /// Limit of the horizontal error integral, in any direction, and of the vertical one \[m s\].
+    /// Limit of the horizontal error integral, in any direction, and of the vertical error integral \[m s\].
     pub integral_limit: f64,
     /// Time by which the feed-forward and the heading reference are ahead of the position reference \[s\]: about the
     /// time in which the vehicle follows a reference of its attitude.
     pub lead_s: f64,
-    /// Time for which REFERENCE tells how the reference will change; 0 = it tells nothing \[s\]. The law `mpc` plans
-    /// with it.
+    /// Time for which REFERENCE tells how the reference will change; 0 = no preview \[s\]. The law `mpc` plans with
+    /// this preview.
     pub preview_s: f64,
 }
 
@@ -116,8 +116,8 @@ pub struct Attitude {
     pub mpc: MpcSettings,
     /// Gains of the law `pid`.
     pub pid: PidGains,
-    /// Gains of the law `geometric`, as of `pid`; those of phi, theta, psi are about x, y, z of the level frame, and w
-    /// is the vertical speed.
+    /// Gains of the law `geometric`, with the units of `pid`; the gains of phi, theta, psi are about x, y, z of the
+    /// level frame, and w is the vertical speed.
     pub geometric: PidGains,
     /// Gains of the law `indi`.
     pub indi: IndiGains,
@@ -133,7 +133,8 @@ pub struct MpcSettings {
     /// \[s2/rad2\].
     pub q: [f64; 7],
     /// Diagonal of R: cost of the squares of col \[1/N2\] and of lon, lat, ped \[1/(N m)2\], as deviations from trim;
-    /// R1 of Table IV. By default scaled with mass and inertia of `airframe`; the defaults are those of Table I.
+    /// R1 of Table IV. By default scaled with mass and inertia of `airframe`; the defaults are for the vehicle of Table
+    /// I.
     pub r: [f64; 4],
     /// Diagonal of the weight on the change of col \[1/N2\] and of lon, lat, ped \[1/(N m)2\] from sample to sample,
     /// for `mpc` only: R2 of Table IV, zero in the paper.
@@ -167,14 +168,14 @@ pub struct MpcSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected true, false or \"measured\"")]
 pub enum DelayCompensation {
-    /// Over one sample with the last demand, or not at all.
+    /// Prediction over one sample with the last demand (`true`), or none (`false`).
     Sample(bool),
-    /// Over a delay that is not written down.
+    /// Prediction over a delay that has a name.
     Named(DelayName),
 }
 
 impl DelayCompensation {
-    /// Returns whether the delay is the measured one.
+    /// Returns whether the delay is the measured delay.
     pub fn is_measured(self) -> bool {
         self == Self::Named(DelayName::Measured)
     }
@@ -184,12 +185,13 @@ impl DelayCompensation {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DelayName {
-    /// Over the age at which commands take effect, as STATE reports it, with the demands that are still under way.
+    /// Age at which commands take effect, as STATE reports it; the demands that are still under way are taken into
+    /// account.
     Measured,
 }
 
-/// Gains of the law `pid`, `[attitude.pid]`: accelerations per error, so that another vehicle has the same poles with
-/// them.
+/// Gains of the law `pid`, `[attitude.pid]`: accelerations per error, so that every vehicle has the same poles
+/// with these gains.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PidGains {
@@ -209,7 +211,8 @@ impl Default for PidGains {
     }
 }
 
-/// Gains of the law `indi`, `[attitude.indi]`: accelerations per error, as those of `geometric`, without integrals.
+/// Gains of the law `indi`, `[attitude.indi]`: accelerations per error, like the gains of `geometric`, without
+/// integrals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct IndiGains {
@@ -230,12 +233,12 @@ pub enum IndiActuators {
     /// Simulated under the command in force, with the lag `attitude.actuator_lag_model_s`.
     #[default]
     Modelled,
-    /// As sensed, `plant.sensors.telemetry`.
+    /// Measured, by `plant.sensors.telemetry`.
     Sensed,
 }
 
 impl Default for IndiGains {
-    /// Places both poles of each angle at -6 rad/s and that of the climb at -4. The filter is five times as fast.
+    /// Places both poles of each angle at -6 rad/s and the pole of the climb at -4. The filter is five times as fast.
     fn default() -> Self {
         Self { kp: [4.0, 36.0, 36.0, 36.0], kd: [12.0; 3], filter_radps: 30.0, actuators: IndiActuators::Modelled }
     }
@@ -247,7 +250,7 @@ impl Default for IndiGains {
 pub enum Law {
     /// The paper's law: the best plan over the horizon.
     Mpc,
-    /// Optimum of that cost over an infinite horizon, without constraints.
+    /// Optimum of the cost of `mpc` over an infinite horizon, without constraints.
     Lqr,
     /// One PID per axis.
     Pid,
@@ -319,7 +322,7 @@ pub enum Constraints {
 pub struct MixerSettings {
     /// `true` to use the mixing matrix with the tilt reaction.
     pub tilt_reaction: bool,
-    /// `true` to replace a demand outside the exact actuator set by the nearest one inside.
+    /// `true` to replace a demand outside the exact actuator set by the nearest demand inside.
     pub projection: bool,
     /// Cost of an error in col \[1/N2\] and in lon, lat, ped \[1/(N m)2\] in the projection: the cheapest is given up
     /// first. The controller uses the same costs when its solver fails.
@@ -335,6 +338,6 @@ pub enum BrokenVehicle {
     /// Cut the thrust if a rotor is dead; a stuck tilt servo is not noticed.
     #[default]
     Cut,
-    /// Give up yaw and descend in a spin, where the rotors that are left allow it.
+    /// Give up yaw and descend in a spin, if the remaining rotors allow a spin.
     Descend,
 }

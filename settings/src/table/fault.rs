@@ -39,12 +39,12 @@ pub struct Fault {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub imu: Option<u64>,
     /// Time \[ms\]: delay (slow process, delay, delayed), age (stale), time constant (slow sensor or actuator),
-    /// duration of the rise (step), or lead of the clock (offset; negative = it is behind).
+    /// duration of the rise (step), or lead of the clock (offset; negative = the clock is behind).
     #[schemars(range(min = -MAX_FAULT_MS, max = MAX_FAULT_MS))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ms: Option<f64>,
     /// Size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), kilograms (mass). It
-    /// has the unit of what it changes; angles are in degrees.
+    /// has the unit of the quantity that it changes; angles are in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
     /// Wind, NED \[m/s\] (step, gust).
@@ -54,7 +54,7 @@ pub struct Fault {
     #[schemars(range(min = 0, max = 1))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
-    /// Number of messages lost in a row (burst), bits flipped (corrupt), or messages for each that passes (rate); 1 or
+    /// Number of messages lost in a row (burst), bits flipped (corrupt), or messages of which one passes (rate); 1 or
     /// more.
     #[schemars(range(min = 1))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -102,7 +102,7 @@ impl Fault {
         }
     }
 
-    /// Error of a sensor or topic that is wrong: the given one, or the default of the target.
+    /// Error of a sensor or topic that is wrong: the given error, or the default of the target.
     pub fn wrong(&self) -> Wrong {
         self.how.unwrap_or(if self.target.topic().is_some() { Wrong::Sign } else { Wrong::Bias })
     }

@@ -9,7 +9,7 @@ use crate::table::part::{MissionLimits, MissionPart};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mission {
-    /// Kind of trajectory. Without it a scenario with `[[mission.part]]` flies these.
+    /// Kind of trajectory; absent = `parts` for a scenario with `[[mission.part]]`.
     pub trajectory: TrajectoryKind,
     /// `survey`: velocity along each leg: seconds of ramp at both ends \[s\], at most 5 (0 = constant velocity), or
     /// `"min-jerk"`.
@@ -53,7 +53,7 @@ pub enum RampName {
     MinJerk,
 }
 
-/// Initial state, `[initial]`, added to hover trim, or to standing still.
+/// Initial state, `[initial]`, added to the hover trim, or to the state of a vehicle that stands.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Initial {

@@ -1,6 +1,6 @@
 //! `[[mission.part]]` and `[mission.limits]`: a mission of parts, flown one after the other.
 //!
-//! Each part begins where the part before ends. The check refuses a key that its kind does not use
+//! Each part begins where the part before ends. The check refuses a key that the kind of a part does not use
 //! ([`MissionPart::keys`]).
 
 use schemars::JsonSchema;
@@ -21,8 +21,8 @@ pub struct MissionPart {
     /// begins where the part before ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points_m: Option<Vec<[f64; 3]>>,
-    /// `waypoints`: time since the beginning of the part at which each point is passed \[s\], rising; absent = as early
-    /// as the limits allow, which only `min-snap` and `quintic` can be.
+    /// `waypoints`: time since the beginning of the part at which each point is passed \[s\], rising; absent, for
+    /// `min-snap` and `quintic` only = as early as the limits allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times_s: Option<Vec<f64>>,
     /// `waypoints`: kind of the curve; absent = min-snap.
@@ -51,7 +51,8 @@ pub struct MissionPart {
     /// east, -360 to 360; absent = 90.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction_deg: Option<f64>,
-    /// `loiter`, `jump`, `takeoff`: duration \[s\], 0.1 to 86400; a take-off without it is as fast as the limits allow.
+    /// `loiter`, `jump`, `takeoff`: duration \[s\], 0.1 to 86400; a take-off without a duration is as fast as the
+    /// limits allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duration_s: Option<f64>,
     /// `landing`: sink rate \[m/s\], 0.1 to 10; absent = 0.7.
@@ -127,7 +128,7 @@ pub enum PartHeading {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum HeadingRule {
-    /// Direction of flight; below 0.5 m/s the next one that there is.
+    /// Direction of flight; below 0.5 m/s of horizontal speed, the next direction above this speed, or else the last.
     AlongTrack,
     /// Direction to the centre of the circle, helix or figure eight.
     Centre,
@@ -166,7 +167,7 @@ impl MissionPart {
         matches!(self.curve, Some(C::Line | C::Trapezoid | C::MinJerk | C::Spline)) || self.kind == PartKind::Jump
     }
 
-    /// Keys that a part of this kind must have, and those that it may have besides `heading_deg`.
+    /// Keys that a part of this kind must have, and keys that it may have besides `heading_deg`.
     pub fn keys(&self) -> [&'static [&'static str]; 2] {
         match (self.kind, self.curve) {
             (PartKind::Takeoff, _) => [&["height_m"], &["duration_s"]],

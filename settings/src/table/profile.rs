@@ -1,8 +1,8 @@
 //! The two profiles: the default of every setting.
 //!
-//! `paper` is the paper's Tables III and IV, with verified values for what they leave open; `robust` is the best
-//! that the stack's own campaigns know (docs/tried.md): lag, delay and disturbance in the model, weights that tolerate
-//! them, a preview, velocity feedback and feed-forward in guidance.
+//! `paper` is the paper's Tables III and IV, with verified values for settings that the tables leave open; `robust` is
+//! the best that the stack's own campaigns know (docs/tried.md): lag, delay and disturbance in the model, weights that
+//! tolerate them, a preview, velocity feedback and feed-forward in guidance.
 
 use airframe::{Parameters, Preset, projection};
 
@@ -38,15 +38,16 @@ const MOST_WEIGHT: f64 = 1e12;
 /// with each move.
 const MOST_SAMPLES: f64 = 200.0;
 const MOST_MOVES: f64 = 20.0;
-/// Share of an error of the model that its disturbance estimate takes in, at last \[1/s\].
+/// Share of a model error that the disturbance estimate takes in per second, after its gain has fallen to the last
+/// value \[1/s\].
 const DISTURBANCE_RATE: f64 = 2.0;
 
-/// Returns the defaults of the profile of `chosen`, adapted to what else it chooses: the trajectory to its parts, the
+/// Returns the defaults of the profile of `chosen`, adapted to its other choices: the trajectory to its parts, the
 /// actuators and parameters to its preset, and the weights of the inputs to mass and inertia, so that the same
 /// acceleration costs the same, and the closed loop has the same poles.
 ///
 /// In profile `robust` the control horizon ends where a solve would take too long, the disturbance estimate is as fast
-/// at every rate, and what a law or a model has no use for is off.
+/// at every rate, and settings that a law or a model does not use are off.
 pub(crate) fn for_choice(chosen: &Scenario) -> Scenario {
     let (scenario, vehicle) = (Scenario::from(chosen.profile), &chosen.airframe);
     let ratios = scenario.airframe.inertia().component_div(&vehicle.inertia());

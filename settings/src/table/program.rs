@@ -1,10 +1,10 @@
-//! `[node.NAME]`: settings of one node. Its program in place of the launcher's own core, and its scheduling and
-//! deadline in place of those of all nodes.
+//! `[node.NAME]`: settings of one node. They replace the launcher's own core by a library or program, and override the
+//! scheduling and the deadline of all nodes.
 //!
 //! | `exec` | is |
 //! |---|---|
 //! | absent, or `""` | the launcher's own core |
-//! | a file that ends in `.so` | a library with the interface of `trefoil.h`, which a process of the launcher loads |
+//! | a file that ends in `.so` | a library with the interface of `trefoil.h` or a function of CasADi, which a process of the launcher loads |
 //! | any other file | a program of its own, started as `EXEC ARGS --namespace NAME --epoch N --settings FILE` |
 
 use std::collections::BTreeMap;
@@ -39,16 +39,17 @@ pub struct Nodes {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct NodeSettings {
-    /// File of the library or program. A relative path that exists beside the scenario file is that file; any other is
-    /// seen from where the launcher is started, or, without a slash, found in `PATH`. Empty = the launcher's own core.
+    /// File of the library or program. A relative path that exists beside the scenario file is that file; any other
+    /// path is relative to the launcher's working directory, or, without a slash, searched in `PATH`. Empty = the
+    /// launcher's own core.
     #[schemars(example = "my-controller.so")]
     #[serde(skip_serializing_if = "String::is_empty")]
     pub exec: String,
-    /// Arguments before those of the launcher, for a program; paths as in `exec`.
+    /// Arguments of a program, before the launcher's arguments; relative paths as in `exec`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub args: Vec<String>,
-    /// SHA-256 of the file of `exec` and of each file that `args` names, by its path; the launcher adds them, and
-    /// refuses other files where they are given.
+    /// SHA-256 of the file of `exec` and of each file that `args` names, by its path. The launcher adds missing hashes,
+    /// and refuses a file whose given hash differs.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub files: BTreeMap<String, String>,
     /// Variables added to the environment of the process.
@@ -57,14 +58,14 @@ pub struct NodeSettings {
     /// Scheduling class; absent = `realtime.policy`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policy: Option<SchedulingPolicy>,
-    /// `SCHED_FIFO` priority; absent = that of the node's place in the ring, from `realtime.priority` on.
+    /// `SCHED_FIFO` priority; absent = `realtime.priority` plus the node's place in the ring, 0 (plant) to 3 (mixer).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub priority: Option<u32>,
     /// CPUs that the node may run on; absent = `realtime.affinity`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub affinity: Option<Vec<usize>>,
-    /// Deadline of the node's message \[ms\]; absent = a share of that of the whole chain: 20 % for STATE, 40 % for
-    /// REFERENCE, 80 % for CONTROLS, all of it for ACTUATORS.
+    /// Deadline of the node's message \[ms\]; absent = a share of the deadline of the whole chain: 20 % for STATE, 40 %
+    /// for REFERENCE, 80 % for CONTROLS, all of it for ACTUATORS.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub deadline_ms: Option<f64>,
     /// Treatment of a late message; absent = `deadline.late`.
@@ -152,7 +153,7 @@ impl Nodes {
     }
 }
 
-/// Makes the paths of programs in `settings` absolute that name a file in `folder`.
+/// Makes paths in `settings` absolute if they name a file in `folder`: programs, their arguments and hashed files.
 pub fn find_programs(settings: &mut Table, folder: &Path) {
     let found = |path: &str| {
         let file = absolute(folder.join(path)).ok().filter(|file| !path.is_empty() && file.is_file())?;
@@ -179,7 +180,7 @@ pub fn find_programs(settings: &mut Table, folder: &Path) {
 /// Settings of a node that belong to its program.
 const PROGRAM: [&str; 5] = ["exec", "args", "files", "env", "settings"];
 
-/// Drops from the settings `below` those of each program that `above` replaces by another `exec`.
+/// Drops the settings of a program from each node in `below` to which `above` gives an `exec`.
 pub(crate) fn drop_replaced_programs(below: &mut Table, above: &Table) {
     let Some(nodes) = above.get("node").and_then(Value::as_table) else { return };
     let Some(below) = below.get_mut("node").and_then(Value::as_table_mut) else { return };

@@ -1,4 +1,4 @@
-//! The scenario as a whole, `[run]` and `[bounds]`. Names and units are the file's.
+//! The scenario as a whole, `[run]` and `[bounds]`. Fields have the names and units of the file.
 
 use airframe::{ActuatorLaw, ActuatorLimits, Parameters, Trim};
 use contract::topic::{GRAPH, Topic};
@@ -92,12 +92,12 @@ pub struct Run {
     pub command_delay_ms: f64,
     /// Upper end of a further random delay of each command, uniform from 0 \[ms\].
     pub command_jitter_ms: f64,
-    /// Probability that a command is dropped, 0 to 1; the previous one then stays in force.
+    /// Probability that a command is dropped, 0 to 1; the previous command then stays in force.
     pub command_drop_probability: f64,
 }
 
 /// Bounds on metrics of the run (see run.json), `[bounds]`; `inf` = not checked. Position error and fallback have
-/// defaults of profile and mission; the others are not checked when absent.
+/// defaults of profile and mission; the other bounds are not checked when absent.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Bounds {
@@ -139,7 +139,7 @@ impl Scenario {
         self.nearest_samples(self.attitude.mpc.control_horizon_s)
     }
 
-    /// Rounds a time to samples; a half is rounded up, also where its product with the rate is a little below it.
+    /// Rounds a time to samples, halves up; adding 1e-6 covers a product that floating point puts just below a half.
     fn nearest_samples(&self, time_s: f64) -> usize {
         libm::round(time_s * f64::from(self.run.rate_hz) + 1e-6) as usize
     }
@@ -149,13 +149,13 @@ impl Scenario {
         (self.run.duration_s * f64::from(self.run.rate_hz)).round().max(1.0) as u64
     }
 
-    /// Returns whether the log gets the nodes' memories after sample `tick`, to begin a replay there: every ten
+    /// Returns whether the log gets the nodes' memories after sample `tick`, from which a replay can begin: every ten
     /// seconds.
     pub fn is_remembered(&self, tick: u64) -> bool {
         tick > 0 && tick.is_multiple_of(REMEMBERED_S * u64::from(self.run.rate_hz))
     }
 
-    /// Integration step \[ns\]: the longest one of at most `plant.substep_s` that divides the sample time.
+    /// Integration step \[ns\]: the longest step of at most `plant.substep_s` that divides the sample time.
     pub fn substep_ns(&self) -> u64 {
         let sample_ns = self.sample_ns();
         let longest_ns = (self.plant.substep_s * 1e9).round().max(1.0) as u64;

@@ -67,8 +67,8 @@ pub struct SensorSettings {
     pub bias: [f64; 3],
     /// Random walk of the bias \[unit / sqrt(s)\].
     pub bias_walk: [f64; 3],
-    /// Time constant of the bias \[s\], which walks back to 0 by it (first-order Gauss-Markov); 0 = it stays where it
-    /// is. The bias is stationary if `bias_walk` is `bias` times the root of 2 / `bias_s`.
+    /// Time constant \[s\] with which the bias returns to 0 (first-order Gauss-Markov); 0 = the bias does not return.
+    /// The bias is stationary if `bias_walk` is `bias` times the root of 2 / `bias_s`.
     pub bias_s: f64,
     /// Quantisation step of the values \[unit\]; 0 = none.
     pub quantum: [f64; 3],
@@ -109,12 +109,12 @@ pub struct Gyros {
     pub quantum: [f64; 3],
 }
 
-/// Inertial measurement unit, `[plant.sensors.imu]`: means over a sample, of equal errors on every axis.
+/// Inertial measurement unit, `[plant.sensors.imu]`: measures means over a sample, with equal errors on every axis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ImuSettings {
-    /// Number of IMUs, 1 or 2, with errors of their own: the EKF runs once for each, and the one that fits the other
-    /// sensors flies.
+    /// Number of IMUs, 1 or 2, with errors of their own: one EKF runs for each IMU, and the controllers get the
+    /// estimate that fits the other sensors.
     pub count: usize,
     /// Samples per second \[Hz\]: the vehicle is integrated up to each, also between two samples of the run.
     pub rate_hz: f64,
@@ -132,7 +132,7 @@ pub struct ImuSettings {
     /// proportional to the mean rotor speed, and white because sampling folds it down \[m/s2\].
     pub vibration_mps2: f64,
     /// Amplitude of the vibration at the speed of each rotor at trim, in a direction that is drawn; it is proportional
-    /// to the square of the speed \[m/s2\]. What is left in the mean over a sample is an alias of it.
+    /// to the square of the speed \[m/s2\]. The mean over a sample contains an alias of this vibration.
     pub vibration_line_mps2: f64,
 }
 
@@ -152,7 +152,7 @@ impl Default for ImuSettings {
     }
 }
 
-/// Satellite receiver, `[plant.sensors.receiver]`: what its position and velocity have in common.
+/// Satellite receiver, `[plant.sensors.receiver]`: errors and latency that its position and velocity share.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Receiver {
@@ -227,7 +227,7 @@ pub struct Alignment {
     /// Heading \[deg\].
     pub heading_deg: f64,
     /// Time that the vehicle stands still before the flight, while the unit aligns itself by its own sensors \[s\], 0
-    /// to 60; 0 = it starts with an error of the deviations above.
+    /// to 60; 0 = the unit starts with an error of the deviations above.
     pub standing_s: f64,
 }
 
@@ -245,7 +245,7 @@ pub struct TelemetrySettings {
 }
 
 impl From<SensorPreset> for SensorsSettings {
-    /// Returns a preset. `typical` and `good` are in the order of the parts that docs/navigation.md names.
+    /// Returns a preset. The errors of `typical` and `good` are as large as those of the parts in docs/navigation.md.
     fn from(preset: SensorPreset) -> Self {
         let sensors = match preset {
             SensorPreset::Ideal => Self::ideal(),

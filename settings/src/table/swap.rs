@@ -33,7 +33,7 @@ pub struct Swap {
     /// Time that the candidate is on standby \[s\], 0 to 86400.
     #[serde(default = "Swap::usual_standby_s")]
     pub standby_s: f64,
-    /// Time that the old process stays on standby after that \[s\], 0 to 86400.
+    /// Time that the old process stays on standby after the hand-over \[s\], 0 to 86400.
     #[serde(default = "Swap::usual_watch_s")]
     pub watch_s: f64,
     /// Bounds that the candidate must keep.
@@ -113,7 +113,7 @@ fn name_of<S: Serializer>(node: &Topic, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(node.publisher())
 }
 
-/// Reads the name of a node. The plant is read, so that the check can refuse it with the reason, but it is not offered.
+/// Reads the name of a node. Accepts the plant, which the check then refuses with the reason, but never suggests it.
 pub fn swap_node<'de, D: Deserializer<'de>>(from: D) -> Result<Topic, D::Error> {
     let word = String::deserialize(from)?;
     Topic::of_node(&word).ok_or_else(|| D::Error::unknown_variant(&word, NAMES))

@@ -3,14 +3,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Scheduling of all nodes, `[realtime]`; `[node.NAME]` overrides it for one.
+/// Scheduling of all nodes, `[realtime]`; `[node.NAME]` overrides it for one node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Realtime {
     /// Scheduling class to ask for; without the privilege the stack runs as `other` and says so.
     pub policy: SchedulingPolicy,
-    /// `SCHED_FIFO` priority of the plant; each node downstream has a priority one higher than the node before it. 95
-    /// is the highest, because the kernel needs those above.
+    /// `SCHED_FIFO` priority of the plant; each node downstream has a priority one higher than the node before it. At
+    /// most 95: the mixer then has 98, and the kernel needs the highest.
     pub priority: u32,
     /// CPUs that the nodes may run on. Empty = all of them in real time. In lockstep, where one node works at a time,
     /// empty = one CPU for all nodes, which the launcher chooses.
@@ -47,7 +47,7 @@ pub enum SchedulingPolicy {
 }
 
 /// Deadlines of the nodes' messages, counted from the plant's sample, `[deadline]`; `[node.NAME]` overrides them for
-/// one node. In force in real time only.
+/// one node. Deadlines hold in real time only.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Deadline {
@@ -64,9 +64,9 @@ pub struct Deadline {
 pub enum Late {
     /// Sends the message late.
     Send,
-    /// Withholds the message: the nodes downstream keep the previous one.
+    /// Withholds the message: the nodes downstream keep the previous message.
     Skip,
-    /// Sends the last timely message again in its place; the late one if there was none.
+    /// Sends the last timely message again in its place; the late message if there was no timely message.
     Hold,
     /// Sends the message late, and does less in the next cycle: attitude-mpc then projects instead of solving.
     Degrade,
@@ -75,7 +75,7 @@ pub enum Late {
 }
 
 /// Rules for failure and restart of processes, `[supervision]`, the same in every mode. In lockstep and in process no
-/// clock runs: the end of a process is seen after 2 ms, and it is ready `start_ms` after its start.
+/// clock runs: the end of a process is seen after 2 ms, and a process is ready `start_ms` after its start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Supervision {
@@ -83,7 +83,7 @@ pub struct Supervision {
     pub hang_ms: f64,
     /// Delays before the first, second, ... restart within 5 s \[ms\]; at one failure more the node is given up.
     pub restart_ms: Vec<f64>,
-    /// Longest time from the start of a process to when it is ready \[s\]; after that it counts as hung.
+    /// Longest time from the start of a process to when it is ready \[s\]; a process that takes longer counts as hung.
     pub start_limit_s: f64,
     /// Time from the start of a process to when it is ready, in lockstep and in process \[ms\].
     pub start_ms: f64,
@@ -105,11 +105,11 @@ impl Default for Supervision {
     }
 }
 
-/// Deadline of one node's messages, and treatment of late ones.
+/// Deadline of one node's messages, and treatment of late messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NodeDeadline {
     /// Latest publication after the sample \[ns\].
     pub deadline_ns: u64,
-    /// Treatment of a later one.
+    /// Treatment of a later message.
     pub late: Late,
 }

@@ -43,8 +43,8 @@ pub struct PlantSettings {
     pub noise: Noise,
     /// Further errors of the sensors, and the filter behind them.
     pub sensors: SensorsSettings,
-    /// Differences between the vehicle that flies and the one that the controllers know: any key of `[airframe]` but
-    /// `g_mps2` and `preset`, and those below. Absent = as in `[airframe]`.
+    /// Differences between the flown vehicle and the vehicle that the controllers know: any key of `[airframe]` but
+    /// `g_mps2` and `preset`, and the keys below. Absent = as in `[airframe]`.
     pub airframe: FlownAirframe,
     /// Rotor effects that the paper neglects.
     pub rotor: Rotor,

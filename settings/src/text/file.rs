@@ -19,7 +19,7 @@ pub const MAX_RESULTS_BYTES: u64 = 64 << 20;
 /// Largest flight log \[bytes\]: a day at 100 Hz takes a third of it.
 pub const MAX_LOG_BYTES: u64 = 64 << 30;
 
-/// Opens the regular file at `path` without ever waiting, and returns its length too, at most `limit` bytes.
+/// Opens the regular file at `path` without ever waiting, and returns it with its length, at most `limit` bytes.
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     let mut options = OpenOptions::new();
     // std adds O_CLOEXEC. O_NONBLOCK means nothing to a regular file, and keeps the open of a FIFO from waiting.
@@ -28,7 +28,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     checked(options.read(true).open(path)?, limit)
 }
 
-/// Refuses a file that is not regular, or has more than `limit` bytes; otherwise returns its length too.
+/// Refuses a file that is not regular, or has more than `limit` bytes; otherwise returns it with its length.
 pub fn checked(file: File, limit: u64) -> Result<(File, u64)> {
     let metadata = file.metadata()?;
     let kind = metadata.file_type();
@@ -63,7 +63,7 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String> {
     text(read(path, limit)?)
 }
 
-/// Converts the bytes of a file to text; an error if they are not UTF-8.
+/// Converts the bytes of a file to text; bytes that are not UTF-8 are an error.
 pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| Error::new(ErrorKind::InvalidData, error.utf8_error()))
 }

@@ -77,7 +77,7 @@ impl SettingsText {
         })
     }
 
-    /// Folder of the file; that of the process for `--set`.
+    /// Folder of the file; for `--set` an empty path, the working directory.
     pub fn folder(&self) -> &Path {
         self.path.as_ref().and_then(|path| Path::new(path).parent()).unwrap_or(Path::new(""))
     }
@@ -87,7 +87,7 @@ impl SettingsText {
 pub struct Problem<'a> {
     /// Description of the problem.
     pub title: String,
-    /// Source, and bytes of its text; `None` if it was written in no file.
+    /// Source of the problem, and the bytes of its text; `None` if the problem is in no source.
     pub place: Option<(&'a SettingsText, Range<usize>)>,
     /// Advice on the fix; may be empty.
     pub help: String,

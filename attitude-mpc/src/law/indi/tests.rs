@@ -29,7 +29,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
     };
     let mut memory = AttitudeMemory::new(7, trim.actuation);
     let (mut measured, mut slow) = (Kinematics::default(), [Vector4::zeros(); 2]);
-    measured.attitude_rad[0] = trim.roll_rad; // held: the rates are not integrated
+    measured.attitude_rad[0] = trim.roll_rad; // constant: this vehicle does not integrate the rates
     let sample = |measured: &Kinematics| {
         let [p, q, r] = measured.rates_radps;
         DVector::from_row_slice(&[measured.velocity_mps[2], 0.0, 0.0, 0.0, p, q, r])
@@ -62,7 +62,7 @@ fn swing(scale: f64) -> Vec<[Vector4<f64>; 2]> {
     found.split_off(100)
 }
 
-/// Largest value of each axis.
+/// Largest magnitude on each axis.
 fn largest(all: impl Iterator<Item = Vector4<f64>>) -> Vector4<f64> {
     all.fold(Vector4::zeros(), |most, one| most.zip_map(&one, |a, b| a.max(b.abs())))
 }

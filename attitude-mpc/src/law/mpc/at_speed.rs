@@ -1,13 +1,13 @@
 //! Prediction model at a flight condition other than hover, from [`airframe::at_speed`].
 //!
 //! States and inputs are deviations from hover, as in the [hover model](crate::model), so that memory and constraints
-//! mean the same under each model. The part of the equations of motion that is not linear in them, the offset `o`, is a
-//! known disturbance on the inputs.
+//! mean the same under each model. The part of the equations of motion that is not linear in these deviations, the
+//! offset `o`, is a known disturbance on the inputs.
 //!
-//! Departure: the cost weighs the error of the climb, not that of w. At the speed u, a pitch of dtheta changes w by u
-//! dtheta without any climb. Guidance computes the reference of w at the present attitude. If this reference were held
-//! while the vehicle pitches, it would stand for another climb. `T` maps w to w at the reference attitude (`lean` of
-//! the model): Q becomes `T' Q T`, and the reference of w is mapped likewise. Test
+//! Departure: the cost weighs the error of the climb, not the error of w. At the speed u, a pitch of dtheta changes w
+//! by u dtheta without any climb. Guidance computes the reference of w at the present attitude. If this reference were
+//! held while the vehicle pitches, it would stand for another climb. `T` maps w to w at the reference attitude (`lean`
+//! of the model): Q becomes `T' Q T`, and the reference of w is mapped likewise. Test
 //! `a_change_of_pitch_at_constant_climb_costs_no_climb`.
 
 use airframe::linear::{INPUTS, STATES};
@@ -51,11 +51,11 @@ impl FlightModel {
     ) {
         next.gemv(share, &self.model.a, x, 1.0);
         next.gemv(share, &self.model.b, u, 1.0);
-        next.gemv(share, &self.model.e, &(d + self.offset), 1.0); // as (1)
+        next.gemv(share, &self.model.e, &(d + self.offset), 1.0); // (1) with the offset
     }
 
     /// Converts `given` = (x; r; d; v), n states first, to this model: the reference of w, made at the measured
-    /// `attitude_rad` (phi from trim, theta), becomes that at the reference attitude, and `o` is added to d.
+    /// `attitude_rad` (phi from trim, theta), becomes a reference at the reference attitude, and `o` is added to d.
     pub fn put_into(&self, given: &mut DVector<f64>, n: usize, attitude_rad: &[f64; 2]) {
         self.lean_on_reference(given.rows_mut(n, STATES).as_mut_slice(), attitude_rad);
         let mut d = given.rows_mut(n + STATES, INPUTS);
@@ -74,7 +74,7 @@ impl FlightModel {
         }
     }
 
-    /// Converts a weight on climb and attitude to one on w and attitude: `T' weight T`.
+    /// Converts a weight on climb and attitude to a weight on w and attitude: `T' weight T`.
     pub fn lean_on(&self, weight: &mut DMatrix<f64>) {
         for (lean, angle) in self.lean.iter().zip(ANGLES) {
             for i in 0..weight.nrows() {

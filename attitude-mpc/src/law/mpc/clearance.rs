@@ -1,14 +1,14 @@
 //! Bound on how near the moves of an unconstrained plan come to the limits, without computing them.
 //!
-//! Every move is linear in the numbers `z` that are given at a tick, and a limit has the slack `o + g z`, `o` at hover.
-//! By the triangle inequality no limit is reached if
+//! Every move is linear in the numbers `z` that are given at a tick, and a limit has the slack `o + g z`, where `o` is
+//! the slack at hover. By the triangle inequality no limit is reached if
 //!
 //! ```text
 //! sum_j |z_j| w_j < 1,      w_j = max |g_j| / o over all moves and limits
 //! ```
 //!
-//! `x` and `r` nearly cancel in a plan, so `z` has `x - r` and `r`. Ticks on which the bound does not hold compute the
-//! whole plan and check every move. Test `a_plan_that_is_clear_has_no_move_near_a_limit`.
+//! `x` and `r` nearly cancel in a plan, so `z` contains `x - r` and `r`. Ticks on which the bound does not hold compute
+//! the whole plan and check every move. Test `a_plan_that_is_clear_has_no_move_near_a_limit`.
 
 use airframe::DemandSet;
 use airframe::linear::{INPUTS, STATES};
@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, Vector4};
 
 use crate::law::mpc::condensed::{GIVEN, Gain};
 
-/// Share of the way from hover to a limit; a move below it is clear of the limit, and far from touching it.
+/// Share of the way from hover to a limit below which a move counts as clear of the limit: far from touching it.
 const CLEAR: f64 = 0.99;
 
 /// Weights `w` of the bound.
@@ -53,8 +53,8 @@ impl Clearance {
     }
 }
 
-/// Sum of the sizes of `numbers`, each times its weight. The sum has four independent parts, so that none waits for
-/// another.
+/// Sum of the magnitudes of `numbers`, each times its weight, in four independent parts that the processor adds in
+/// parallel.
 fn weighted(numbers: &[f64], weights: &[f64]) -> f64 {
     let ((numbers, last), (weights, of_last)) = (numbers.as_chunks::<4>(), weights.as_chunks::<4>());
     let mut sums = [0.0; 4];
@@ -67,7 +67,8 @@ fn weighted(numbers: &[f64], weights: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + last
 }
 
-/// Largest share of the way from hover to any limit that one unit of each column of `gain` takes any move.
+/// Weights `w_j` of the columns of `gain`: the largest share of the slack at hover that one unit uses up, over all
+/// moves and limits.
 fn weights(gain: &DMatrix<f64>, moves: &DemandSet) -> DVector<f64> {
     let share = |move_: &Vector4<f64>| {
         let rows = moves.linear.iter().map(|row| of_room(row.slope.dot(move_).abs(), row.offset));
@@ -85,7 +86,7 @@ fn weights(gain: &DMatrix<f64>, moves: &DemandSet) -> DVector<f64> {
     DVector::from_iterator(gain.ncols(), (0..gain.ncols()).map(of_column))
 }
 
-/// Ratio of a `way` to the `room` that a limit leaves at hover; infinite without room, so that nothing is clear.
+/// Ratio of a `way` to the `room` that a limit leaves at hover; infinite without room, so that no plan is clear.
 fn of_room(way: f64, room: f64) -> f64 {
     if room > 0.0 { way / room } else { f64::INFINITY }
 }
@@ -132,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn small_errors_at_any_reference_are_clear_and_numbers_that_are_none_are_not() {
+    fn small_errors_at_any_reference_are_clear_and_nan_is_not() {
         let (gain, moves) = of(Constraints::Cone);
         let clearance = Clearance::new(&gain, &moves);
         let (mut given, changes) = (DVector::zeros(26), DVector::zeros(140));

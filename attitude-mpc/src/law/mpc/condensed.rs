@@ -1,4 +1,4 @@
-//! Condensed optimal control problem: the states are eliminated, which leaves a quadratic in the moves.
+//! Condensed optimal control problem: the states are eliminated, which leaves a quadratic cost in the moves.
 //!
 //! ```text
 //! J(U) = sum_{k=1}^{Np-1} |x_k - r|_Q^2 + |x_Np - r|_P^2
@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The given numbers are `c = (x; r; d; v)`, `v` being the last demand `u_{-1}`. Each deviation from the target is
-//! linear in them and in the moves `U`:
+//! linear in `c` and in the moves `U`. With `Q_k` = Q, or P for k = Np, and the block diagonal `Rb` of R:
 //!
 //! ```text
 //! x_k - r = E_k c + G_k U
@@ -16,13 +16,13 @@
 //! ```
 //!
 //! If the reference changes over the horizon ([`crate::law::mpc::preview`]), `x_k` follows `r + dr_k`, and `u_(k-1)`
-//! the target of that reference, which is linear in `dr_k` too.
+//! follows the target of that reference, which is linear in `dr_k` too.
 //!
 //! Departure: the paper regulates to zero; here the states follow `r`, and the inputs and the lag states follow `u_s`.
 //! `u_s = -d` holds the vehicle at trim against the disturbance. If `d` is estimated, `u_s = S r - d` holds it at the
 //! reference: `S r` makes up for the part of gravity that acts on w at a roll other than trim. Pannocchia and Rawlings,
-//! *AICHE Journal* 49 (2003), compute such a target each sample; here it is linear in `(r; d)`, part of the gain. Tests
-//! `a_constant_disturbance_leaves_no_offset`, `a_roll_away_from_trim_leaves_no_offset`.
+//! *AICHE Journal* 49 (2003), compute such a target each sample; here the target is linear in `(r; d)` and part of the
+//! gain. Tests `a_constant_disturbance_leaves_no_offset`, `a_roll_away_from_trim_leaves_no_offset`.
 //!
 //! Departure: after Nu the paper uses `u = K x` without giving K; here the last move is held. Test
 //! `val_first_move_gains`.
@@ -38,7 +38,7 @@ use crate::law::mpc::at_speed::FlightModel;
 use crate::memory::AttitudeMemory;
 use crate::model::PredictionModel;
 
-/// Number of given numbers beside the state: r, d, v.
+/// Number of given numbers besides the state: r, d, v.
 pub const GIVEN: usize = STATES + INPUTS + INPUTS;
 /// Index of p in state and reference; q and r follow.
 pub const RATES: usize = 4;
@@ -46,8 +46,8 @@ pub const RATES: usize = 4;
 /// Number added to the diagonal of `Q` in the Riccati equation, because states without weight leave `Q` semidefinite.
 const DARE_REGULARISATION: f64 = 1e-9;
 
-/// Smallest accepted pivot of the Hessian's Cholesky factor, as a share of the diagonal element. The shipped profiles
-/// have 0.05, and 4e-4 with 200 moves; rounding begins at 1e-13.
+/// Smallest accepted pivot, the squared diagonal element of the Cholesky factor, as a share of the Hessian's diagonal
+/// element. The shipped profiles have 0.05, and 4e-4 with 200 moves; rounding begins at 1e-13.
 const INDEPENDENT: f64 = 1e-11;
 
 /// Quadratic cost in the moves, and its minimiser as a gain.
@@ -57,7 +57,7 @@ pub struct Condensed {
     pub hessian: DMatrix<f64>,
     /// Gain of `U*`.
     pub gain: Gain,
-    /// Predicted states.
+    /// Predicted states of the first Nu samples.
     pub course: PredictedStates,
 }
 
@@ -130,7 +130,7 @@ impl Condensed {
         let inputs = input_targets(model, follows);
         let targets = targets(model, &inputs);
 
-        // States without a move, by (x; r; d; v), and the effect of each move on them.
+        // `free` maps (x; r; d; v) to the states without moves; `forced` maps the moves to their effect on the states.
         let mut free = DMatrix::zeros(n, n + GIVEN);
         free.columns_mut(0, n).fill_with_identity();
         let mut forced = DMatrix::zeros(n, INPUTS * nu);
@@ -218,7 +218,7 @@ fn terminal_weight(
     }
 }
 
-/// Cost over an infinite horizon, n x n.
+/// Matrix of the cost over an infinite horizon, n x n; the error names weights for which none exists.
 fn dare(model: &PredictionModel, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<DMatrix<f64>, ScenarioError> {
     let regularised = q + DMatrix::identity(q.nrows(), q.nrows()) * DARE_REGULARISATION;
     riccati::solve(&model.a, &model.b, &regularised, r).ok_or_else(|| {
@@ -246,8 +246,8 @@ fn singular_hessian() -> ScenarioError {
     )
 }
 
-/// Gain of the linear-quadratic regulator, the same cost over an infinite horizon without constraints:
-/// `u = gain (x; r; d; v)`, 4 x (n + 15). It does not preview.
+/// Gain of the linear-quadratic regulator, the same cost over an infinite horizon without constraints: `u = gain (x; r;
+/// d; v)`, 4 x (n + 15). The regulator has no preview.
 pub fn regulator(model: &PredictionModel, settings: &Attitude) -> Result<Gain, ScenarioError> {
     let (q, r) = stage_weights(model.states(), &settings.mpc);
     let s = dare(model, &q, &r)?;
@@ -262,7 +262,8 @@ pub fn regulator(model: &PredictionModel, settings: &Attitude) -> Result<Gain, S
     if is_finite { Ok(Gain { given: gain, changes: DMatrix::zeros(INPUTS, 0) }) } else { Err(singular_hessian()) }
 }
 
-/// Targets of the states by `(x; r; d; v)`, n x (n + 15): `r` for the seven, those of the inputs for the lag states.
+/// Targets of the states by `(x; r; d; v)`, n x (n + 15): `r` for the first seven, the targets of the inputs for the
+/// lag states.
 fn targets(model: &PredictionModel, inputs: &DMatrix<f64>) -> DMatrix<f64> {
     let n = model.states();
     let mut targets = DMatrix::zeros(n, n + GIVEN);

@@ -1,11 +1,11 @@
 //! Choice of a plan that is always inside the set:
 //!
-//! 1. The unconstrained plan if it is inside: one matrix-vector product, checked and not solved. Where the bound of
-//!    [`clearance`](crate::law::mpc::clearance) shows that, only its first move is computed.
+//! 1. The unconstrained plan if it is inside: one matrix-vector product and a check. If the bound of
+//!    [`clearance`](crate::law::mpc::clearance) shows that the plan is inside, only its first move is computed.
 //! 2. Else the solver's plan, drawn slightly inside the border.
 //! 3. If the solver fails: the unconstrained plan, every move projected into the set as the mixer does.
 //! 4. If the solver ran out of iterations or time: plan 3 moved towards the last iterate as far as the set allows, if
-//!    that costs less.
+//!    the moved plan costs less.
 
 use airframe::linear::INPUTS;
 use airframe::projection::Projection;
@@ -20,11 +20,11 @@ use crate::law::mpc::condensed::Condensed;
 use crate::law::mpc::constraints::PlanSet;
 use crate::law::mpc::solver::{SolveVerdict, Solver};
 
-/// Largest accepted violation of a solver's plan, which is then drawn inside; also the largest slack of a limit that
-/// counts as touched. In the units of the slacks.
+/// Largest violation of the set with which a solver's plan is accepted and drawn inside; also the largest slack of a
+/// limit that counts as touched. Both are in the units of the slacks.
 const MAX_VIOLATION: f64 = 1e-6;
 
-/// Set of the plans, and the solver that finds the best one in it.
+/// Set of the plans, and the solver that finds the best plan in it.
 pub struct Constrained {
     set: PlanSet,
     /// Bound on the plans of the hover model.
@@ -43,7 +43,7 @@ pub struct Constrained {
 }
 
 impl Constrained {
-    /// Sets up a scenario's constraints on the problem of the hover model; `None` if it has none.
+    /// Sets up a scenario's constraints on the problem of the hover model; `None` if the scenario has none.
     pub fn new(scenario: &Scenario, problem: &Condensed, roll_trim_rad: f64) -> Option<Self> {
         let Condensed { hessian, gain, course } = problem;
         let set = PlanSet::new(scenario, course, roll_trim_rad)?;
@@ -67,13 +67,14 @@ impl Constrained {
     }
 
     /// Returns whether the unconstrained plan of the hover model for `given` = (x; r; d; v) and the `changes` of r is
-    /// the one to follow at `tick`, with no limit near it; `false` if only the whole plan can show it.
+    /// followed at `tick` because no limit is near it; `false` if only the whole plan can show this.
     pub fn is_clear(&self, given: &DVector<f64>, changes: &DVector<f64>, tick: u64) -> bool {
         self.set.states.is_none() && self.faults.on(tick).next().is_none() && self.clearance.is_clear(given, changes)
     }
 
-    /// Writes the `plan` to follow for the `unconstrained` one and the start of this tick, `given` = (x; r; d; v).
-    /// While a fault of the solver is active, a plan inside the set is solved too, unless `hurried`.
+    /// Writes the `plan` to follow for the `unconstrained` plan and the start of this tick, `given` = (x; r; d; v).
+    /// While a fault of the solver is active, the solver also gets an unconstrained plan that is inside the set, unless
+    /// `hurried`.
     pub fn choose(
         &mut self,
         unconstrained: &DVector<f64>,
@@ -106,7 +107,8 @@ impl Constrained {
         (status, account)
     }
 
-    /// Writes a plan inside the set without a solution: 3. of the module's list, or 4. if `verdict` is a limit.
+    /// Writes a plan inside the set without a solution: item 3 of the module's list, or item 4 if `verdict` is
+    /// `LimitReached`.
     fn fall_back(
         &mut self,
         unconstrained: &DVector<f64>,

@@ -1,4 +1,5 @@
-//! Constraints on a plan: every move is inside the actuators' set, and predicted states beyond their limits cost.
+//! Constraints on a plan: every move is inside the actuators' set, and predicted states beyond their limits have a
+//! cost.
 //!
 //! ```text
 //! u_min <= u_k <= u_max,   k = 0..Nu-1                                   (3)
@@ -7,12 +8,14 @@
 //! |p|, |q|, |r| <= 2 pi rad/s                                            (51)
 //! ```
 //!
-//! The paper finds no bounds for (3) and approximates. Here they are exact: [`airframe::demand_set`] has the limits of
-//! rotors and servo as rows and a disc in the move. The smallest box around them can be chosen instead.
+//! The paper finds no bounds for (3) and approximates them. Here they are exact: [`airframe::demand_set`] has the
+//! limits of rotors and servo as linear rows and a disc for each move. The smallest box around this set can be chosen
+//! instead.
 //!
-//! Departure: (49)-(51) are soft. No move can stop the vehicle's motion within a sample, so that hard limits would make
-//! the problem infeasible as soon as a state exceeds one. A state beyond its limit by the share `e` of the limit costs
-//! `1/2 w e^2` per predicted sample, over the first `Nu` samples. Test `a_state_beyond_its_limit_still_has_a_plan`.
+//! Departure: (49)-(51) are soft. No move can stop the vehicle's motion within a sample, so hard limits would make the
+//! problem infeasible as soon as a state exceeds its limit. A state beyond its limit by the share `e` of the limit
+//! costs `1/2 w e^2` per predicted sample, over the first `Nu` samples. Test
+//! `a_state_beyond_its_limit_still_has_a_plan`.
 
 use airframe::DemandSet;
 use airframe::envelope::Envelope;
@@ -21,7 +24,7 @@ use settings::{Constraints, MpcSettings, Scenario, StateConstraints};
 
 use crate::law::mpc::condensed::PredictedStates;
 
-/// States with a limit: phi, theta, psi, p, q, r.
+/// Number of states with a limit: phi, theta, psi, p, q, r.
 const LIMITED: usize = 6;
 /// Factor that scales a move back from the border, so that the mixer does not clip it by rounding.
 const RETRACTION: f64 = 1.0 - 1e-9;
@@ -89,7 +92,7 @@ impl PlanSet {
         states.reached.amax() - 1.0 // (49), (50), (51)
     }
 
-    /// Number of limits that the `moves` touch: slacks of at most `near`.
+    /// Number of limits that the `moves` touch, with a slack of at most `near`.
     pub fn touching(&self, moves: &DVector<f64>, near: f64) -> u64 {
         let mut touching = 0;
         for u in each(moves.as_slice()) {

@@ -18,7 +18,7 @@ use crate::law::coupling::Coupling;
 use crate::memory::{AttitudeMemory, WarmStart};
 use crate::model::PredictionModel;
 
-/// Model predictive control.
+/// Model predictive control law, with its buffers.
 pub struct Mpc {
     unconstrained_law: UnconstrainedLaw,
     constrained: Option<Constrained>,
@@ -31,13 +31,13 @@ pub struct Mpc {
     unconstrained: DVector<f64>,
     /// Number of elements of `unconstrained` that are computed: all, or the first move.
     computed: usize,
-    /// Plan to follow, 4Nu; as many of its elements are computed as of `unconstrained`.
+    /// Plan to follow, 4Nu; its first `computed` elements are valid.
     followed: DVector<f64>,
 }
 
 /// Plan without the actuators' limits.
 enum UnconstrainedLaw {
-    /// One gain for every condition, with the coupling term in the prediction behind the estimate or without.
+    /// One gain for every condition; with the model `coupled`, the coupling term for the prediction of the estimate.
     Gain(Gain, Option<Coupling>),
     /// One gain for each of several flight conditions.
     Scheduled(Box<GainSchedule>),

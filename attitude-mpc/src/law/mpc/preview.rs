@@ -9,8 +9,8 @@
 //!
 //! If the delay is measured, the moment of a reference is the instant at which the command that answers it acts.
 //! Otherwise it is the sample of the reference. `x_k` follows the reference of its own moment, `r + dr_k`, also if the
-//! reference is an old one: a preview makes up for references that are late or lost. The rates follow the slope of the
-//! angles. After its last element the reference stays. Tests `the_gain_minimises_the_printed_cost`,
+//! reference is old: a preview makes up for references that are late or lost. The rates follow the slope of the angles.
+//! After the last element of the preview the reference stays constant. Tests `the_gain_minimises_the_printed_cost`,
 //! `an_old_reference_with_a_preview_is_as_good_as_a_new_one`.
 
 use airframe::linear::STATES;
@@ -29,7 +29,7 @@ pub fn write_changes(goal: &Goal, start_ns: f64, sample_ns: u64, changes: &mut D
     }
 }
 
-/// Change of the reference `after_ns` after the sample of the goal.
+/// Change of the reference `after_ns` after the moment of the goal.
 fn change_at(goal: &Goal, after_ns: f64) -> SVector<f64, STATES> {
     let mut change = SVector::zeros();
     if goal.preview_step_ns == 0 {

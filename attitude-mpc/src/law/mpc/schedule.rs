@@ -2,10 +2,10 @@
 //! "scheduled"`.
 //!
 //! The conditions are trimmed level flights ([`LevelFlight`]) on a grid of velocities ahead and to the right, because
-//! this vehicle flies in any direction without turning its nose. Each has its own model, terminal weight and gain, all
-//! computed at construction. The plan is the mean of the plans of the four conditions around the measured velocity,
-//! with the weights of bilinear interpolation. These are continuous in the velocity, so that a plan does not jump
-//! between cells of the grid. Test `a_plan_has_no_bump_at_a_condition`.
+//! this vehicle flies in any direction without turning its nose. Each condition has its own model, terminal weight and
+//! gain, all computed at construction. The plan is the mean of the plans of the four conditions around the measured
+//! velocity, with the weights of bilinear interpolation. These weights are continuous in the velocity, so that a plan
+//! does not jump between cells of the grid. Test `a_plan_has_no_bump_at_a_condition`.
 //!
 //! The schedule uses the drag of `[plant]`, because drag determines the attitude at each speed.
 
@@ -25,13 +25,13 @@ const SPACING_MPS: f64 = 5.0;
 
 /// All conditions, and their present weights.
 pub struct GainSchedule {
-    /// Conditions row by row: those with the same velocity ahead are adjacent.
+    /// Conditions row by row: conditions with the same velocity ahead are adjacent.
     conditions: Vec<Condition>,
     /// Indices of the four conditions around the measured velocity, with their weights, which add up to 1.
     around: [(usize, f64); 4],
     /// Given numbers `(x; r; d; v)`, converted to one condition.
     given: DVector<f64>,
-    /// Changes of the reference, converted likewise.
+    /// Changes of the reference, converted to one condition.
     changes: DVector<f64>,
 }
 
@@ -42,7 +42,7 @@ struct Condition {
 }
 
 impl GainSchedule {
-    /// Builds every condition of a scenario; an error if one has no level flight or a singular problem.
+    /// Builds every condition of a scenario; an error if a condition has no level flight or a singular problem.
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let velocity = |i: usize| SPACING_MPS * (i as f64 - (PER_AXIS / 2) as f64);
         let conditions = (0..PER_AXIS * PER_AXIS)
@@ -86,7 +86,7 @@ impl GainSchedule {
         }
     }
 
-    /// Writes the unconstrained `plan` for `given` = (x; r; d; v) and the `changes` of r, which is made at the measured
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v) and the `changes` of r; r was made at the measured
     /// `attitude_rad`.
     pub fn plan(
         &mut self,
@@ -116,7 +116,7 @@ impl Condition {
             let [ahead, right] = way_mps;
             ScenarioError::of(
                 format!(
-                    "`attitude.mpc.model` = \"scheduled\", and nothing holds {ahead} m/s ahead and {right} m/s to the \
+                    "`attitude.mpc.model` = \"scheduled\", and no level flight exists at {ahead} m/s ahead and {right} m/s to the \
                      right"
                 ),
                 "less drag in `[plant]`, or `attitude.mpc.model` = \"hover\"".into(),

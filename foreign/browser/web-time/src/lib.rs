@@ -1,5 +1,5 @@
 //! A clock that stands still. Where the target is WebAssembly, Clarabel measures its solves by the crate `web-time`.
-//! This one takes its place there, so that the module of the page imports nothing, not even a clock.
+//! This crate replaces it, so that the module of the page imports nothing, not even a clock.
 
 pub use std::time::Duration;
 

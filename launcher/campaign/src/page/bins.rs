@@ -4,9 +4,9 @@ use view::draw::{Axis, short};
 
 use crate::table::FlightTable;
 
-/// Largest number of different numbers that are shown one by one; more are divided into parts.
+/// Largest number of distinct numbers that are shown one by one; more are divided into parts.
 const FEW: usize = 10;
-/// Largest number of different words; a factor with more has no axis.
+/// Largest number of distinct words; a factor with more has no axis.
 const WORDS: usize = 30;
 /// Largest and smallest number of parts of a range.
 const PARTS: [usize; 2] = [8, 2];
@@ -73,13 +73,13 @@ impl Binned {
     }
 }
 
-/// Number of parts such that each has about [`PER_CELL`] flights.
+/// Number of parts such that each has about [`PER_CELL`] flights, within [`PARTS`].
 pub fn parts(flights: usize) -> usize {
     let [most, least] = PARTS;
     (flights / PER_CELL).clamp(least, most)
 }
 
-/// Number of parts of each of two factors such that a cell of both has about [`PER_CELL`] flights.
+/// Number of parts of each of two factors such that a cell of both has about [`PER_CELL`] flights, within [`PARTS`].
 pub fn parts_of_two(flights: usize) -> usize {
     let [most, least] = PARTS;
     (flights / PER_CELL).isqrt().clamp(least, most)
@@ -107,7 +107,7 @@ pub fn split(key: &str) -> Option<(&str, &str, &'static str)> {
     })
 }
 
-/// Returns the axis of some values, and the entries that they are in.
+/// Returns the axis of some values, and the index of each value's entry.
 fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, Vec<Option<usize>>) {
     let mut sorted: Vec<f64> = values.iter().flatten().copied().collect();
     sorted.sort_by(f64::total_cmp);

@@ -63,7 +63,7 @@ pub fn of(plan: &Plan, flights: &FlightTable) -> Vec<Bound> {
     let (Some(numbers), Some(verdicts)) = (flights.column("flight"), flights.column("verdict")) else { return vec![] };
     let is_flown = |row: &usize| verdicts.text(*row) != Standing::Invalid.name();
     let rows: Vec<usize> = (0..flights.rows()).filter(is_flown).collect();
-    // With metrics of 0 `check` returns every bound of the scenario; only its limits are used.
+    // `check` returns every bound of the scenario, whatever the metrics; only the limits are used.
     let of_row = |row: &usize| match numbers.cell(*row) {
         Cell::Int(number) => {
             plan.flight(number as u64).scenario.map_or(vec![], |s| bounds::check(&s, &Metrics::default()))

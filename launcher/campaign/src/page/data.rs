@@ -28,7 +28,7 @@ pub struct CampaignPage<'a> {
     pub bounds: Vec<Bound>,
     pub error: ShownError,
     pub evidence: Evidence,
-    /// Value of the limit's setting in a flight in real time, which stands beside the limits.
+    /// Value of the limit's setting in a flight in real time, shown beside the limits.
     pub observed: Option<Observed>,
 }
 
@@ -105,7 +105,8 @@ impl<'a> CampaignPage<'a> {
         of_controller / self.evidence.all_draws().max(1)
     }
 
-    /// Returns the row of each controller, by case; `None` if there is none. Only rows for which `meant` is true count.
+    /// Returns the row of each controller, by case; `None` for a controller without a row. Only rows for which `meant`
+    /// is true count.
     pub fn by_case(&self, meant: impl Fn(usize) -> bool) -> BTreeMap<u64, Vec<Option<usize>>> {
         let mut cases: BTreeMap<u64, Vec<Option<usize>>> = BTreeMap::new();
         for row in (0..self.rows()).filter(|row| meant(*row)) {

@@ -15,10 +15,10 @@ struct Row<'a> {
     metric: &'a str,
     case: Option<&'a str>,
     controller: &'a str,
-    /// Numbers of pairs of flights of which both passed, and of which one did not.
+    /// Number of pairs of flights that both passed and have the metric, and number of the other pairs.
     pairs: usize,
     left_out: usize,
-    /// Mean of the controller, and of the one that it is compared with.
+    /// Means of the controller, and of the controller that it is compared with.
     means: [f64; 2],
     difference: Option<MetricDifference>,
 }
@@ -74,7 +74,7 @@ fn cells(page: &CampaignPage) -> (Vec<&'static str>, Vec<Vec<String>>) {
     (headings, lines)
 }
 
-/// Returns Holm's p-value of each row that has one.
+/// Returns Holm's adjusted p-value of each row; `None` for a row without a difference.
 fn adjusted(rows: &[Row]) -> Vec<Option<f64>> {
     let p = |row: &usize| rows[*row].difference.map(|difference| difference.p);
     let mut order: Vec<usize> = (0..rows.len()).filter(|row| p(row).is_some()).collect();

@@ -11,7 +11,7 @@ use super::words::heading;
 
 /// Largest number of controllers that are told apart by colour; with more, each has a row.
 pub const COLOURED: usize = 4;
-/// Largest number of dots of a plot, about.
+/// Approximate largest number of dots of a plot.
 const DOTS: usize = 2000;
 /// Smallest number of values that have quartiles.
 const FEWEST: usize = 5;
@@ -104,7 +104,7 @@ fn rows(page: &CampaignPage, factor: &Binned) -> String {
     } else {
         [controllers, Axis { title: String::new(), ..factor.axis.clone() }]
     };
-    // The map counts rows from below, and they are read from above.
+    // A map counts its rows from below. They are read from above, so their order is reversed.
     up = Axis::of_values("", up.entries.into_iter().rev().collect());
     let last = up.entries.len() - 1;
     let mut flights = vec![vec![vec![]; across.entries.len()]; up.entries.len()];
@@ -153,7 +153,7 @@ fn median(values: Vec<f64>) -> Option<f64> {
     (!values.is_empty()).then(|| Data::new(values).median())
 }
 
-/// Formats a number above 0 with two digits; with more only before the point.
+/// Formats a number above 0 with two significant digits; from 100 on with all digits before the point.
 fn two_digits(value: f64) -> String {
     let step = libm::pow(10.0, (libm::log10(value).floor() - 1.0).min(0.0));
     short((value / step).round() * step)

@@ -21,7 +21,7 @@ pub const CELLS: &str = "A cell has the median limit, from dark to bright over t
 /// Limits of one controller at the same listed values, one for each draw.
 struct Line<'a> {
     controller: &'a str,
-    /// Row of one of its searches, for the listed values.
+    /// Row of one of the searches, which has the listed values.
     row: usize,
     /// Limits, the worst first.
     limits: Vec<LimitSteps>,
@@ -43,7 +43,7 @@ fn lines<'a>(page: &'a CampaignPage<'a>, limit: &Limit) -> Vec<Line<'a>> {
     }
     let hash = |row: &usize| page.flights.column("hash").map_or("", |all| all.text(*row));
     let line = |((controller, _), mut rows): ((usize, u64), Vec<usize>)| {
-        // Draws that change nothing flew one search, which is one observation.
+        // If no draw changes the search, all draws are one observation.
         if rows.iter().map(hash).collect::<HashSet<_>>().len() == 1 {
             rows.truncate(1);
         }
@@ -61,7 +61,7 @@ fn lines<'a>(page: &'a CampaignPage<'a>, limit: &Limit) -> Vec<Line<'a>> {
     rows.into_iter().map(line).collect()
 }
 
-/// Returns the table of the limits: a row for each line.
+/// Returns the table of the limits: a row for each [`Line`].
 fn table(page: &CampaignPage, limit: &Limit) -> Table {
     let unit = unit(&limit.key).unwrap_or_default();
     let is_sample = page.evidence.is_sample();
@@ -110,7 +110,7 @@ pub fn text(page: &CampaignPage, limit: &Limit) -> String {
     table.text() + &more + &observed(page).map_or(String::new(), |words| words + "\n")
 }
 
-/// Describes the value of a flight in real time.
+/// Describes the value of the setting that was observed in real time.
 fn observed(page: &CampaignPage) -> Option<String> {
     let (observed, limit) = (page.observed.as_ref()?, page.plan.campaign.limit()?);
     let unit = unit(&limit.key).unwrap_or_default();
@@ -176,7 +176,7 @@ fn distribution(page: &CampaignPage, limit: &Limit) -> String {
     })
 }
 
-/// Median limit of some rows; `None` without one.
+/// Median limit of some rows; `None` if none of them could be flown.
 pub fn median_of(page: &CampaignPage, limit: &Limit, rows: &[usize]) -> Option<LimitSteps> {
     let flown = rows.iter().filter(|row| page.passed[**row].is_some());
     let mut limits: Vec<LimitSteps> = flown.map(|row| of(page, limit, *row)).collect();
@@ -184,7 +184,7 @@ pub fn median_of(page: &CampaignPage, limit: &Limit, rows: &[usize]) -> Option<L
     limits.get(median::place(limits.len())).copied()
 }
 
-/// Returns the cell of a median limit, bright for a far one; `None` without a search.
+/// Returns the cell of a median limit, the brighter the farther it lies from the safe end; `None` without a search.
 pub fn cell(page: &CampaignPage, limit: &Limit, rows: &[usize], of: &str) -> Option<MapCell> {
     let median = median_of(page, limit, rows)?;
     let words = limit.words(median, unit(&limit.key).unwrap_or_default());

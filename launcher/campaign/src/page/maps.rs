@@ -13,7 +13,7 @@ use crate::variation::Values;
 
 /// Number of factors whose pairs may have a map: those with the largest statistically sure effect on the share.
 const MAPPED: usize = 6;
-/// Largest number of entries of such a factor.
+/// Largest number of axis entries of a factor in a map.
 const ENTRIES: usize = 10;
 /// Largest number of maps of the page, unless there are more controllers.
 const MAPS: usize = 12;

@@ -2,11 +2,11 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `bounds` | the bounds, with the number of flights that have each and that were judged by it |
+//! | `bounds` | the bounds, with the number of flights that have each |
 //! | `setup` | program, sampling and campaign file, common to all flights |
 //! | `promises` | verdicts on what the campaign file promises |
 //! | `pairs` | the controllers compared draw by draw |
-//! | [`differences`] | by how much they differ in metrics |
+//! | [`differences`] | differences of the controllers in metrics |
 //! | `data` | controllers, verdicts and position errors of the flights |
 //! | `overview` | the head, the share of each controller, causes of failures, reasons of invalid flights |
 //! | `bins` | the axis of a factor, with values or parts of its range |

@@ -1,7 +1,7 @@
 //! Section "Which controller passes more": each pair of controllers over the cases that both have flown.
 //!
-//! The controllers fly the same draws, so a draw that both pass or both fail does not tell which is better. Controllers
-//! that flew every flight alike are one law, and have one comparison.
+//! The controllers fly the same draws, so a draw that both pass or both fail does not tell which controller is better.
+//! Controllers that flew every flight alike are one law, and have one comparison.
 
 use view::draw::{escape, short, table};
 
@@ -22,7 +22,7 @@ struct Pair {
     difference: Option<Difference>,
 }
 
-/// Returns the section; empty with one law only, and with limits, of which there are no shares.
+/// Returns the section; empty with one law only, and with `[limit]`, because a limit is no share.
 pub fn section(page: &CampaignPage) -> String {
     let pairs = compare(page);
     if pairs.is_empty() || page.plan.campaign.limit().is_some() {

@@ -12,7 +12,7 @@ use crate::promise::{Gather, Passed, Promise};
 use crate::table::{Cell, cell_of};
 use crate::variation::{Factor, Values};
 
-/// Flights that one verdict is about.
+/// Flights that one verdict is about; `None` = all controllers or cases.
 struct Group<'a> {
     controller: Option<&'a str>,
     case: Option<&'a str>,
@@ -116,7 +116,7 @@ fn limit(promise: &Promise, page: &CampaignPage, figure: String, rows: &[usize],
     })
 }
 
-/// Returns the promised figure: the metric of `rows`, as a multiple of the best controller's if that is asked for.
+/// Returns the promised figure: the metric of `rows`; with `over_best` as a multiple of the best controller's.
 fn figure_of(promise: &Promise, page: &CampaignPage, metric: &str, group: &Group, rows: &[usize]) -> f64 {
     let own = gathered(promise, page, metric, rows);
     if !promise.over_best || own.is_infinite() {
@@ -129,7 +129,7 @@ fn figure_of(promise: &Promise, page: &CampaignPage, metric: &str, group: &Group
     own / of_each.filter(|best| best.is_finite()).fold(f64::INFINITY, f64::min)
 }
 
-/// Gathers a metric over flights. If one of them failed the result is infinite, on the side that breaks the promise.
+/// Gathers a metric over flights. If one of them failed, the result is infinite on the side that breaks the promise.
 fn gathered(promise: &Promise, page: &CampaignPage, metric: &str, rows: &[usize]) -> f64 {
     if rows.iter().any(|row| page.passed[*row] != Some(true)) {
         return if promise.at_least.is_some() { f64::NEG_INFINITY } else { f64::INFINITY };
@@ -217,7 +217,7 @@ mod tests {
     use crate::table::FlightTable;
     use crate::{Campaign, Plan, row};
 
-    /// Three settings of a short hover under two controllers, of which `strict` fails by its bound.
+    /// Two cases and two masses of a short flight under two controllers, of which `strict` exceeds its bound.
     const CAMPAIGN: &str = "[settings]\nrun.duration_s = 0.5\n[case.calm]\n[case.pushed]\ninitial.velocity_mps = [1.0, 0.0, 0.0]\n\
         [vary]\nplant.airframe.mass_kg = [1.1, 1.15]\n[controller.lax]\nbounds.max_position_error_m = 9.0\n\
         [controller.strict]\nbounds.max_position_error_m = 1e-9\n";

@@ -6,7 +6,6 @@ use view::draw::{escape, list};
 use crate::plan::Plan;
 use crate::shard;
 
-/// Returns the section.
 pub fn section(plan: &Plan) -> String {
     let campaign = &plan.campaign;
     let sampling = name(campaign.sampling());

@@ -4,7 +4,7 @@ use view::draw::escape;
 
 use super::bins::split;
 
-/// Beginnings of the names of vectors, or `_ned` in one, and the words for their elements.
+/// Names of vectors, by their start or by `_ned` in them, and the words for their elements.
 const AXES: [(&str, [&str; 3]); 5] = [
     ("_ned", ["north", "east", "down"]),
     ("position", ["north", "east", "down"]),
@@ -20,8 +20,8 @@ pub fn heading(key: &str) -> String {
     escape(&told) + &beside
 }
 
-/// Returns words and unit of an element of an array with a unit; the key itself for every other setting, whose name
-/// says what it is.
+/// Returns words and unit of an element of an array with a unit. Every other setting has a name that explains it, and
+/// its key is returned.
 fn words(key: &str) -> String {
     let names: Vec<&str> = key.split('.').collect();
     let element = names.last().and_then(|last| last.parse::<usize>().ok());

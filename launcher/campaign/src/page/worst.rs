@@ -19,7 +19,7 @@ use crate::table::{Cell, TableColumn};
 
 /// Number of flights that are shown.
 const SHOWN: usize = 10;
-/// Number of points of a line, about.
+/// Approximate number of points of a line.
 const POINTS: u64 = 200;
 
 /// Returns the section of the worst flights that did not pass; empty if all passed.
@@ -37,7 +37,7 @@ pub fn section(page: &CampaignPage, again: &str) -> anyhow::Result<String> {
     ))
 }
 
-/// Returns the section of the worst flights as a table, for which none is flown again; empty if all passed.
+/// Returns the section of the worst flights as a table, for which no flight is flown again; empty if all passed.
 pub fn listed(page: &CampaignPage, again: &str) -> String {
     let worst = worst(page);
     if worst.is_empty() {
@@ -56,7 +56,7 @@ pub fn listed(page: &CampaignPage, again: &str) -> String {
     format!("<section id=\"worst\"><h2>The worst flights so far</h2>{table}</section>")
 }
 
-/// Rows of the flights that failed worst, the worst first; one controller of each case.
+/// Rows of the flights that failed worst, the worst first; only the worst flight of each case.
 fn worst(page: &CampaignPage) -> Vec<usize> {
     let flights = page.flights;
     let (Some(errors), Some(flown), Some(outcomes)) =

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The folder is open to the user who flies and to no other. The launcher answers in the loop in which it supervises,
-//! one request at a look, and never waits for a client: one that sends nothing is disconnected after a second.
+//! one request at a look, and never waits for a client: a client that sends nothing is disconnected after a second.
 
 pub mod server;
 pub mod view;

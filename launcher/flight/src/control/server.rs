@@ -1,5 +1,5 @@
-//! Launcher's side of the socket. Nothing here waits or takes long: a look takes at most one request, and a client that
-//! connects and sends nothing is disconnected.
+//! Launcher's side of the socket. No function here waits or takes long: a look takes at most one request, and a client
+//! that connects and sends nothing is disconnected.
 
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -17,7 +17,7 @@ use crate::limits::{CLIENTS, NEW_CLIENTS, REQUEST_BYTES, REQUEST_LIMIT};
 pub struct Server {
     listener: UnixListener,
     clients: Vec<Client>,
-    /// `true` if a request came at this look.
+    /// `true` if the last look found a request.
     served: bool,
 }
 
@@ -44,8 +44,8 @@ impl Server {
         all.filter(|_| !self.served)
     }
 
-    /// Returns a request that has arrived, and the [`Reply`] for its answer. A client without a valid request gets an
-    /// error and is disconnected.
+    /// Returns a request that has arrived, and the [`Reply`] for its answer; `None` if there is no request. A client
+    /// without a valid request gets an error and is disconnected.
     pub fn request(&mut self) -> Option<(ControlRequest, Reply)> {
         self.accept_new();
         self.served = false;
@@ -104,7 +104,7 @@ impl Client {
 }
 
 impl Reply {
-    /// Returns the process that sent the request.
+    /// Returns the process that sent the request; `None` if the kernel does not name it.
     pub fn sender(&self) -> Option<Sender> {
         peer_of(&self.0).map(|(pid, user)| Sender { pid, user })
     }
@@ -112,7 +112,7 @@ impl Reply {
     /// Sends the answer, and closes the connection.
     pub fn send(mut self, response: &Response) {
         let line = serde_json::to_string(response).unwrap_or_default() + "\n";
-        // Fails for a client that has gone, or lets its side of the socket run full.
+        // The write fails if the client has gone, or if its side of the socket is full.
         let _ = self.0.write_all(line.as_bytes());
     }
 }

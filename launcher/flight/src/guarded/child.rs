@@ -19,10 +19,10 @@ use crate::nodes;
 
 /// Number of words sent after which the parent is woken.
 const WAKE_AFTER_WORDS: usize = 1 << 13;
-/// Longest sleep between two looks.
+/// Longest sleep between two looks at a pipe \[ns\].
 const LOOK_NS: u64 = Duration::from_secs(1).as_nanos() as u64;
 
-/// Sender of the answers.
+/// Sender of the answers to one request.
 struct Sender<'a> {
     pipe: &'a WordPipe,
     flight: u16,
@@ -34,13 +34,13 @@ struct Sender<'a> {
 /// Flies for the parent whose pipes are stdin; returns only after a panic of the launcher's own code.
 ///
 /// # Errors
-/// Stdin has no such pipes, because a user has called this.
+/// Stdin is no file with such pipes, for example because a user has called this command.
 pub fn serve() -> io::Result<u8> {
     let pipes = SharedPipes::open(io::stdin())?;
     die_of_crashes();
-    // Set again, because a program with capabilities loses this setting when it is started.
+    // The signal is set again, because a program with capabilities loses this setting when it is started.
     set_parent_process_death_signal(Some(Signal::KILL))?;
-    // Processes that a library starts and leaves behind are then children of this one, so that they are seen.
+    // Processes that a library starts and leaves behind become children of this process, so that they are seen.
     set_child_subreaper(Some(getpid()))?;
     let before = ProcessSurroundings::now();
     let mut words = vec![];
@@ -68,7 +68,7 @@ pub fn serve() -> io::Result<u8> {
         sender.send();
         pipes.answers.wake_reader();
         if matches!(end, End::Panicked(_)) {
-            return Ok(exit::PROCESS_LOST); // its state may be damaged
+            return Ok(exit::PROCESS_LOST); // the state of this process may be damaged
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Runs a whole command in a child process with the same arguments, where a library that it loads may crash.
+//! Runs a whole command in a child process with the same arguments, because a library that the command loads may crash.
 
 use std::process::Command;
 use std::sync::OnceLock;
@@ -12,12 +12,13 @@ use rustix::process::getppid;
 use super::host::in_words;
 use crate::strays::ChildMark;
 
-/// Variable of the child with the pid of its parent, so that children of the child do not take themselves for one.
+/// Environment variable with the process ID of the child's parent: a process that the child starts inherits the
+/// variable, but has another parent.
 const CHILD_OF: &str = "TREFOIL_CHILD_OF";
-/// Added by the child to the exit code of the command, so that a library that calls `exit` is detected.
+/// Offset that the child adds to the exit code of the command, so that a library that calls `exit` is detected.
 const TO_THE_END: u8 = 100;
 
-/// Set in the child before it loads anything: a library may clear the variables.
+/// Set in the child before it loads a library, which may clear the environment variables.
 static IS_CHILD: OnceLock<()> = OnceLock::new();
 
 /// Runs this command in a child, and prints an error if a library has ended the child. Returns the exit code; `None` in

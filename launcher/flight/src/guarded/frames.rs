@@ -1,5 +1,5 @@
-//! Requests and answers as words: the number of the flight, the kind and the number of words that follow in the first
-//! word, then these.
+//! Requests and answers as frames of words. The first word of a frame has the number of the flight, the kind, and the
+//! number of words that follow it.
 
 use bytemuck::{cast_slice, pod_read_unaligned};
 use contract::message::{Actuators, Controls, Payload, Reference, State, Truth};
@@ -11,11 +11,13 @@ use settings::{Scenario, to_toml};
 
 use crate::log::{Memory, Record};
 
-/// Kinds of frames other than messages, whose kind is their [`Record::kind`].
+/// Kind of a frame with a snapshot. The kind of a frame with a message is its [`Record::kind`].
 const MEMORY: u64 = Record::KINDS as u64;
+/// Kind of a frame with a text: a request, or the end of a flight.
 const TEXT: u64 = MEMORY + 1;
-/// Bits of the first word below the kind, and below the number of the flight.
+/// Place of the kind in the first word \[bits\].
 const KIND_SHIFT: u32 = 32;
+/// Place of the number of the flight in the first word \[bits\].
 const FLIGHT_SHIFT: u32 = 40;
 
 /// Work of a child with the libraries of a scenario.
@@ -24,7 +26,7 @@ pub enum ChildWork {
     Fly {
         with_checksums: bool,
     },
-    /// Loads the library of this node, or those of all nodes, and lets them answer to a few samples.
+    /// Loads the library of `node`, or those of all nodes if it is `None`, and lets each answer a few samples.
     Try {
         node: Option<String>,
     },
@@ -33,7 +35,7 @@ pub enum ChildWork {
 /// Flight to be flown, or trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChildRequest {
-    /// Number of the flight among those of the child, which every answer repeats.
+    /// Number of the flight among the flights of the child; every answer repeats it.
     pub flight: u16,
     pub work: ChildWork,
     pub scenario: Scenario,
@@ -47,11 +49,11 @@ pub struct ChildRequest {
 pub enum ChildAnswer {
     Record(Record),
     Memory(Memory),
-    /// End of the flight; `true` if the child is as it was at its start, and can fly the next.
+    /// End of the flight; `true` if the child is as it was at its start, and can fly another flight.
     End(End, bool),
 }
 
-/// End of a flight, in words that travel.
+/// End of a flight or trial, as it is sent to the parent.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum End {
     Flown(SteppedResult),
@@ -101,14 +103,14 @@ impl ChildAnswer {
         push_frame(flight, MEMORY, &body, words);
     }
 
-    /// Appends the frame of the end of `flight` to `words`; `is_as_before` as in [`Self::End`].
+    /// Appends the frame of the end of `flight` to `words`; `is_as_before` is the flag of [`Self::End`].
     pub fn end(flight: u16, end: &End, is_as_before: bool, words: &mut Vec<u64>) {
         let text = serde_json::to_string(&(end, is_as_before)).expect("numbers and text");
         words.extend(text_frame(flight, &text));
     }
 
-    /// Takes an answer of `flight` from the words from `at` on, and moves `at` behind it; `Ok(None)` if it is not
-    /// complete.
+    /// Takes an answer of `flight` that begins at index `at` of `words`, and moves `at` behind the answer; `Ok(None)`
+    /// if the answer is not complete.
     ///
     /// # Errors
     /// The words are no answer of this flight: the child has damaged its memory.

@@ -21,22 +21,22 @@ use crate::stack::children::kill;
 use crate::strays::ChildMark;
 use crate::{libraries, own_program};
 
-/// Longest time until the end of a child, or of its wait for a flight, is noticed.
+/// Longest sleep between two looks at a child, so that its end is noticed.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// Child that flies with libraries; dead if the last flight ended it.
 pub struct ChildHost {
     child: Child,
-    /// Mark of the processes that come from it.
+    /// Mark of the child and of the processes that it starts.
     mark: ChildMark,
     pipes: SharedPipes,
     /// Number of the newest flight.
     flight: u16,
-    /// Environment variables of all nodes that the child was started with.
+    /// Environment variables of all nodes, with which the child was started.
     env: BTreeMap<String, String>,
-    /// Libraries that it flies with, and has loaded after its first flight: the file of each, and its hash.
+    /// Libraries that the child flies with, loaded in its first flight: the file of each, and its hash.
     libraries: BTreeSet<(String, String)>,
-    /// Answers that were read; the first `taken` words were taken.
+    /// Words of answers that were read; the first `taken` of them were decoded.
     words: Vec<u64>,
     taken: usize,
     /// `true` if the child waits for a flight.
@@ -50,7 +50,8 @@ struct Loss {
 }
 
 impl ChildHost {
-    /// Starts a child for these `libraries`, with these variables. What it prints goes to the launcher's stderr.
+    /// Starts a child for these `libraries`, with these environment variables. The output of the child goes to the
+    /// launcher's stderr.
     pub fn start(env: BTreeMap<String, String>, libraries: BTreeSet<(String, String)>) -> Result<Self, SessionError> {
         let start = || -> io::Result<Self> {
             let (pipes, file) = SharedPipes::create()?;
@@ -71,7 +72,7 @@ impl ChildHost {
         self.env == libraries::env_of(scenario) && self.libraries == libraries::files(scenario)
     }
 
-    /// Lets the child fly `scenario`; gives `watch` every message, until it returns false.
+    /// Lets the child fly `scenario`. `watch` gets every message until it returns false, `remember` every snapshot.
     ///
     /// # Errors
     /// The flight cannot be flown.
@@ -153,7 +154,7 @@ impl ChildHost {
             if let Some(answer) = self.take()? {
                 return Ok(answer);
             }
-            let gone = self.exit(); // before the last look at what it has sent
+            let gone = self.exit(); // seen before the last read, so that no answer is overlooked
             if self.pipes.answers.read(&mut self.words) > 0 {
                 continue;
             }
@@ -168,7 +169,7 @@ impl ChildHost {
         }
     }
 
-    /// Takes the next answer of those read; `None` if there is none.
+    /// Takes the next answer from the words that were read; `None` if no complete answer is there.
     fn take(&mut self) -> Result<Option<ChildAnswer>, Loss> {
         let taken = ChildAnswer::take(self.flight, &self.words, &mut self.taken);
         let taken = taken.map_err(|why| Loss { what: What::Died, why })?;

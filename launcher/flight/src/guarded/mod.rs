@@ -9,16 +9,16 @@
 //!                                        <- every message, and the end of the flight
 //! ```
 //!
-//! Messages come through memory that both processes share, so none is lost with the child, and a flight is not slower
-//! by a system call for each. What a library changes in its process (limits, variables, working directory, signals), or
-//! leaves running, ends with the flight: the next one then has a new child. Before any flight a library is tried in a
-//! child of its own ([`try_out`]).
+//! Messages come through memory that both processes share, so none is lost with the child, and not every message costs
+//! a system call. If a library changes its process (limits, variables, working directory, signals) or leaves a process
+//! running, the child is ended after the flight, and the next flight has a new child. Before any flight a library is
+//! tried in a child of its own ([`try_out`]).
 //!
 //! | module | holds |
 //! |---|---|
 //! | `frames` | requests and answers as words |
 //! | `child` | the process that flies |
-//! | `surroundings` | what a flight must leave as it was |
+//! | `surroundings` | the state of the child that a flight must not change |
 //! | `command` | a whole command in a child: a replay that loads libraries |
 //! | `host` | the parent's end of a child |
 
@@ -50,14 +50,14 @@ const MOST_IDLE: usize = 8;
 
 thread_local! {
     /// Children of this thread that wait for the next flight, one for each set of libraries, so that a campaign can
-    /// compare two controllers that cannot be in one process.
+    /// compare two controllers that cannot share a process.
     static IDLE: RefCell<Vec<ChildHost>> = const { RefCell::new(vec![]) };
 }
 
 /// Longest time that a library may take to be loaded and to answer to a few samples.
 const TRIAL_LIMIT: Duration = Duration::from_secs(10);
 
-/// Flies `scenario` to its end, or until `watch`, which gets every message, returns false; `remember` gets the memory
+/// Flies `scenario` to its end, or until `watch`, which gets every message, returns false; `remember` gets the snapshot
 /// of every node, every ten seconds.
 ///
 /// # Errors
@@ -88,14 +88,14 @@ pub fn fly(
     Ok(flown)
 }
 
-/// Returns whether a fault or a swap may change a message. If so, receivers need checksums to refuse it; if not, a
-/// flight of which no message is kept needs none.
+/// Returns whether a fault or a swap may change a message. If so, receivers need checksums to refuse a changed message;
+/// if not, a flight whose messages are not kept needs no checksums.
 pub fn changes_messages(scenario: &Scenario) -> bool {
     !scenario.swap.is_empty() || scenario.fault.iter().any(|fault| fault.target.topic().is_some())
 }
 
 /// Tries the library of `node` in a child with the variables `env`, or without a node all libraries of `scenario` side
-/// by side; returns why they cannot be flown. What they print goes to the launcher's stderr.
+/// by side; the error says why they cannot be flown. The output of the libraries goes to the launcher's stderr.
 pub fn try_out(scenario: &Scenario, node: Option<Topic>, env: BTreeMap<String, String>) -> Result<(), String> {
     let host = ChildHost::start(env, BTreeSet::new());
     host.map_err(|error| error.to_string())?.try_out(scenario, node, TRIAL_LIMIT)

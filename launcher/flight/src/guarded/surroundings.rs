@@ -16,7 +16,7 @@ const STAY: [&str; 10] =
 pub struct ProcessSurroundings {
     status: Vec<String>,
     limits: String,
-    /// `None` if there is no such folder any more.
+    /// Working directory; `None` if it was removed.
     folder: Option<PathBuf>,
     variables: BTreeMap<OsString, OsString>,
     has_children: bool,
@@ -27,7 +27,7 @@ impl ProcessSurroundings {
     pub fn now() -> Self {
         let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
         let stays = |line: &&str| STAY.iter().any(|field| line.starts_with(field));
-        // Fails without children; one that has ended and was not waited for counts as a child.
+        // The call fails if there are no children; an ended process that was not waited for counts as a child.
         let any = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
         Self {
             status: status.lines().filter(stays).map(str::to_owned).collect(),

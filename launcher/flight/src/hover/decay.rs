@@ -1,6 +1,6 @@
 //! Decay of a perturbation of the hover, and the margins of delay and lag.
 //!
-//! The flight begins beside the hover. Its energy is the sum of the squares by which the motion changes from sample to
+//! The flight begins beside the hover. Its energy is the sum of the squared changes of the motion from sample to
 //! sample. The perturbation decays if the last third of the flight has less energy than the middle third, and if no
 //! angle ever leaves the hover by [`MAX_ANGLE_RAD`]. The flight takes [`SHORT_S`], or [`LONG_S`] if the two energies
 //! are about equal then.
@@ -16,12 +16,13 @@ use super::small::{SMALL, fly};
 
 /// Largest angle from the hover in small motions, two hundred times the perturbation \[rad\].
 const MAX_ANGLE_RAD: f64 = 0.2;
-/// Duration of a flight \[s\]: longer than a swing of the position, and three times that near a margin.
+/// Duration of a flight \[s\]: longer than one oscillation of the position.
 const SHORT_S: f64 = 8.0;
+/// Duration of a flight whose decay is not clear after [`SHORT_S`], as near a margin \[s\].
 const LONG_S: f64 = 24.0;
-/// Ratio of two energies that are not about equal.
+/// Ratio of two energies from which on they are not about equal.
 const CLEAR: f64 = 10.0;
-/// Share of the energy of the first third below which the rest is rounding.
+/// Share of the energy of the first third below which the energy of the last third is rounding.
 const ROUNDING: f64 = 1e-16;
 /// Step of the search for a margin, before it is refined to 1 ms \[ms\].
 const GRID_MS: f64 = 50.0;
@@ -29,15 +30,16 @@ const GRID_MS: f64 = 50.0;
 /// Margin of a loop that is stable as set.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Margin {
-    /// Largest value at which the loop is stable, with that of the scenario in it \[ms\].
+    /// Largest value at which the loop is stable, the scenario's own value included \[ms\].
     pub ms: f64,
     /// `true` if larger values were not tried: the margin is this or more.
     pub or_more: bool,
 }
 
 impl Margin {
-    /// Searches the first value above `own_ms`, at which the loop is stable, that makes it unstable: on the multiples
-    /// of `GRID_MS` up to `max_ms`, and then by halving on the whole milliseconds before the one found.
+    /// Searches for the smallest value that makes the loop unstable, above `own_ms`, at which the loop is stable: first
+    /// among the multiples of `GRID_MS` up to `max_ms`, then by bisection over the whole milliseconds below the
+    /// multiple found.
     pub fn search(own_ms: f64, max_ms: f64, is_stable: impl Fn(f64) -> bool) -> Self {
         let mut ms = own_ms;
         let unstable_ms = loop {
@@ -76,14 +78,14 @@ pub fn decays(scenario: &Scenario, vehicle: &Scenario) -> bool {
     decays_from(&initial, scenario, vehicle, ring::nodes::open, all)
 }
 
-/// Returns whether a perturbation of w and the attitude decays where the references of the attitude loop are held.
+/// Returns whether a perturbation of w and the attitude decays while the references of the attitude loop are held.
 pub fn attitude_decays(scenario: &Scenario) -> bool {
     let initial = Initial { velocity_mps: [0.0, 0.0, SMALL], ..turned(&scenario.initial) };
     let own = |m: &Kinematics| m.velocity_mps.into_iter().skip(2).chain(attitude(m)).collect();
     decays_from(&initial, scenario, scenario, HELD, own)
 }
 
-/// Returns `initial` turned about each axis.
+/// Returns `initial` with each Euler angle increased by [`SMALL`].
 fn turned(initial: &Initial) -> Initial {
     Initial { attitude_deg: initial.attitude_deg.map(|deg| deg + SMALL.to_degrees()), ..initial.clone() }
 }
@@ -93,7 +95,7 @@ fn attitude(motion: &Kinematics) -> impl Iterator<Item = f64> {
     motion.attitude_rad.into_iter().chain(motion.rates_radps)
 }
 
-/// Returns whether the perturbation `initial` decays in the numbers that `of` takes from the motion.
+/// Returns whether the perturbation `initial` decays, judged by the numbers that `of` takes from the motion.
 fn decays_from(
     initial: &Initial,
     scenario: &Scenario,

@@ -20,9 +20,9 @@ pub const STEPS: [Open; 4] = [open::<Held<0>>, open::<Held<1>>, open::<Held<2>>,
 /// Function that opens the node without a step.
 pub const HELD: Open = open::<Held<4>>;
 
-/// References of the hover, of which number `STEPPED` steps: w, phi, theta, psi, or none.
+/// References of the hover. Number `STEPPED` of w, phi, theta and psi steps; none if it is 4.
 struct Held<const STEPPED: usize> {
-    /// Reference before, at and after the step. At the step the rate reference matches the change of the angle, if
+    /// References before, at and after the step. At the step the rate reference matches the change of the angle, if
     /// `guidance.rate_reference` is `difference`.
     course: [Reference; 3],
 }

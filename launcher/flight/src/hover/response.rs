@@ -1,11 +1,12 @@
 //! Responses to small steps of a reference, and their bandwidths.
 //!
 //! ```text
-//! h_k = (y_k - y_k-1) / step        response to an impulse, from that to a step
+//! h_k = (y_k - y_k-1) / step        response to an impulse, from the response to a step
 //! T(w) = sum h_k exp(-j w k Ts)     response over the frequency w
 //! ```
 //!
-//! `y` is a true motion less that of a flight without the step, so that a hover away from the reference does not count.
+//! `y` is the true motion minus the motion in a flight without the step, so that a hover away from the reference does
+//! not count.
 
 use contract::message::Truth;
 use runtime::node::Open;
@@ -17,8 +18,9 @@ use super::held::{HELD, STEP_TICK, STEPS};
 use super::small::{SMALL, fly};
 
 /// Bandwidths of the attitude loop: frequencies at which the response of w, phi, theta and psi to their own references
-/// in REFERENCE falls below -3 dB, in rad/s. References of the rates go with those of the angles as `guidance` has it.
-/// Null if a response is below -3 dB at 0.1 rad/s already, or above it up to half the rate of the ring.
+/// in REFERENCE falls below -3 dB, in rad/s. The references of the body rates change with those of the angles as
+/// `guidance.rate_reference` says. Null if a response is below -3 dB at 0.1 rad/s already, or stays above -3 dB up to
+/// half the rate of the ring.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AttitudeBandwidths {
     /// Bandwidth of w, the body z velocity \[rad/s\].
@@ -32,7 +34,7 @@ pub struct AttitudeBandwidths {
 }
 
 /// Bandwidths of the position loop: frequencies at which the response of the position to the mission's position falls
-/// below -3 dB, at the heading 0, in rad/s. Null as for [`AttitudeBandwidths`].
+/// below -3 dB, at the heading 0, in rad/s. Null in the same cases as in [`AttitudeBandwidths`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PositionBandwidths {
     /// Bandwidth to the north \[rad/s\].
@@ -43,17 +45,18 @@ pub struct PositionBandwidths {
     pub down_radps: Option<f64>,
 }
 
-/// Durations of the flights of attitude and of position, at whose ends their responses are settled \[s\].
+/// Duration of a flight for the attitude \[s\]: at its end the response has settled.
 const ATTITUDE_S: f64 = 5.0;
+/// Duration of a flight for the position \[s\]: at its end the response has settled.
 const POSITION_S: f64 = 16.0;
-/// Lowest frequency at which a response is looked at \[rad/s\].
+/// Lowest frequency at which a response is computed \[rad/s\].
 const LOWEST_RADPS: f64 = 0.1;
-/// Ratio of one frequency to the one before.
+/// Ratio of each frequency of the search to the previous one.
 const RATIO: f64 = 1.02;
-/// Halvings of the interval between two frequencies.
+/// Number of halvings of the interval between the last two frequencies.
 const HALVINGS: u32 = 20;
 
-/// Computes the bandwidths of w, phi, theta and psi over their own references.
+/// Computes the bandwidths from the references of w, phi, theta and psi to these quantities.
 pub fn attitude_bandwidths(scenario: &Scenario) -> AttitudeBandwidths {
     let course = |guidance| {
         course(scenario, guidance, ATTITUDE_S, |truth| {
@@ -66,7 +69,7 @@ pub fn attitude_bandwidths(scenario: &Scenario) -> AttitudeBandwidths {
     AttitudeBandwidths { w_radps: radps(0), phi_radps: radps(1), theta_radps: radps(2), psi_radps: radps(3) }
 }
 
-/// Computes the bandwidths of the position to the north, east and down over the mission's position.
+/// Computes the bandwidths from the mission's position to the vehicle's, north, east and down.
 pub fn position_bandwidths(scenario: &Scenario) -> PositionBandwidths {
     let step_at_s = STEP_TICK as f64 * scenario.sample_s();
     let stepped = |i: usize| {
@@ -85,7 +88,7 @@ pub fn position_bandwidths(scenario: &Scenario) -> PositionBandwidths {
     PositionBandwidths { north_radps: radps(0), east_radps: radps(1), down_radps: radps(2) }
 }
 
-/// Course of some numbers from the step on.
+/// Flies, and returns the numbers that `of` takes from each sample, from the step on.
 fn course<const N: usize>(
     scenario: &Scenario,
     guidance: Open,
@@ -102,8 +105,8 @@ fn course<const N: usize>(
     course
 }
 
-/// First frequency at which the response of number `i` to a step, `stepped` less `held`, is below -3 dB \[rad/s\];
-/// `None` if there is none between [`LOWEST_RADPS`] and half the sampling rate.
+/// Returns the frequency at which the response of number `i` to a step, `stepped` minus `held`, falls below -3 dB
+/// \[rad/s\]; `None` if the response is below at [`LOWEST_RADPS`] already, or above up to half the sampling rate.
 fn bandwidth<const N: usize>(i: usize, stepped: &[[f64; N]], held: &[[f64; N]], sample_s: f64) -> Option<f64> {
     let response: Vec<f64> = stepped.iter().zip(held).map(|(with, without)| (with[i] - without[i]) / SMALL).collect();
     let impulse: Vec<f64> = response.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -127,10 +130,10 @@ fn bandwidth<const N: usize>(i: usize, stepped: &[[f64; N]], held: &[[f64; N]], 
     Some(above)
 }
 
-/// Square of the magnitude of the transform of `impulse`, at the angle of the frequency over one sample.
+/// Squared magnitude of the Fourier transform of `impulse`; `angle_rad` is the frequency times the sample time.
 fn squared_magnitude(impulse: &[f64], angle_rad: f64) -> f64 {
     let (sin, cos) = libm::sincos(angle_rad);
-    // Horner's rule in exp(-j angle): the phase does not count, so that the order may be reversed.
+    // Horner's rule in exp(-j angle): the phase does not count, so the order may be reversed.
     let [re, im] = impulse.iter().fold([0.0, 0.0], |[re, im], h| [re * cos - im * sin + h, re * sin + im * cos]);
     re * re + im * im
 }

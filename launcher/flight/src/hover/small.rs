@@ -17,8 +17,9 @@ use settings::{
 /// Size of perturbations and steps \[m\], \[m/s\], \[rad\].
 pub const SMALL: f64 = 1e-3;
 
-/// Returns `scenario` for small motions: a hover at the origin to the north, with the vehicle and its controllers
-/// alone, which are both at rest there: the vehicle by [`balance`], the controllers with the roll of their trim.
+/// Returns `scenario` for small motions: a hover at the origin with heading north, without wind, ground, battery,
+/// sensor errors, faults and swaps. The vehicle is at rest there by [`balance`], the controllers by the roll of their
+/// trim as reference.
 pub fn scenario(scenario: &Scenario) -> Scenario {
     let [known, flown] = [scenario.mixer.tilt_reaction, scenario.plant.tilt_reaction]
         .map(|tilt_reaction| Trim::solve(&scenario.airframe, tilt_reaction));
@@ -49,8 +50,8 @@ pub fn scenario(scenario: &Scenario) -> Scenario {
     hover
 }
 
-/// Disturbance from the start on that holds the vehicle at `trim`, the hover that the controllers know, if it is not
-/// the vehicle that they know.
+/// Computes the disturbance that holds the flown vehicle at `trim`, the hover of the vehicle that the controllers
+/// assume: start \[s\], NED force \[N\], moment about the body axes \[N m\].
 fn balance(scenario: &Scenario, trim: &Trim) -> (f64, [f64; 3], [f64; 3]) {
     let motion = Kinematics { attitude_rad: [trim.roll_rad, 0.0, 0.0], ..Kinematics::default() };
     let x = assemble(&motion, &trim.actuation);
@@ -64,7 +65,7 @@ fn balance(scenario: &Scenario, trim: &Trim) -> (f64, [f64; 3], [f64; 3]) {
 }
 
 /// Flies `scenario` for `flight_s` seconds with the vehicle of the scenario `vehicle` and the node that `guidance`
-/// opens, or until `watch`, which gets every TRUTH, returns false; returns whether it flew to its end.
+/// opens, or until `watch`, which gets every TRUTH, returns false; returns whether the flight was flown to its end.
 pub fn fly(
     scenario: &Scenario,
     vehicle: &Scenario,

@@ -9,9 +9,9 @@ use super::{EVENTS, MEMORY, schema};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
     pub topic: String,
-    /// Full name of its message.
+    /// Full name of the protobuf message.
     pub schema: &'static str,
-    /// Serialised `FileDescriptorSet` with that message.
+    /// Serialised `FileDescriptorSet` that contains the message.
     pub descriptors: &'static [u8],
     pub publisher: &'static str,
 }

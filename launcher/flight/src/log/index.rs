@@ -1,5 +1,5 @@
-//! The index at the end of a finished log tells which part of the file has which time. With it a part of a long flight
-//! is read without the rest.
+//! The index at the end of a finished log tells which part of the file has which time. With the index, a part of a long
+//! flight is read without the rest.
 
 use std::collections::{BTreeSet, HashMap};
 use std::fs::File;
@@ -50,7 +50,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Reads from a `file` of `size` bytes the parts that may hold something `wanted`; all of it if it has no index.
+    /// Reads from a `file` of `size` bytes the parts that may hold `wanted` records; the whole file if it has no index.
     pub fn of(mut file: File, size: u64, wanted: &WantedRecords) -> Result<Self> {
         let left_out = match wanted {
             WantedRecords::Messages(span) if *span == ALL => None,
@@ -99,7 +99,8 @@ fn left_out(file: &mut File, size: u64, wanted: &WantedRecords) -> Option<Vec<Ra
     let mut left_out: Vec<Range<u64>> = vec![];
     for record in records() {
         let Record::ChunkIndex(chunk) = record else { continue };
-        // Kept: the first chunk of a channel, which may hold the channel record, and a chunk without message index.
+        // The first chunk of a channel is kept, because it may hold the channel record, and so is a chunk without
+        // message index.
         let begins_one = chunk.message_index_offsets.keys().filter(|channel| known.insert(**channel)).count() > 0;
         if begins_one || chunk.message_index_offsets.is_empty() || wanted.has(&chunk, &topics) {
             continue;
@@ -115,9 +116,9 @@ fn left_out(file: &mut File, size: u64, wanted: &WantedRecords) -> Option<Vec<Ra
     left_out.last().is_none_or(|last| last.end <= size).then_some(left_out)
 }
 
-/// Reads the index of a file of `size` bytes from where the footer says; `None` if there is none, or it is too long.
+/// Reads the index of a file of `size` bytes, whose place the footer tells; `None` if the index is missing or too long.
 fn read_index(file: &mut File, size: u64) -> Option<Vec<u8>> {
-    /// Opcode, length, and three numbers.
+    /// Length of the footer \[bytes\]: opcode, length of the body, and three numbers.
     const FOOTER_BYTES: u64 = 1 + 8 + 20;
     let footer_at = size.checked_sub(FOOTER_BYTES + mcap::MAGIC.len() as u64)?;
     let mut footer = [0; FOOTER_BYTES as usize];

@@ -20,9 +20,9 @@ use super::read::{read_in_order, read_memories};
 use super::{Count, Log, LogWriter, Memory, Record};
 use crate::event::Event;
 
-/// Joins `parts` into one log with all `events`, which replaces the first part; the others are removed. A message that
-/// two parts have recorded is written once: each part adds its new messages in the order of its file. Of
-/// the `sent` messages those that are missing count as dropped.
+/// Joins `parts` into one log with all `events`. This log replaces the first part; the other parts are removed. A
+/// message that two parts have recorded is written once: each part adds its new messages in the order of its file.
+/// Those of the `sent` messages that no part has count as dropped.
 ///
 /// # Errors
 /// Fails if the log cannot be written; then the parts stay as they are.
@@ -32,7 +32,7 @@ pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64)
     let written = write(&whole, parts, scenario, events, sent);
     let outcome = written.inspect_err(|_| _ = std::fs::remove_file(&whole))?;
     std::fs::rename(&whole, first).with_context(|| format!("cannot put the joined log at {}", first.display()))?;
-    parts[1..].iter().for_each(|part| _ = std::fs::remove_file(part)); // one may never have been begun
+    parts[1..].iter().for_each(|part| _ = std::fs::remove_file(part)); // the part may never have been begun
     Ok(outcome)
 }
 
@@ -81,7 +81,7 @@ fn write(
             }
         });
         written?;
-        drop(read); // as above
+        drop(read); // a part that cannot be read has no snapshots either
     }
     for event in events {
         outcome.records += 1;
@@ -96,7 +96,7 @@ pub fn part(first: &Path, epoch: u32) -> PathBuf {
     if epoch == 1 { first.into() } else { first.with_extension(format!("{epoch}.mcap")) }
 }
 
-/// Returns the file of the messages that recorder `epoch` of the log at `first` had not written when it died.
+/// Returns the file for the messages that the recorder `epoch` of the log at `first` had not written when it died.
 pub fn rest(first: &Path, epoch: u32) -> PathBuf {
     first.with_extension(format!("{epoch}.rest.mcap"))
 }
@@ -171,12 +171,12 @@ pub fn stream(first: &Path, span: LogSpan, mut each: impl FnMut(&Log, &Record)) 
 }
 
 /// Reads the newest snapshots of the nodes at or before the time `until_ns`, from the log at `first` with all parts of
-/// its run; empty if it has none.
+/// its run; empty if the log has no snapshots.
 ///
 /// # Errors
 /// Fails if no part can be read.
 pub fn memories(first: &Path, until_ns: u64) -> anyhow::Result<Vec<Memory>> {
-    /// Span that is tried first: snapshots are written every ten seconds, unless one was incomplete.
+    /// Span that is read first \[ns\]: snapshots are written every ten seconds, unless one was incomplete.
     const RECENT_NS: u64 = 30_000_000_000;
     let recent = memories_of(first, until_ns.saturating_sub(RECENT_NS)..=until_ns)?;
     if recent.is_empty() { memories_of(first, 0..=until_ns) } else { Ok(recent) }
@@ -232,7 +232,7 @@ fn others(first: &Path) -> Vec<u32> {
     entries.filter_map(|entry| epoch(&entry.file_name().to_string_lossy())).filter(|epoch| *epoch <= MOST).collect()
 }
 
-/// Reads the `span` of `parts` one after the other, and returns what each has besides messages. `each` gets every
+/// Reads the `span` of `parts` one after the other, and returns each part without its messages. `each` gets every
 /// message of the `wanted` parts once, in the order of writing. A single part is always wanted.
 fn gather(
     parts: &[PathBuf],
@@ -265,7 +265,7 @@ struct Recent {
 }
 
 impl Recent {
-    /// Number of messages that are remembered: more than a recorder and the launcher have in those seconds.
+    /// Number of messages that are remembered: more than a recorder and the launcher write side by side.
     const MOST: usize = 200_000;
 
     /// Counts a message, and returns how often it was seen, this time included.
@@ -288,7 +288,7 @@ impl Recent {
     }
 }
 
-/// Fields that identify a message; equal only for copies that a fault has sent.
+/// Fields that identify a message; they are equal only for copies that a fault has sent.
 type Identity = [u64; 6];
 
 fn identity(record: &Record) -> Identity {

@@ -1,5 +1,5 @@
-//! Compression of the chunks of a log with LZ4, which MCAP's readers know. The crate `mcap` does this only by libraries
-//! in C; here it is done in Rust.
+//! Compression of the chunks of a log with LZ4, which MCAP's readers know. The crate `mcap` compresses only by
+//! libraries in C; this module does it in Rust.
 
 use std::collections::VecDeque;
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom, Write};
@@ -14,23 +14,23 @@ use crate::limits::MAX_RECORD_BYTES;
 
 /// Name of the compression in the log.
 const NAME: &str = "lz4";
-/// Length of the head of a record: opcode, and length of the body.
+/// Length of the head of a record \[bytes\]: opcode, and length of the body.
 const HEAD: usize = 9;
 
 /// Destination of an MCAP writer that compresses each chunk on its way to the `file`.
 ///
 /// The writer must send chunks that are not compressed. When it asks for its position, it gets the position in the
-/// file; lengths of chunks and checksums, which it cannot know, are corrected here. A chunk is written once it is
-/// complete, so that a killed process leaves chunks that can be read.
+/// file; lengths of chunks and checksums, which the writer cannot know, are corrected here. A chunk is written once it
+/// is complete, so that a killed process leaves chunks that can be read.
 pub struct Compressor<W> {
     file: W,
     /// Bytes written to the file.
     at: u64,
     /// Bytes of the record that is not complete yet.
     begun: Vec<u8>,
-    /// Length of the record of each chunk, and of its compressed content, until the index has it.
+    /// Length of the record of each chunk, and of its compressed content \[bytes\], until they are in the index.
     chunks: VecDeque<(u64, u64)>,
-    /// Checksum of the section of the file.
+    /// Checksum of the section of the file that is being written.
     sum: Hasher,
     /// `true` after the last record.
     has_ended: bool,
@@ -51,12 +51,12 @@ impl<W: Write> Compressor<W> {
         (self.begun.len() >= length).then_some(length)
     }
 
-    /// Writes a complete record as it is in the compressed log.
+    /// Writes a complete record in the form that it has in the compressed log.
     fn pass(&mut self, record: &[u8]) -> Result<()> {
         let body = record.get(HEAD..).unwrap_or_default();
         match record[0] {
             op::CHUNK => {
-                /// Times, length and checksum of the content; then the name of the compression, and two lengths.
+                /// Bytes of the times, the length and the checksum of the content; the name of the compression follows.
                 const TOLD: usize = 8 + 8 + 8 + 4;
                 let content = compress(&body[TOLD + 4 + 8..])?;
                 let length = content.len() as u64;
@@ -65,9 +65,10 @@ impl<W: Write> Compressor<W> {
                 self.emit_record(op::CHUNK, &body)
             }
             op::CHUNK_INDEX => {
-                /// Times and offset; the length of the record follows.
+                /// Bytes of the times and the offset; the length of the record follows.
                 const BEFORE: usize = 8 + 8 + 8;
-                /// Name of the compression, length of the compressed content; the true length of the content follows.
+                /// Bytes of the empty name of the compression, and of the compressed and the true length of the
+                /// content.
                 const AFTER: usize = 4 + 8 + 8;
                 let next = self.chunks.pop_front(); // the index has the order of the chunks
                 let (length, compressed) =
@@ -124,7 +125,7 @@ impl<W: Write> Write for Compressor<W> {
     }
 }
 
-/// Tells the position; no other can be sought.
+/// Returns the position; a seek to any other position fails.
 impl<W: Write> Seek for Compressor<W> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {
         match to {
@@ -150,7 +151,7 @@ fn compress(bytes: &[u8]) -> Result<Vec<u8>> {
 #[derive(Default)]
 pub struct Lz4 {
     content: Vec<u8>,
-    /// Bytes of the content that were handed on.
+    /// Number of bytes of the content that were handed on.
     taken: usize,
 }
 

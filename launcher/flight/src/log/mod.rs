@@ -8,13 +8,13 @@
 //! | topic `/memory` | the snapshot of every node, every ten seconds, as protobuf ([`Memory`]) |
 //! | topic `/events` | events of the processes, as protobuf ([`crate::event`]) |
 //! | `log_time` | simulated time, the stamp's tick times the sample time: one time axis for runs of every mode |
-//! | `publish_time` | instant of publication, `CLOCK_MONOTONIC`; 0 for TRUTH and events, and in process, which has no clock |
+//! | `publish_time` | `CLOCK_MONOTONIC` of the publication; 0 for TRUTH, events and snapshots, and in process |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
 //! | metadata `trefoil` | version and commit of the writer, layout of the messages, run, and the two time rules above |
 //!
 //! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, compressed by `lz4.rs`; a
-//! killed process loses no more than that, and [`read()`] reads what is there. No node writes a log, because one write
-//! can take milliseconds.
+//! killed process loses only the open chunk, and [`read()`] reads all chunks that were closed. No node writes a log,
+//! because one write can take milliseconds.
 
 mod channel;
 mod index;
@@ -43,7 +43,7 @@ pub use ring::with_message;
 pub use schema::{Column, columns, encode, encode_event, fields, status_name, words};
 pub use write::LogWriter;
 
-/// Name of the metadata record that holds the scenario, and its key there.
+/// Name of the metadata record that holds the scenario, and the scenario's key in it.
 const SCENARIO: (&str, &str) = ("scenario", "toml");
 /// Name of the metadata record with the program and the run that wrote the log.
 const WRITTEN_BY: &str = "trefoil";

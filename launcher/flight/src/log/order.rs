@@ -8,10 +8,10 @@ use contract::Topic;
 
 use super::Record;
 
-/// Messages that are held back until the order between their topics is known: more than the queues of a recorder hold.
+/// Number of messages held back until the order of their topics is known: more than the queues of a recorder hold.
 const HELD_BACK: usize = 16_384;
 
-/// Passes messages on tick by tick while they are read. Those of each type keep their order of writing.
+/// Passes messages on tick by tick while they are read. Messages of one kind keep their order of writing.
 pub struct TickByTick<F> {
     /// Messages by [`Record::kind`], each with its tick.
     waiting: [VecDeque<(u64, Record)>; Record::KINDS],
@@ -48,19 +48,19 @@ impl<F: FnMut(&Record)> TickByTick<F> {
     }
 }
 
-/// Returns the tick by which a message is sorted: 0 for a damaged one, which does not wait for others.
+/// Returns the tick by which a message is sorted: 0 for a damaged message, which does not wait for others.
 pub fn tick(record: &Record) -> u64 {
     if record.is_intact() { record.tick() } else { 0 }
 }
 
-/// Returns the largest tick that a log of this many `messages` can have, though most of its flight may be missing.
-/// Larger ticks come from damaged stamps, which must not decide how much memory and time a log takes.
+/// Returns the largest tick that a log of this many `messages` can have, even if most of the flight is missing. Larger
+/// ticks come from damaged stamps, which must not decide how much memory and time a log takes.
 pub fn last_tick(messages: u64) -> u64 {
     1_000_000 + 10 * messages
 }
 
-/// Returns the [kind](Record::kind) of the message that comes first, given the tick of the next one of each kind;
-/// `None` if there is none.
+/// Returns the [kind](Record::kind) of the message that comes first, given the tick of the next message of each kind;
+/// `None` if there is no message.
 pub fn next(ticks: [Option<u64>; Record::KINDS]) -> Option<usize> {
     let in_order = std::iter::once(Topic::COUNT).chain(0..Topic::COUNT);
     in_order.filter(|kind| ticks[*kind].is_some()).min_by_key(|kind| ticks[*kind])

@@ -1,9 +1,9 @@
-//! The part of a flight that its log has.
+//! Outcome of a log: the numbers of records written and lost.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Result of a recorder, printed at its end.
+/// Result of a recorder, printed when it ends.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LogOutcome {
     /// Messages and events written.

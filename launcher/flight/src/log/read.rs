@@ -28,9 +28,9 @@ use crate::provenance::{Git, ProgramIdentity};
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WrittenBy {
     pub program: ProgramIdentity,
-    /// Layout of its messages, as in [`LAYOUT`].
+    /// Layout of the log's messages, as in [`LAYOUT`].
     pub layout: String,
-    /// Name of the run, the same in each of its logs.
+    /// Name of the run, the same in each log of the run.
     pub run: String,
 }
 
@@ -42,13 +42,15 @@ impl WrittenBy {
         Self { program, layout: text("layout"), run: text("run") }
     }
 
-    /// Returns a note for users that another program wrote the log, or may have; `None` if it is known to be this one.
+    /// Returns a note for users that another program wrote the log, or may have written it; `None` if this program is
+    /// known to have written it.
     pub fn other_program(&self) -> Option<String> {
         let this = ProgramIdentity::this();
         (!self.program.is_same(&this)).then(|| format!("the log was written by {}, and this is {this}", self.program))
     }
 
-    /// Checks that the messages are laid out as in this program; otherwise the values read would not be those written.
+    /// Checks that the messages are laid out as in this program; otherwise other values would be read than were
+    /// written.
     ///
     /// # Errors
     /// Fails if the layouts differ; the error names both versions and both layouts.
@@ -64,7 +66,8 @@ impl WrittenBy {
     }
 }
 
-/// A flight log. Its messages are empty if they were not kept; those of each type are in the order of writing.
+/// A flight log. The messages of each type are in the order of writing; the lists are empty if the messages were not
+/// kept.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Log {
     /// The run's merged settings.
@@ -77,13 +80,13 @@ pub struct Log {
     pub truths: Vec<Truth>,
     /// Events of the processes.
     pub events: Vec<Event>,
-    /// Reason why reading stopped before the footer: the log's writer was killed, or the file is damaged. The rest of
-    /// the log was read before that, and its checksums fit.
+    /// Reason why reading stopped before the footer: the log's writer was killed, or the file is damaged. Everything
+    /// before the defect was read, and its checksums fit.
     pub defect: Option<String>,
 }
 
 impl Log {
-    /// Returns all messages tick by tick, within a tick TRUTH first and then in the ring's order. Those of each type
+    /// Returns all messages tick by tick, within a tick TRUTH first and then in the ring's order. Messages of one type
     /// keep their order of writing.
     pub fn tick_by_tick(&self) -> impl Iterator<Item = Record> {
         fn all<M: Copy + Into<Record>>(messages: &[M]) -> Peekable<Box<dyn Iterator<Item = Record> + '_>> {
@@ -115,7 +118,7 @@ impl Log {
     }
 }
 
-/// Reads the log at `path` into memory, up to the first defect; an error if that comes before the scenario.
+/// Reads the log at `path` into memory, up to the first defect; an error if the defect comes before the scenario.
 pub fn read(path: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
     let Log { scenario_toml, written_by, events, defect, .. } =
@@ -123,8 +126,8 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
     Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
-/// Reads the log at `path` without its messages: `each` gets those of the `span` one by one, in the order of writing,
-/// with what was read before them, which includes the scenario and the origin of the log.
+/// Reads the log at `path`. Its messages are not kept: `each` gets those of the `span` one by one, in the order of
+/// writing, with the log as read so far, which has the scenario and the origin of the log already.
 pub fn read_in_order(path: &Path, span: LogSpan, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     walk(path, &WantedRecords::Messages(span), |log, found| {
         if let Found::Message(record) = found {
@@ -133,7 +136,8 @@ pub fn read_in_order(path: &Path, span: LogSpan, mut each: impl FnMut(&Log, &Rec
     })
 }
 
-/// Reads the snapshots in the `span` of the log at `path`, up to a defect; `each` gets them with what was read before.
+/// Reads the snapshots in the `span` of the log at `path`, up to a defect; `each` gets each of them with the log as
+/// read so far.
 pub fn read_memories(path: &Path, span: LogSpan, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
     let read = walk(path, &WantedRecords::Memories(span), |log, found| {
         if let Found::Memory(memory) = found {
@@ -149,14 +153,14 @@ enum Found<'a> {
     Memory(Memory),
 }
 
-/// Reads what is `wanted` of the log at `path`; `each` gets each record found, with what was read before.
+/// Reads what is `wanted` of the log at `path`; `each` gets each record found, with the log as read so far.
 fn walk(path: &Path, wanted: &WantedRecords, each: impl FnMut(&Log, Found)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
     let (file, size) = files::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = Parts::of(file, size, wanted).with_context(cannot_read)?;
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()
-            .with_record_length_limit(MAX_RECORD_BYTES) // more is damage, not a reason to allocate
+            .with_record_length_limit(MAX_RECORD_BYTES) // a longer record is damage
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(file.is_all())
             .with_validate_summary_section_crc(true),
@@ -199,15 +203,15 @@ fn walk(path: &Path, wanted: &WantedRecords, each: impl FnMut(&Log, Found)) -> a
     Ok(contents.log)
 }
 
-/// State of a reading: the log so far, and the meaning of its channel numbers.
+/// State of a reading: the log as read so far, and the meaning of its channel numbers.
 struct Contents<'a, F> {
     /// Called with each message and snapshot that is wanted.
     each: F,
     wanted: &'a WantedRecords,
-    /// Everything else that was read.
+    /// Log as read so far, without these messages and snapshots.
     log: Log,
     has_scenario: bool,
-    /// Kinds of messages by schema, and by channel.
+    /// Kinds of messages by the number of the schema, and by the number of the channel.
     schemas: HashMap<u16, usize>,
     channels: HashMap<u16, usize>,
     events: Option<u16>,
@@ -249,7 +253,7 @@ impl<F: FnMut(&Log, Found)> Contents<'_, F> {
                     }
                 } else if self.memory == Some(header.channel_id) {
                     if matches!(self.wanted, WantedRecords::Memories(span) if span.contains(&header.log_time)) {
-                        let memory = schema::decode_memory(&data).context("what a node remembers cannot be read")?;
+                        let memory = schema::decode_memory(&data).context("a snapshot cannot be read")?;
                         (self.each)(&self.log, Found::Memory(memory));
                     }
                 } else if self.events == Some(header.channel_id) {

@@ -88,7 +88,7 @@ pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
     let wire::Event { tick, node, epoch, what, why, swap, origin, by, fault_number, fault } =
         wire::Event::decode(bytes)?;
     let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });
-    let what = serde_json::from_value(what.into()).context("what happened is unknown")?;
+    let what = serde_json::from_value(what.into()).context("an event of an unknown kind")?;
     let fault =
         fault_number.zip(fault).map(|(number, text)| Ok(Box::new((number as usize, serde_json::from_str(&text)?))));
     let fault = fault
@@ -133,8 +133,8 @@ pub fn fields(kind: usize) -> Vec<Column> {
     columns
 }
 
-/// Returns the columns of a topic's table, in the order of [`words`]: the fields of its messages, and with those of
-/// STATE the true motion and actuator positions.
+/// Returns the columns of a topic's table, in the order of [`words`]: the fields of its messages, and for STATE also
+/// the true motion and actuator positions.
 pub fn columns(topic: Topic) -> Vec<Column> {
     let mut columns = fields(topic as usize);
     if topic == Topic::State {
@@ -146,8 +146,8 @@ pub fn columns(topic: Topic) -> Vec<Column> {
 /// Words of TRUTH that the table of STATE has too.
 const TRUE_WORDS: RangeFrom<usize> = offset_of!(Truth, actual) / 8..;
 
-/// Returns the values of a message of the ring in the order of [`columns`]; `truth` is the TRUTH of its tick, whose
-/// values are NaN if it was lost.
+/// Returns the values of a message of the ring in the order of [`columns`]; `truth` is the TRUTH of the same tick;
+/// without it, its values are NaN.
 pub fn words(record: &Record, truth: Option<&Truth>) -> Vec<u64> {
     let mut words = record.words().to_vec();
     if let Record::State(_) = record {
@@ -157,7 +157,7 @@ pub fn words(record: &Record, truth: Option<&Truth>) -> Vec<u64> {
     words
 }
 
-/// Returns the name of the status of a message; `None` for a topic or a number without one.
+/// Returns the name of the status of a message; `None` if the topic has no status, or the number no name.
 pub fn status_name(record: &Record) -> Option<&'static str> {
     let number = |status: u64| i32::try_from(status).ok();
     match record {
@@ -189,13 +189,13 @@ impl Columns for u64 {
     }
 }
 
-/// Appends the columns of a `field` of the value called `of`; the type of the field is that of `_get`.
+/// Appends the columns of a `field` of the value called `of`; the type of the field is the one that `_get` returns.
 fn field<M, T: Columns>(_get: fn(&M) -> &T, of: &str, field: &str, columns: &mut Vec<Column>) {
     let name = if of.is_empty() { field.to_owned() } else { format!("{of}.{field}") };
     T::columns(&name, columns);
 }
 
-/// Makes a type of the schema a row of its fields, in this order.
+/// Implements [`Columns`] for a type of the schema: the columns of its fields, in this order.
 macro_rules! columns {
     ($name:ident { $($field:ident),* }) => {
         impl Columns for wire::$name {
@@ -239,7 +239,7 @@ named_array! {
 }
 
 /// Converts between the types of the table and those of the schema, both ways, and lists their columns. A field that
-/// only one of them has does not compile. The name of a status is for human readers, and not read back.
+/// only one of them has does not compile. The name of a status is for human readers; it is not read back.
 macro_rules! convert {
     (parts { $($(#[$about:meta])* $part:ident { $($fields:tt)* })* }
      messages { $($(#[$of:meta])* $message:ident $layout:literal $bytes:literal bytes { $($its:tt)* })* }

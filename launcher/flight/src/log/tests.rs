@@ -1,4 +1,4 @@
-//! Logs return what was written; torn and damaged ones are recognised.
+//! Logs return what was written; torn and damaged logs are recognised.
 
 use std::{
     fs,
@@ -25,7 +25,7 @@ mod join;
 
 const SCENARIO: &str = "name = \"hover \u{3bc}\"\n";
 
-/// Returns a path for a log, in a temporary folder that is removed when it is dropped.
+/// Returns a path for a log, in a temporary folder that is removed when its handle is dropped.
 fn place() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.mcap");
@@ -55,7 +55,7 @@ fn any_record() -> impl Strategy<Value = Record> {
     })
 }
 
-/// Returns the messages of a log as MCAP's reader has them.
+/// Returns the messages of a log as MCAP's own reader reads them.
 fn messages(log: &[u8]) -> Vec<mcap::Message<'static>> {
     let mut reader = MessageReader::new(log);
     reader.add_decompressor(Lz4::default()).unwrap();
@@ -200,7 +200,7 @@ fn a_full_disk_costs_only_what_is_not_yet_written() {
     assert!(told.contains("/proc/self/fd/") && told.contains("whole up to 1.49 s: "), "{told}");
     log.finish().unwrap();
     assert_eq!(fs::metadata(&path).unwrap().len(), whole_bytes, "cut back to the last whole chunk");
-    let (_folder, copy) = place(); // `read` follows no link, and the path is one
+    let (_folder, copy) = place(); // `read` follows no link, and the path is a link
     fs::copy(&path, &copy).unwrap();
     let kept = read(&copy).unwrap();
     assert!(!kept.complete());

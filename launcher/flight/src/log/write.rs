@@ -32,7 +32,7 @@ pub struct LogWriter {
     path: PathBuf,
     /// `None` after an error.
     mcap: Option<Mcap>,
-    /// The open file that `mcap` writes to, for its length and for cutting it.
+    /// Handle of the file that `mcap` writes, used to read its length and to cut it.
     file: File,
     /// Channel number of each [kind](Record::kind) of message.
     channels: [u16; Record::KINDS],
@@ -57,7 +57,7 @@ impl LogWriter {
         Self::create_part(path, scenario_toml, sample_ns, &format!("{}-{}", since.as_nanos(), std::process::id()))
     }
 
-    /// Does the same as [`Self::create`] for one of several logs of `run`; all of them carry that name.
+    /// Does the same as [`Self::create`] for one of several logs of `run`; all of them carry the name `run`.
     pub fn create_part(path: &Path, scenario_toml: &str, sample_ns: u64, run: &str) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         Self::begin(files::create(path).with_context(cannot_create)?, path, scenario_toml, sample_ns, run)
@@ -92,7 +92,7 @@ impl LogWriter {
         self.mcap.as_mut().map_or(Ok(0), |mcap| add_channel(mcap, channel).map_err(plain))
     }
 
-    /// Writes the bytes of a message of an own channel, with its simulated time \[ns\].
+    /// Writes the bytes of a message of a channel from [`Self::add_channel`], with its simulated time \[ns\].
     pub fn write_encoded(&mut self, channel_id: u16, log_time: u64, bytes: &[u8]) -> anyhow::Result<()> {
         self.append(&MessageHeader { channel_id, sequence: 0, log_time, publish_time: 0 }, bytes)
     }
@@ -134,7 +134,7 @@ impl LogWriter {
         if self.open_bytes >= CHUNK_BYTES || self.flushed.elapsed() >= FLUSH_PERIOD { self.flush() } else { Ok(()) }
     }
 
-    /// Hands everything to the system, where a kill cannot lose it. [`Self::write`] does so once a second.
+    /// Hands everything to the system, where a kill cannot lose it. [`Self::write`] does so after 64 KiB or a second.
     pub fn flush(&mut self) -> anyhow::Result<()> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
         let reach = mcap.flush().map_err(plain).and_then(|()| Ok(self.file.stream_position()?));
@@ -168,12 +168,12 @@ impl LogWriter {
         }
     }
 
-    /// Ends the log at its last complete chunk, and adds that to the error.
+    /// Ends the log at its last complete chunk, and adds the time of this end to the error.
     pub fn give_up(&mut self, error: anyhow::Error) -> anyhow::Error {
-        drop(self.mcap.take()); // cut after this: it may still write the rest of a torn chunk, or a footer
+        drop(self.mcap.take()); // dropped before the cut, because it may still write a torn chunk or a footer
         let torn = match self.file.set_len(self.whole_bytes) {
             Ok(()) => "",
-            Err(_) => ", then torn", // readers survive that
+            Err(_) => ", then torn", // readers accept a torn log
         };
         let whole_s = self.whole_ns as f64 * 1e-9;
         error.context(format!("cannot write {}: the log is whole up to {whole_s:.2} s{torn}", self.path.display()))
@@ -192,7 +192,7 @@ fn open(
     let mut mcap = WriteOptions::new()
         .compression(None) // `Compressor` compresses the chunks
         .chunk_size(None) // `LogWriter` closes the chunks
-        .disable_seeking(true) // a chunk is written once it is whole, never patched
+        .disable_seeking(true) // a chunk is written when it is complete, never patched
         .calculate_data_section_crc(false) // `Compressor` has these checksums
         .calculate_summary_section_crc(false)
         .library(concat!("trefoil ", env!("CARGO_PKG_VERSION")))

@@ -1,5 +1,5 @@
-//! Connections between processes: finds each process that works and whose messages do not arrive, or that receives
-//! nothing from a publisher that others receive.
+//! Connections between processes: finds each working process whose messages do not arrive, or that receives nothing
+//! from a publisher whose messages other processes receive.
 //!
 //! ```text
 //! sends, and no listener receives anything           the sender is cut off
@@ -7,30 +7,30 @@
 //! works, and its port refuses every message          the sender is cut off
 //! ```
 //!
-//! Found from counts on the control page alone: messages handed to the port, messages received, ticks done. A fault of
-//! the scenario that loses messages is not mistaken for a cut, because a lost message is sent too, marked as lost. Nor
-//! is a process that sends nothing because the policy of its deadline says so.
+//! Only counts on the control page are used: messages handed to the port, messages received, ticks done. A fault of the
+//! scenario that loses messages is not mistaken for a cut, because a lost message is sent too, marked as lost. A
+//! process that sends nothing because of the policy of its deadline does not count as cut off either.
 
 use contract::topic::Topic;
 use runtime::port::PortFailure;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::SharedRole;
 
-/// Index of the launcher as a listener, after those of the nodes; it listens to every topic.
+/// Index of the launcher as a listener, after the indices of the nodes; the launcher listens to every topic.
 const LAUNCHER: usize = Topic::COUNT;
 
-/// Messages that must be missing or refused before a process counts as cut off.
+/// Number of messages that must be missing or refused before a process counts as cut off.
 const SENT: u32 = 3;
-/// Ticks that a listener must finish after these messages: in the first it may have read its input already.
+/// Ticks that a listener must finish after these messages: in the first tick it may have read its input already.
 const WHOLE_TICKS: u32 = 2;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disconnected {
-    /// Process `epoch` sends on this topic, and nothing of it arrives anywhere.
+    /// Process `epoch` sends on this topic, and no process receives its messages.
     Sender(Topic, u32),
     /// Process `epoch`, which publishes on the first topic, receives nothing on the second.
     Listener(Topic, u32, Topic),
-    /// The launcher itself receives nothing of a topic that others receive.
+    /// The launcher itself receives nothing on a topic that others receive.
     Launcher(Topic),
 }
 
@@ -47,7 +47,7 @@ pub struct Connections {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Counts {
     epoch: u32,
-    /// Ticks done; for the launcher its looks.
+    /// Ticks done; for the launcher, looks done.
     done: u32,
     sent: u32,
     send_failures: u32,
@@ -59,7 +59,7 @@ struct Counts {
 struct Pair {
     epochs: (u32, u32),
     received: u32,
-    /// Messages that had been sent by then.
+    /// Messages that the publisher had sent when the listener last received one.
     sent: u32,
     /// Ticks that the listener had done when [`SENT`] more messages had been sent; `None` before that.
     due: Option<u32>,
@@ -77,7 +77,7 @@ impl Connections {
     /// Finds the processes that are cut off; `received` counts the messages that reached the launcher before this call.
     pub fn look(&mut self, page: &ControlPage, received: [u32; Topic::COUNT]) -> Vec<Disconnected> {
         self.looks = self.looks.wrapping_add(1);
-        // Received messages are counted after sent ones: all that were counted as sent may have arrived by then.
+        // Received messages are counted after sent ones, so that all messages counted as sent may have arrived.
         let mut nodes = Topic::ALL.map(|topic| Counts::of(page.role(topic)));
         for (counts, topic) in nodes.iter_mut().zip(Topic::ALL) {
             counts.received = Topic::ALL.map(|from| page.role(topic).received(counts.epoch, from).get());
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn a_burst_between_two_looks_is_no_cut() {
         let burst = found(|tick, nodes, launcher| {
-            nodes[0].sent = if tick < 10 { 1 } else { 50 }; // many between two looks of the launcher
+            nodes[0].sent = if tick < 10 { 1 } else { 50 }; // many messages between two looks of the launcher
             nodes[0].done = nodes[0].sent;
             let received = if tick < 11 { 1 } else { 50 };
             for node in nodes {

@@ -18,8 +18,8 @@ pub trait Driver {
     /// Takes in one message, for the trials.
     fn observe(&mut self, record: &Record);
 
-    /// Returns the tick that the plant waits for in lockstep; `None` if it was answered, and in real time. All messages
-    /// of earlier ticks have been sent.
+    /// Returns the tick that the plant waits for in lockstep; `None` after the answer, and in real time. When the plant
+    /// waits for a tick, all messages of earlier ticks have been sent.
     fn question(&self) -> Option<u64> {
         None
     }
@@ -31,13 +31,14 @@ pub trait Driver {
     /// Called after all orders of this look were carried out.
     fn done(&mut self) {}
 
-    /// Handles what was seen of a process of a node: it has ended, could not be started, or is cut off.
+    /// Handles an observation of a process of a node: the process has ended, could not be started, or is cut off.
     fn on(&mut self, scenario: &Scenario, topic: Topic, input: RoleInput) -> Vec<Order>;
 
     /// Returns `Ok` if a swap may be ordered now, else the reason why not.
     fn may_swap(&self, topic: Topic) -> Result<(), String>;
 
-    /// Adds fault `number`, or changes it to `fault`. Lockstep ignores it: there only the scenario has faults.
+    /// Adds fault `number`, or changes it to `fault`. The driver in lockstep ignores the call: there only the scenario
+    /// has faults.
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}
 
     /// Returns why the run cannot go on, or `None`. A ring that does not move is not stuck while a debugger

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! The ring stands still meanwhile, so the time that this takes does not matter. The wall clock decides one thing only:
-//! a ring that has not moved for `[supervision] wall_limit_s` ends the run, unless a debugger has one of its processes.
+//! a ring that has not moved for `[supervision] wall_limit_s` ends the run, unless a debugger traces one of its
+//! processes.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -53,11 +54,11 @@ impl Lockstep {
             asked: None,
             killed: vec![],
             wall_limit: (limit_s > 0.0).then(|| Duration::from_secs_f64(limit_s)),
-            moved: ([[u32::MAX; 2]; Topic::COUNT], Instant::now()), // so the first look counts as a move
+            moved: ([[u32::MAX; 2]; Topic::COUNT], Instant::now()), // no real count, so the first look counts as a move
         }
     }
 
-    /// Removes a process that ended or could not be started, as `input` says. Ignores those that the roles killed.
+    /// Removes a process that ended or could not be started, as `input` says. Ignores processes that the roles killed.
     fn exited(&mut self, topic: Topic, epoch: u32, input: RoleInput) {
         if self.killed.contains(&(topic, epoch)) {
             return;
@@ -72,7 +73,8 @@ impl Lockstep {
         self.page.doorbell(topic).ring();
     }
 
-    /// Returns the ticks done by the active and the standby process of a node; 0 if there is none, or it is stopped.
+    /// Returns the ticks done by the active and the standby process of a node; 0 for a process that is absent or
+    /// stopped.
     fn done_by(&self, topic: Topic) -> [u32; 2] {
         let Assignment { active, standby } = self.simulated.assignment(topic);
         [active, standby].map(|epoch| self.page.role(topic).done(epoch).get())
@@ -148,7 +150,7 @@ impl Driver for Lockstep {
     }
 
     fn may_swap(&self, _topic: Topic) -> Result<(), String> {
-        Err("a lockstep flight is to repeat: write the swap into its scenario".into())
+        Err("a flight in lockstep must be repeatable: write the swap into its scenario".into())
     }
 
     fn stuck(&mut self, is_traced: &dyn Fn() -> bool) -> Option<String> {

@@ -2,7 +2,7 @@
 //!
 //! The launcher reports the end of a process (`stack/children.rs`: a pidfd wakes it, `waitid` finds the process). This
 //! driver sees a hang by the progress of the ticks themselves, because a heartbeat could outlive the work. The instant
-//! at which a process will count as hung is known beforehand, and the launcher sleeps no longer than that.
+//! at which a process will count as hung is known beforehand, and the launcher sleeps no longer than until then.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -80,8 +80,8 @@ impl RealtimeRoles {
         (self.started.elapsed().as_nanos() as u64).saturating_sub(since_sample_0_ns)
     }
 
-    /// Returns the instant of the look after `at`: the first at which a restart is due or a process may count as hung,
-    /// but at least [`LOOK_AGAIN`] and at most [`LOOK`] after `at`.
+    /// Returns the instant of the look after `at`: the first instant at which a restart is due or a process may count
+    /// as hung, but at least [`LOOK_AGAIN`] and at most [`LOOK`] after `at`.
     fn next_look(&self, at: Instant) -> Instant {
         let origin_ns = (self.page.origin_ns.get() > 0).then(|| self.lead_in_ns() + GRACE_NS);
         let starts = self.nodes.iter().filter_map(|node| node.role.due_ns());
@@ -138,7 +138,7 @@ impl Driver for RealtimeRoles {
         }
         self.begun.resize(scenario.swap.len(), false);
         for (i, swap) in scenario.swap.iter().enumerate() {
-            // Tick 0 is also the tick before the first sample.
+            // The tick is 0 before the first sample too.
             let is_due = tick > 0 && tick >= swap.ticks(scenario.sample_s()).from && !self.begun[i];
             let topic = swap.node;
             if is_due && !self.nodes[topic as usize].role.has_candidate() {
@@ -168,7 +168,7 @@ impl Driver for RealtimeRoles {
     }
 }
 
-/// Carries out `action` on the control page; returns `false` if it is one that the launcher carries out.
+/// Carries out `action` on the control page; returns `false` if the launcher has to carry it out instead.
 fn apply_to_page(page: &ControlPage, topic: Topic, tick: u64, action: &Action) -> bool {
     let shared = page.role(topic);
     match *action {

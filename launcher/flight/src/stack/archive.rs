@@ -6,8 +6,8 @@
 //! recorder 2 -> flight.2.mcap        /
 //! ```
 //!
-//! If a recorder dies, the launcher writes the messages that it had not written, and those sent until the next one
-//! records ([`LogRemainder`]). No node notices.
+//! If a recorder dies, the launcher writes the messages that the recorder had not written, and those sent until the
+//! next recorder works ([`LogRemainder`]). The nodes are not affected.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::io::Read;
@@ -42,7 +42,7 @@ pub struct Archive {
     /// Messages sent, as far as `count` tells.
     sent: u64,
     rest: LogRemainder,
-    /// Recorder that was active last, and those whose rest the launcher has written.
+    /// Epoch of the recorder that was active last, and epochs of the recorders whose rest the launcher has written.
     active: u32,
     rests: BTreeSet<u32>,
 }
@@ -92,7 +92,7 @@ impl Archive {
         }
     }
 
-    /// Waits until the recorder has everything, at most `CATCH_UP_LIMIT`; what it then lacks is counted as lost.
+    /// Waits until the recorder has all messages, at most `CATCH_UP_LIMIT`; messages that it lacks then count as lost.
     pub fn catch_up(page: &ControlPage) {
         let deadline = Instant::now() + CATCH_UP_LIMIT;
         let is_behind = || page.recorder.active() > 0 && page.recorded.count() < page.watched.count();
@@ -123,7 +123,7 @@ impl Archive {
         self.outcome(last, &run.scenario, &run.events, untold, sent)
     }
 
-    /// Begins to write the messages that the last active recorder did not.
+    /// Begins to write the messages that the last active recorder did not write.
     fn write_rest(&mut self, run: &FlightRun) {
         match run_of(run.domain.namespace()) {
             Ok(name) => {
@@ -151,7 +151,7 @@ impl Archive {
                     Action::Signal(epoch, signal) => run.children.signal(None, epoch, unix(signal)),
                     Action::Activate(epoch) => {
                         run.page.recorder.assign(0, |_| Assignment { active: epoch, standby: 0 });
-                        run.page.recorded.raise(run.page.watched.count()); // it never gets what was sent before it came
+                        run.page.recorded.raise(run.page.watched.count()); // a new recorder gets no earlier message
                         self.active = epoch;
                         self.rest.end();
                         inputs.push_back(RoleInput::Activated(epoch));
@@ -168,7 +168,7 @@ impl Archive {
             }
         }
         if self.role.given_up() {
-            run.page.recorded.raise(u32::MAX); // nothing is recorded, so there is nothing to wait for
+            run.page.recorded.raise(u32::MAX); // without a recorder, the plant waits for none
             self.rest.end();
         }
     }
@@ -204,7 +204,7 @@ impl Archive {
         if files.len() == 1 {
             let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
             let last = last.unwrap_or_else(lost);
-            // The recorder counts gaps only, and sees none where messages never reached it.
+            // The recorder counts gaps only, so it does not count messages after the last one that reached it.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);
             return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }
@@ -223,7 +223,7 @@ impl Archive {
 fn outcome_on(stdout: impl Read + AsFd) -> Option<LogOutcome> {
     event::never_wait(&stdout).ok()?;
     let mut text = vec![];
-    let _ = stdout.take(OUTCOME_BYTES).read_to_end(&mut text); // fails if the end of the pipe is not there yet
+    let _ = stdout.take(OUTCOME_BYTES).read_to_end(&mut text); // fails if another process still holds the pipe
     serde_json::from_slice(&text).ok()
 }
 
@@ -237,7 +237,8 @@ mod tests {
     use rustix::pipe::{PipeFlags, pipe_with};
     use std::fs::File;
 
-    /// Returns both ends of a pipe into which a recorder has written; another process still has the second.
+    /// Returns both ends of a pipe into which a recorder has written; the second stands for another process that holds
+    /// the pipe.
     fn said(outcome: &LogOutcome) -> (File, File) {
         let (reads, writes) = pipe_with(PipeFlags::CLOEXEC).unwrap();
         rustix::io::write(&writes, &serde_json::to_vec(outcome).unwrap()).unwrap();

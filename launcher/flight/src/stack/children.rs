@@ -1,8 +1,7 @@
 //! Children of the launcher: starts them, signals them, waits for them, and removes their ports and descendants.
 //!
 //! Each child has a process group of its own. The processes that it starts in turn are in that group: they get the same
-//! signals, and do not outlive it. Nor do processes that leave the group, as code of users may start
-//! ([`crate::strays`]).
+//! signals, and do not outlive it. Processes of users' code that leave the group are killed too ([`crate::strays`]).
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -34,7 +33,7 @@ use crate::provenance::status_of;
 use crate::strays::ChildMark;
 use runtime::console::eprint_line;
 
-/// Longest output of a program whose last lines are shown \[bytes\]; of a longer one nothing is shown.
+/// Longest output of a program whose last lines are shown \[bytes\]; of a longer output nothing is shown.
 const MOST_OUTPUT_BYTES: u64 = 1 << 20;
 /// Number of last lines of the output that are shown.
 const LAST_LINES: usize = 5;
@@ -51,10 +50,10 @@ pub struct SpawnRequest<'a> {
     pub log: Option<&'a Path>,
     /// Program of a node other than the launcher's own core.
     pub program: Option<&'a NodeSettings>,
-    /// File with settings of its own, beside the run's.
+    /// File with the settings of this process, if they are not those of the run.
     pub settings: Option<&'a Path>,
-    /// `true` if it shares the CPU of the flight: not the recorder, and no node whose settings name CPUs. Such a
-    /// node takes these CPUs itself, perhaps before this thread continues.
+    /// `true` if the process is confined to the CPU of the flight; `false` for the recorder, and for a node whose
+    /// settings name CPUs. Such a node takes these CPUs itself, perhaps before this thread continues.
     pub shares_cpu: bool,
 }
 
@@ -63,13 +62,13 @@ pub struct ChildProcess {
     pub topic: Option<Topic>,
     pub epoch: u32,
     pub child: Child,
-    /// `true` if it was killed on purpose.
+    /// `true` if the process was killed on purpose.
     pub killed: bool,
     /// `true` if [`wait`] was called for this node at the end: dropping the children need not kill it.
     pub awaited: bool,
-    /// File that its output goes to, for a program of a user.
+    /// File with the output of the process, for a program or library of a user.
     output: Option<PathBuf>,
-    /// Mark of the processes that come from it, for a program or library of a user.
+    /// Mark of the process and its descendants, for a program or library of a user.
     mark: Option<ChildMark>,
     /// Descriptor that becomes readable when the process ends.
     pidfd: Option<OwnedFd>,
@@ -83,7 +82,7 @@ impl ChildProcess {
         lines[lines.len().saturating_sub(LAST_LINES)..].iter().for_each(|line| eprint_line(line));
     }
 
-    /// Name of its node, or that of the recorder.
+    /// Name of the node, or of the recorder.
     pub fn name(&self) -> &'static str {
         name_of(self.topic)
     }
@@ -93,10 +92,10 @@ fn name_of(topic: Option<Topic>) -> &'static str {
     topic.map_or(RECORDER, Topic::publisher)
 }
 
-/// Children of a run. Dropping them kills those that are left.
+/// Children of a run. Dropping the value kills the processes that are left.
 pub struct Children {
     domain: Domain,
-    /// CPU that the nodes are confined to. The recorder, which the ring does not wait for, is not.
+    /// CPU that the nodes are confined to. The recorder is not confined, because the ring does not wait for it.
     one_cpu: Option<OneCpu>,
     /// Folder for the output of programs of users; `None` if it goes to the output of the launcher.
     pub outputs: Option<PathBuf>,
@@ -125,7 +124,7 @@ impl Children {
         let mut command = if let Some(program) = executable {
             let mut foreign = Command::new(&program.exec);
             foreign.args(&program.args);
-            die_with_parent(&mut foreign); // ours see to that themselves
+            die_with_parent(&mut foreign); // our own processes set this themselves
             foreign
         } else {
             let mut own = own_program();
@@ -134,7 +133,7 @@ impl Children {
         };
         command.envs(program.iter().flat_map(|program| &program.env));
         command.args(["--namespace", self.domain.namespace(), "--epoch", &epoch.to_string()]);
-        let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // the recorder, both ways
+        let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // pipes to and from the recorder
         command.stdin(talks()).stdout(talks());
         let is_ours = program.is_none_or(|program| program.kind() == ProgramKind::Own);
         let mark = (!is_ours).then(|| ChildMark::on(&mut command));
@@ -149,7 +148,7 @@ impl Children {
                 command.arg(option).arg(path);
             }
         }
-        // In a group of its own a Ctrl-C in the terminal does not reach it: the launcher then stops the nodes in order.
+        // A process in a group of its own gets no Ctrl-C of the terminal: the launcher stops the nodes in order.
         let child = command.process_group(0).spawn().map_err(|error| {
             let cannot = cannot_start(name, executable.map(|program| program.exec.as_str()));
             let is_crowded = error.kind() == ErrorKind::WouldBlock;
@@ -181,30 +180,32 @@ impl Children {
     }
 
     /// Forgets child `i`, which has ended, kills the processes that it left, and removes the ports that dead processes
-    /// left in the services. A thread does that, because it takes longer than a process may be missing.
+    /// left in the services. A thread does the last two, because they take longer than a role may be vacant.
     pub fn clean_up(&mut self, i: usize) {
         let mark = self.all.remove(i).mark;
         let domain = self.domain.clone();
         let clean_up = move || {
             mark.iter().for_each(ChildMark::kill_all);
-            let _ = Bus::remove_dead_ports(&domain); // what stays is wiped at the end of the run
+            let _ = Bus::remove_dead_ports(&domain); // ports that stay are wiped at the end of the run
         };
         self.cleaners.retain(|cleaner| !cleaner.is_finished());
         self.cleaners.extend(std::thread::Builder::new().name("cleaner".into()).spawn(clean_up).ok());
     }
 
-    /// Signals the process `epoch` of a node, or of the recorder without a topic, if it is there.
+    /// Signals the process `epoch` of a node, or of the recorder if `topic` is `None`; does nothing if there is no such
+    /// process.
     pub fn signal(&mut self, topic: impl Into<Option<Topic>>, epoch: u32, signal: Signal) {
         let topic = topic.into();
         let is = |process: &&mut ChildProcess| process.topic == topic && process.epoch == epoch;
         for process in self.all.iter_mut().filter(is) {
             process.killed |= signal == Signal::KILL;
-            // Fails for a process that has just ended, which the next look finds.
+            // The signal fails for a process that has just ended; the next look finds that process.
             let _ = kill_process_group(Pid::from_child(&process.child), signal);
         }
     }
 
-    /// Returns whether a debugger has a child, or a process that a child (which may be a debugger itself) has started.
+    /// Returns whether a debugger traces a child, or a process that a child (which may be a debugger itself) has
+    /// started.
     pub fn any_traced(&self) -> bool {
         let is_traced = |pid: u32| status_of(pid, "TracerPid:").is_some_and(|tracer| tracer != "0");
         let started_by = |pid: u32| -> Vec<u32> {
@@ -228,7 +229,8 @@ impl Drop for Children {
     fn drop(&mut self) {
         self.all.iter_mut().filter(|process| !process.awaited).for_each(|process| kill(&mut process.child));
         self.all.iter().filter_map(|process| process.mark.as_ref()).for_each(ChildMark::kill_all);
-        // A clean-up thread that still works could leave files after the wipe that follows; a stuck one is left behind.
+        // A clean-up thread that still works could leave files after the wipe that follows; a stuck thread is left
+        // behind.
         let deadline = Instant::now() + CLEAN_UP_LIMIT;
         while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(Duration::from_millis(1));
@@ -236,7 +238,8 @@ impl Drop for Children {
     }
 }
 
-/// Waits for `child`, called `name`, to end and returns how; kills it after `limit` or at a second interrupt (`None`).
+/// Waits for `child`, called `name`, to end and returns its status; after `limit` or at a second interrupt kills it and
+/// returns `None`.
 pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
     let note = || format!("waiting up to {} s for the {name} to end; Ctrl-C twice kills it", limit.as_secs());
     let ended = wait_for_end(child, limit, note, || interrupts.load(Ordering::Relaxed) > 1);
@@ -246,8 +249,8 @@ pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU
     ended
 }
 
-/// Waits for `child` to end, at most `limit` or until `is_over`, and returns how it ended; prints `note` if that takes
-/// long.
+/// Waits for `child` to end, at most `limit` or until `is_over`, and returns its status; prints `note` if the wait
+/// takes longer than `SAY_AFTER`.
 fn wait_for_end(
     child: &mut Child,
     limit: Duration,
@@ -269,19 +272,19 @@ fn wait_for_end(
     }
 }
 
-/// Returns how `child` ended, if it has, and kills the processes that it left in its group.
+/// Returns the status of `child` if it has ended, and kills the processes that it left in its group.
 fn ended(child: &mut Child) -> Option<ExitStatus> {
     let pid = Pid::from_child(child);
     match waitid(WaitId::Pid(pid), WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT) {
         Ok(None) => return None,
-        // No other process can have its number before it is waited for. Fails for a child without a group.
+        // No other process can have the child's ID before the child is waited for. Fails for a child without a group.
         Ok(Some(_)) => _ = kill_process_group(pid, Signal::KILL),
-        Err(_) => {} // it was waited for
+        Err(_) => {} // the child was waited for before
     }
     child.try_wait().ok().flatten()
 }
 
-/// Kills `child` with its group, if it has one, and waits for its end; one that does not end is left behind.
+/// Kills `child` with its group, if it has one, and waits for its end; a child that does not end is left behind.
 pub fn kill(child: &mut Child) {
     if ended(child).is_some() {
         return;

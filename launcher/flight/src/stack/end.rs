@@ -1,4 +1,4 @@
-//! Ends of a flight through processes, and failures to start it.
+//! Ends of a flight through processes, and failures to start such a flight.
 
 use std::process::ExitStatus;
 
@@ -12,7 +12,7 @@ pub enum StartError {
     /// A process ended or hung before all had joined.
     #[error("the stack did not come up: {0}")]
     Lost(String),
-    /// A process ended or hung in a flight that cannot be measured without it.
+    /// A process that the measurement needs ended or hung in flight.
     #[error("a flight to measure was lost: {0}")]
     LostInFlight(String),
     #[error("interrupted while the stack was starting")]

@@ -1,8 +1,8 @@
 //! Files of a run in shared memory, watched while it flies: notices a file that is removed or cut short.
 //!
-//! A removed file harms no process that has it mapped, but one that is started later cannot join. A file that is cut
-//! short kills the process that touches the missing part (SIGBUS). Files of dead processes and of guests are not
-//! watched: the former are cleared away, and guests may come and go.
+//! A removed file harms no process that has it mapped, but a process that is started later cannot join. A file that is
+//! cut short kills the process that touches the missing part (SIGBUS). Files of dead processes, which are cleared away,
+//! and files of guests, which may come and go, are not watched.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,10 +15,10 @@ use super::children::Children;
 use crate::event::{Event, What};
 use crate::limits::FILES_LOOK;
 
-/// Name by which events call the surroundings of the processes.
+/// Name of the host in events.
 const HOST: &str = "host";
-/// Looks in a row at which a removed file is missing before it counts as lost: a process that leaves removes its files
-/// before it is gone, on a busy machine more than 0.1 s before (a Python program, at commit f7c49549).
+/// Number of looks in a row at which a file is missing before it counts as removed: a process that leaves removes its
+/// files before it ends, on a busy machine more than 0.1 s before (a Python program, at commit f7c49549).
 const MISSING_LOOKS: u32 = 10;
 
 pub struct Files {
@@ -29,24 +29,24 @@ pub struct Files {
 
 struct Known {
     bytes: u64,
-    /// Number of looks in a row at which it was missing.
+    /// Number of looks in a row at which the file was missing.
     missing: u32,
 }
 
 impl Files {
-    /// Creates the watch over the files of `domain`; none is known yet.
+    /// Creates the watch over the files of `domain`; no file is known yet.
     pub fn new(domain: Domain) -> Self {
         Self { domain, looked: Instant::now(), known: BTreeMap::new() }
     }
 
-    /// Returns the losses of the launcher and of `children` since the last look as events at `tick`.
+    /// Returns an event at `tick` for each file that the launcher or `children` have lost since the last look.
     pub fn events(&mut self, tick: u64, children: &Children) -> Vec<Event> {
         let living = children.all.iter().map(|process| process.child.id()).chain([std::process::id()]);
         let event = |(what, path): (What, PathBuf)| Event::new(tick, HOST, 0, what).because(path.display().to_string());
         self.look(&living.collect::<Vec<_>>()).into_iter().map(event).collect()
     }
 
-    /// Returns what the processes `living` have lost since the last look; nothing before `FILES_LOOK` is over.
+    /// Returns the files that the processes `living` have lost since the last look; none before `FILES_LOOK` is over.
     fn look(&mut self, living: &[u32]) -> Vec<(What, PathBuf)> {
         if self.looked.elapsed() < FILES_LOOK {
             return vec![];
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
     use runtime::domain::Hold;
 
-    /// Looks until a removal counts.
+    /// Looks often enough that a removal counts.
     fn look(files: &mut Files, living: &[u32]) -> Vec<(What, PathBuf)> {
         let mut losses = vec![];
         for _ in 0..MISSING_LOOKS {

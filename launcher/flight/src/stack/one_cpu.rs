@@ -1,10 +1,10 @@
 //! CPU that the nodes of a flight in lockstep share.
 //!
-//! Their ring is strictly sequential, so a second CPU has nothing to do in it, and a wake-up across CPUs takes several
-//! times as long as one on the same CPU. Flights side by side take a CPU each.
+//! The ring is strictly sequential, so a second CPU would have nothing to do, and a wake-up across CPUs takes several
+//! times as long as a wake-up on the same CPU. Flights side by side take a CPU each.
 //!
-//! A taken CPU is marked by a lock (`flock`) on the folder that the kernel shows of it: every user sees the same
-//! folders, nothing is left there, and the kernel drops a lock with the process that has it.
+//! A taken CPU is marked by a lock (`flock`) on its folder in `/sys`: every user sees the same folders, no file is left
+//! behind, and the kernel drops a lock when the process that holds it ends.
 
 use std::fs::File;
 use std::process::Child;
@@ -13,7 +13,7 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
-/// CPU that no other flight in lockstep has taken, if one was free.
+/// CPU of a flight in lockstep; no other flight has taken it, if a CPU was free.
 pub struct OneCpu {
     cpu: usize,
     /// Lock, held while the flight lives; `None` if all CPUs were taken.
@@ -21,18 +21,19 @@ pub struct OneCpu {
 }
 
 impl OneCpu {
-    /// Takes a free CPU of those that this thread may run on. If other flights have them all it shares the present one.
+    /// Takes a free CPU among those that this thread may run on. If other flights have taken them all, shares the CPU
+    /// on which this thread runs. `None` if the affinity of this thread cannot be read.
     pub fn take() -> Option<Self> {
         let here = sched_getcpu();
         let free = free_cpu(&sched_getaffinity(None).ok()?, here);
         Some(free.map_or(Self { cpu: here, _lock: None }, |(cpu, lock)| Self { cpu, _lock: Some(lock) }))
     }
 
-    /// Confines `child`, which has just been started, and what it starts in turn to the CPU.
+    /// Confines `child`, which has just been started, and the processes that it starts later, to the CPU.
     pub fn confine(&self, child: &Child) {
         let mut only = CpuSet::new();
         only.set(self.cpu);
-        // Fails for a child that has ended, and for one of another user, which then flies slower.
+        // The call fails for a child that has ended, and for a child of another user, which then flies slower.
         let _ = sched_setaffinity(Some(Pid::from_child(child)), &only);
     }
 }
@@ -55,7 +56,7 @@ mod tests {
     #[test]
     fn flights_side_by_side_take_a_cpu_each_and_one_more_shares_one() {
         let allowed = sched_getaffinity(None).unwrap();
-        let mut taken: Vec<_> = std::iter::from_fn(|| free_cpu(&allowed, 0)).collect(); // other flights may have some
+        let mut taken: Vec<_> = std::iter::from_fn(|| free_cpu(&allowed, 0)).collect(); // other flights may hold some
         let mut cpus: Vec<usize> = taken.iter().map(|(cpu, _)| *cpu).collect();
         assert!(cpus.iter().all(|cpu| allowed.is_set(*cpu)));
         cpus.dedup();

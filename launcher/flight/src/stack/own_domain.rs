@@ -15,22 +15,22 @@ use super::surroundings;
 
 /// Domain that this process holds. Dropping it wipes the run's shared memory.
 pub struct OwnDomain {
-    // Dropped in this order: the services before the domain that holds their files.
+    // The fields are dropped in this order: the services before the domain that holds their files.
     _services: Services,
     _bus: Bus,
     hold: Hold,
 }
 
 impl OwnDomain {
-    /// Takes `namespace` for a run of `scenario`, in which process 1 of every node is active. Returns also the ports of
-    /// the launcher, of which none is open.
+    /// Takes `namespace` for a run of `scenario`, in which process 1 of every node is active. Also returns the ports of
+    /// the launcher, none of which is open yet.
     ///
     /// # Errors
     /// The system lacks something that a flight needs, or the namespace is taken.
     pub fn open(namespace: &str, scenario: &Scenario) -> anyhow::Result<(Self, Ports)> {
         surroundings::check(scenario.run.rate_hz)?;
         let hold = Hold::take(namespace)?;
-        check_room(Path::new(SHM), bytes_needed(scenario.run.rate_hz))?; // what a killed launcher has left is wiped by now
+        check_room(Path::new(SHM), bytes_needed(scenario.run.rate_hz))?; // files of a killed launcher are wiped by now
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
         domain.write("scenario.toml", &to_toml(scenario)).with_context(shm("settings"))?;
@@ -44,7 +44,6 @@ impl OwnDomain {
         Ok((Self { _services: services, _bus: bus, hold }, ports))
     }
 
-    /// Returns the domain.
     pub fn domain(&self) -> Domain {
         self.hold.domain.clone()
     }

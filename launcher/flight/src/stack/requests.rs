@@ -1,4 +1,4 @@
-//! Requests of users to a stack that flies: its status, and orders of faults, swaps and the end.
+//! Requests of users to a stack that flies: its status, and orders to inject or clear faults, to swap, and to stop.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ pub struct Requests {
     pub server: Server,
     /// `true` if the flight was asked to end.
     pub stopped: bool,
-    /// Sender of each swap that was ordered in flight, by its number.
+    /// Sender of each swap that was ordered in flight, by the number of the swap.
     orderers: BTreeMap<usize, Sender>,
 }
 
@@ -35,7 +35,7 @@ impl Requests {
         Ok(Self { server: Server::open(domain)?, stopped: false, orderers: BTreeMap::new() })
     }
 
-    /// Answers one request, if there is any: the next waits until the processes have been looked at again.
+    /// Answers one request, if there is any. The next request waits until the processes have been looked at again.
     pub fn answer_one(&mut self, run: &mut FlightRun) {
         if let Some((request, reply)) = self.server.request() {
             let done = self.answer(run, request, reply.sender());
@@ -93,14 +93,14 @@ fn status(run: &FlightRun) -> Value {
     })
 }
 
-/// Distance of the vehicle from its trajectory at the newest sample \[m\]; `None` before the first one.
+/// Distance of the vehicle from its trajectory at the newest sample \[m\]; `None` before the first sample.
 fn position_error_m(run: &FlightRun) -> Option<f64> {
     let Some(Record::Truth(truth)) = &run.newest[Topic::COUNT] else { return None };
     let wanted_m = run.trajectory.at(run.time_s(truth.tick)).position_m;
     Some(length_m(states::position_error_m(wanted_m, truth)))
 }
 
-/// Reports the state of one node. Its `tick` counts the ticks done since the first of the run.
+/// Reports the state of one node. The field `tick` is the number of ticks done since the first tick of the run.
 fn node_status(run: &FlightRun, topic: Topic) -> Value {
     let role = run.page.role(topic);
     let (epoch, standby) = (role.active(), role.assignment().standby);
@@ -137,11 +137,11 @@ fn inject(run: &mut FlightRun, mut fault: Fault, sender: Option<Sender>) -> Resu
     }
     fault.at_s += run.time_s(run.next_tick());
     fault.at_s = run.time_s(fault.ticks(run.scenario.sample_s()).start);
-    check(run, &fault)?; // again: it may begin too late
+    check(run, &fault)?; // checked again, because the fault may begin too late
     let number = run.scenario.fault.len();
     if !run.page.fault_table.enter(number, &fault) {
         return Err(format!(
-            "a flight takes {MAX_LIVE_FAULTS} faults, and this one has had them; `trefoil stop` it and fly again"
+            "a flight takes {MAX_LIVE_FAULTS} faults, and this one has had them all; `trefoil stop` it and fly again"
         ));
     }
     run.driver.apply_fault(number, &fault);
@@ -150,7 +150,8 @@ fn inject(run: &mut FlightRun, mut fault: Fault, sender: Option<Sender>) -> Resu
     Ok(json!([fault]))
 }
 
-/// Ends the faults of `target`, or all; returns those that were not over, with the time that they have lasted.
+/// Ends the faults of `target`, or all if it is `None`; returns the faults that this ended, with the time that they
+/// lasted.
 fn clear(run: &mut FlightRun, target: Option<FaultTarget>, sender: Option<Sender>) -> Result<Value, String> {
     needs_a_clock(run)?;
     let end = run.next_tick();
@@ -180,11 +181,11 @@ fn check(run: &FlightRun, fault: &Fault) -> Result<(), String> {
 fn needs_a_clock(run: &FlightRun) -> Result<(), String> {
     match run.scenario.run.mode {
         Mode::Realtime => Ok(()),
-        _ => Err("a flight in lockstep is over in a blink and must repeat: write the fault into its scenario".into()),
+        _ => Err("a flight in lockstep must be repeatable: write the fault into its scenario".into()),
     }
 }
 
-/// Returns whether no tick of `fault` is to come.
+/// Returns whether `fault` affects no tick that is still to come.
 fn is_over(run: &FlightRun, fault: &Fault) -> bool {
     let ticks = fault.ticks(run.scenario.sample_s());
     let last = if fault.is_momentary() { ticks.start.saturating_add(1) } else { ticks.end };

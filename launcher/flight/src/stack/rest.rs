@@ -1,5 +1,6 @@
-//! Part of the log that a dead recorder did not write. The launcher sees every message too, keeps the newest, and
-//! writes them to a part of its own until another recorder has taken over. So the death of a recorder costs no message.
+//! Part of the log that a dead recorder did not write. The launcher receives every message too, keeps the newest
+//! messages, and writes them to a part of its own until another recorder has taken over. So the death of a recorder
+//! costs no message.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -11,7 +12,7 @@ use settings::{Scenario, to_toml};
 use crate::limits::FLUSH_PERIOD;
 use crate::log::{LogWriter, Record};
 
-/// Newest messages of a flight, and the part of the log that they are written to while there is no recorder.
+/// Newest messages of a flight, and the part of the log to which they are written while there is no recorder.
 pub struct LogRemainder {
     newest: VecDeque<Record>,
     most: usize,
@@ -21,8 +22,8 @@ pub struct LogRemainder {
 }
 
 impl LogRemainder {
-    /// Makes room for the messages that a dead recorder may not have written: those of the time that its queues hold,
-    /// and of one flush period; twice that, because standbys and faults send messages too.
+    /// Makes room for the messages that a dead recorder may not have written: twice those of the time that its queues
+    /// hold and of one flush period, because standbys and faults send messages too.
     pub fn new(scenario: &Scenario) -> Self {
         let seconds = OBSERVER_S as u64 + FLUSH_PERIOD.as_secs();
         let most = 2 * Record::KINDS * scenario.run.rate_hz as usize * seconds as usize;
@@ -41,7 +42,8 @@ impl LogRemainder {
         }
     }
 
-    /// Begins the part at `path` of the log of `run` with the newest messages; a part that was begun already goes on.
+    /// Begins the part at `path` of the log of `run` with the newest messages; a part that was begun already is
+    /// continued.
     pub fn begin(&mut self, path: &Path, scenario: &Scenario, run: &str) {
         self.ends = false;
         if self.part.is_none() {
@@ -74,7 +76,8 @@ impl LogRemainder {
         }
     }
 
-    /// Reports once that the part cannot be written, and gives it up; what it lacks is counted when the log is joined.
+    /// Reports once that the part cannot be written, and gives the part up; its missing messages are counted when the
+    /// log is joined.
     fn note(&mut self, written: anyhow::Result<()>) {
         if let Err(error) = written {
             eprint_line(&format!("error: {error:#}"));

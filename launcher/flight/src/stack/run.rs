@@ -30,7 +30,8 @@ pub struct FlightRun {
     pub scenario: Scenario,
     pub trajectory: Trajectory,
     pub events: Vec<Event>,
-    /// Time at which the newest message of each [kind](Record::kind) was sent \[ns\]; 0 for TRUTH.
+    /// Time at which the newest message of each [kind](Record::kind) was sent \[ns\]; 0 before the first, and for
+    /// TRUTH.
     pub newest_ns: [u64; Record::KINDS],
     /// Newest message of each kind that was delivered.
     pub newest: [Option<Record>; Record::KINDS],
@@ -56,17 +57,18 @@ impl FlightRun {
         }
     }
 
-    /// Returns the first sample before which every process is sure to see a change made now: the one after the next.
+    /// Returns the first sample before which every process is sure to see a change made now: the sample after the next
+    /// one.
     pub fn next_tick(&self) -> u64 {
         self.page.plant_tick() + 2
     }
 
-    /// Time of `tick` in the flight \[s\].
+    /// Returns the time of `tick` in the flight \[s\].
     pub fn time_s(&self, tick: u64) -> f64 {
         tick as f64 / f64::from(self.scenario.run.rate_hz)
     }
 
-    /// Gives `input`, seen of a process of a node, to its role, and carries out the orders.
+    /// Gives `input`, an observation of a process of a node, to the node's role, and carries out the role's orders.
     pub fn on(&mut self, topic: Topic, input: RoleInput) {
         let orders = self.driver.on(&self.scenario, topic, input);
         self.carry_out(orders);
@@ -84,7 +86,8 @@ impl FlightRun {
         driver.stuck(&|| children.any_traced())
     }
 
-    /// Starts a process of a node, with program and settings of the swap `origin`, and offers it on the control page.
+    /// Starts a process of a node, with program and settings of the swap `origin`, or of the run if it is `None`, and
+    /// offers the process on the control page.
     pub fn start_node(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
         self.page.role(topic).offer(epoch);
         let swap = origin.and_then(|i| self.scenario.swap.get(i));
@@ -108,7 +111,7 @@ impl FlightRun {
                 Action::Spawn(epoch, origin) => self.start_or_report(topic, epoch, origin),
                 Action::Signal(epoch, signal) => self.children.signal(topic, epoch, unix(signal)),
                 Action::Report(event) => self.events.push(event),
-                Action::Activate(_) | Action::Standby(_) | Action::Vacate(_) => {} // the driver has done it
+                Action::Activate(_) | Action::Standby(_) | Action::Vacate(_) => {} // done by the driver
             }
         }
     }
@@ -119,7 +122,8 @@ impl FlightRun {
             && origin.is_some()
             && self.page.role(topic).active() == 0
         {
-            // The program of the swap cannot be started: start that of the beginning, so that the node has a process.
+            // The program of the swap cannot be started. The program with which the flight began is started instead, so
+            // that the node has a process.
             eprint_line(&format!("error: {error:#}; {} goes on as at the beginning", topic.publisher()));
             started = self.start_node(topic, epoch, None);
         }

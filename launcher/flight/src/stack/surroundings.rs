@@ -1,16 +1,18 @@
-//! Checks of what a flight through processes needs of the system, made before anything is created.
+//! Checks, before anything is created, that the system provides what a flight through processes needs.
 
 use anyhow::{bail, ensure};
 use machine::resources::{FILES_NEEDED, file_size, memory, open_files};
 use machine::{Finding, Machine, Severity};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// Fails if the limits on stack or memory are so low that the process would crash on its way; says how to raise them.
+/// Fails if the limits on stack or memory are so low that the process would crash later; the error says how to raise
+/// them.
 pub fn check_memory() -> anyhow::Result<()> {
     refuse(&memory(&Machine::this()))
 }
 
-/// Fails if a flight at `rate_hz` cannot go well here, and says why. Raises the limit on open files if that is enough.
+/// Fails if this system cannot support a flight at `rate_hz`, and says why. Raises the limit on open files if that is
+/// enough.
 pub fn check(rate_hz: u32) -> anyhow::Result<()> {
     let machine = Machine::this();
     ensure!(

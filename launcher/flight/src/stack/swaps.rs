@@ -1,7 +1,7 @@
 //! Times that the swaps of a flight in real time took.
 //!
-//! A trial begins when the candidate is ready, and ends early if it is rejected or returned, so the times of a
-//! swap differ from those in the settings. The `scenario.toml` of the run's folder has the times that it took; a new
+//! A trial begins when the candidate is ready, and ends early if it is rejected or returned, so the times of a swap
+//! differ from those in the settings. The `scenario.toml` of the run's folder has the times that each swap took; a new
 //! order must not overlap them.
 
 use contract::topic::Topic;
@@ -10,8 +10,8 @@ use settings::{Scenario, Swap};
 use crate::event::{Event, What};
 use crate::swap_story::SwapStory;
 
-/// Sets each swap to the times that it took by the `events`. A swap that would overlap an earlier one of its node is
-/// moved behind that one.
+/// Sets each swap to the times that it took by the `events`. A swap that would overlap an earlier swap of its node is
+/// moved behind the earlier swap.
 pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     let (sample_s, rate_hz) = (scenario.sample_s(), f64::from(scenario.run.rate_hz));
     let swaps = &mut scenario.swap;
@@ -30,7 +30,7 @@ pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     }
 }
 
-/// Sets swap `number` of a node to the times that it took, as far as it has come.
+/// Sets swap `number` of a node to the times that it took, as far as the events tell them.
 fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
     let Some(story) = SwapStory::of(events, number) else { return };
     let tick = |what: &[What]| story.first(what).map(|event| event.tick);

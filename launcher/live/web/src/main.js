@@ -6,7 +6,7 @@ import { ring } from './ring.js';
 import { scene } from './scene.js';
 import { showEvents, showTiming } from './tables.js';
 
-const KEPT_ROWS = 1200; // a minute, as the server has for those who come late
+const KEPT_ROWS = 1200; // a minute; the server keeps as many for new clients
 const RECONNECT_MS = 1000;
 const at = id => document.getElementById(id);
 const put = (id, words) => { at(id).textContent = words; };
@@ -19,7 +19,7 @@ let flight = null; // the frame of the flight, with its samples: `time`, `sample
 let plots = null;
 let happened = '';
 let due = false;
-let anew = false; // the samples are of another time since the last drawing
+let anew = false; // true if the samples were replaced since the last drawing
 
 const TAKE = { position: takePosition, flight: begin, rows: takeRows, status: takeStatus, timing: takeTiming, happened: takeHappened, phase: takePhase };
 
@@ -36,7 +36,7 @@ function connect() {
 }
 
 function begin(frame) {
-  if (flight) { // another one, or the same after a lost connection: with its last minute
+  if (flight) { // another flight, or the same one after a lost connection: the page begins anew with the last minute
     location.reload();
     return;
   }
@@ -123,7 +123,7 @@ function takeHappened(frame) {
 const STYLE = { flying: 'good', playing: 'good', paused: '', 'at the end': '', ended: '', disconnected: 'bad' };
 
 function takePhase({ phase, why }) {
-  if (phase === 'disconnected' && at('phase').textContent === 'ended') return; // that says more
+  if (phase === 'disconnected' && at('phase').textContent === 'ended') return; // `ended` says more
   at('phase').className = `result ${STYLE[phase] ?? 'warn'}`;
   put('phase', phase);
   put('why', why ?? '');

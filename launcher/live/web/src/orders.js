@@ -1,6 +1,6 @@
-// The buttons: each sends an order, which the server carries out as a command line, and shows what that said.
+// The buttons: each sends an order, which the server carries out as a command line, and shows the command's output.
 
-const KEPT = 8; // answers that are shown
+const KEPT = 8; // number of answers that are shown
 const CONFIRM_MS = 4000;
 
 export function orders() {
@@ -46,7 +46,7 @@ export function orders() {
   on('inject', () => fields('inject'));
   on('clear', () => ({ target: fields('clear').target || null }));
   on('swap', () => ({ node: fields('swap').node, set: fields('swap').set.split(/[ ;]+/).filter(Boolean) }));
-  // The end needs a second press.
+  // The button `Stop` needs a second press.
   form('stop').addEventListener('submit', event => {
     event.preventDefault();
     const button = form('stop').querySelector('button');

@@ -1,4 +1,4 @@
-// The bar of a recorded flight: play, pause, time and speed. The position is the server's, which all browsers share.
+// The bar of a recorded flight: play, pause, time and speed. The server has the position, which all browsers share.
 
 export function player() {
   const form = document.getElementById('player');
@@ -6,7 +6,7 @@ export function player() {
   const refused = document.getElementById('refused');
   let span = [0, 1];
   let playing = false;
-  let sought = null; // newest time that the reader has chosen and the server has not been asked for
+  let sought = null; // newest time that the user has chosen and that was not sent to the server
   let asking = false;
 
   async function order(body) {
@@ -21,7 +21,7 @@ export function player() {
     }
   }
 
-  // One order at a time while the reader drags: of the times in between the newest is asked for.
+  // Sends one order at a time while the user drags: after each answer, the newest time that was chosen meanwhile.
   async function seek() {
     if (asking) return;
     asking = true;
@@ -58,7 +58,7 @@ export function player() {
       playing = frame.playing;
       play.textContent = playing ? 'Pause' : 'Play';
       if (document.activeElement !== speed) speed.value = frame.speed;
-      if (asking) return; // the reader is ahead of the server
+      if (asking) return; // the user is ahead of the server
       position.value = frame.position_s;
       tell(frame.position_s);
     },

@@ -1,8 +1,8 @@
 // The ring as a picture: nodes with their processes, topics with their ages.
 
 const BOX = { width: 162, height: 84 };
-const PLACES = [[4, 8], [262, 8], [262, 168], [4, 168]]; // plant, guidance, attitude-mpc, mixer: the way of a sample
-// Arrow of each topic, its name and its age.
+const PLACES = [[4, 8], [262, 8], [262, 168], [4, 168]]; // plant, guidance, attitude-mpc, mixer: round the ring
+// Arrow of each topic, and the places of its name and its age.
 const TOPICS = [
   { arrow: 'M166 50H260', at: [213, 42, 'middle'], below: 26 },
   { arrow: 'M343 92V166', at: [351, 126, 'start'], below: 16 },
@@ -27,7 +27,7 @@ export function ring(element, flight, status) {
     const node = nodes[i];
     const vacant = node && !node.epoch;
     const state = !node ? 'not seen yet' : vacant ? 'vacant' : `active: process ${node.epoch}`;
-    // What a log does not know is left out.
+    // Numbers that a log does not have are left out.
     const told = counts => (node && !vacant ? counts.filter(([, value]) => value !== undefined).map(([name, value]) => `${name} ${value ?? 0}`).join(', ') : '');
     const counts = told([['pid', node?.pid === null ? '?' : node?.pid], ['restarts', node?.restarts]]);
     const lag = told([['misses', node?.misses], ['behind', node?.behind]]);

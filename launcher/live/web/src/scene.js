@@ -8,7 +8,7 @@ import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 
 const DELAY_S = 0.1; // the picture lags by two rows, between which it moves smoothly
 const PATH_POINTS = 20000;
-const THRUST_M = 0.5; // length of the arrow of a third of the weight
+const THRUST_M = 0.5; // length of the arrow for a thrust of a third of the weight [m]
 const WIND_M_PER_MPS = 0.15;
 const UP = new THREE.Vector3(0, 0, -1);
 const VIEWS = { behind: [-1, 0, -0.45], front: [1, 0, -0.3], above: [-0.01, 0, -1], far: [-1, -0.6, -0.8] };
@@ -40,7 +40,7 @@ export function scene(element) {
   let parts = null;
   let rows = [];
   let shown = null; // time that the picture shows [s]
-  let speed = 1; // of the flight, in times of real time
+  let speed = 1; // speed of playing, as a multiple of real time
   let last = performance.now();
 
   const colour = name => new THREE.Color(getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
@@ -82,7 +82,7 @@ export function scene(element) {
     controls.update();
   }
 
-  // Position of the vehicle in the axes of three.js.
+  // Returns the position of the vehicle in the axes of three.js.
   function position() {
     const at = parts?.body.position ?? new THREE.Vector3();
     return new THREE.Vector3(at.y, -at.z, -at.x);
@@ -94,7 +94,7 @@ export function scene(element) {
     for (const { x, y, z } of known) addToPath(x, y, z);
   }
 
-  // Forgets what was flown: rows of another time follow.
+  // Forgets the rows and the path, because rows of another time follow.
   function restart() {
     if (!parts) return;
     rows = [];
@@ -119,7 +119,7 @@ export function scene(element) {
     path.geometry.setDrawRange(0, path.count);
   }
 
-  // Values between the two rows around the time that is shown.
+  // Returns the values interpolated between the two rows around the time that is shown.
   function between() {
     const after = rows.findIndex(row => row.time > shown);
     if (after < 0) return rows.at(-1);
@@ -128,7 +128,7 @@ export function scene(element) {
     const share = (shown - a.time) / (b.time - a.time);
     const mixed = { ...a };
     for (const name in a) if (a[name] !== null && b[name] !== null) mixed[name] = a[name] + share * (b[name] - a[name]);
-    if (Math.abs(b.psi - a.psi) > 3) mixed.psi = b.psi; // over the seam of the heading
+    if (Math.abs(b.psi - a.psi) > 3) mixed.psi = b.psi; // the heading jumps from pi to -pi here
     return mixed;
   }
 
@@ -224,7 +224,7 @@ function build(flight) {
   return { ground, course: courseLine, path, point, wind, body, rotors, thrust, extent, middle, follows: true };
 }
 
-// Squares of a metre, at the height from which heights count.
+// Makes a grid of squares of 1 m at height zero, whose coordinate is `down`.
 function grid(centre, down, half) {
   const corners = [];
   const [n0, e0] = [Math.round(centre.x), Math.round(centre.y)];
@@ -237,7 +237,7 @@ function grid(centre, down, half) {
   return new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(corners), new THREE.LineBasicMaterial({ transparent: true, opacity: 0.35 }));
 }
 
-// Body, arms and rotors in the body frame: forward, right, down. The front rotor tilts about the forward axis.
+// Makes body, arms and rotors in the body frame: forward, right, down. The front rotor tilts about the forward axis.
 function vehicle(hubs) {
   const body = new THREE.Group();
   const mesh = (geometry, colour, more) => {

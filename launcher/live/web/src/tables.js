@@ -1,6 +1,6 @@
 // Timing of the nodes, worst ticks with their causes, and the events.
 
-const MOST = 60; // events that are shown
+const MOST = 60; // number of events that are shown
 
 // Makes an element with text, or with children.
 function make(name, content, attributes = {}) {

@@ -9,7 +9,7 @@
 //! no node errs                  a wrong but plausible demand is obeyed; from a candidate it ends the swap
 //! no sensor is late             slow and delayed are 200 and 100 ms by default; the loop tolerates 50 ms for the rates
 //! the state is known            the newest accepted STATE is at most 50 ms old; measured in each flight
-//! the vehicle does not fall     the paper's profile only: it does not catch a vehicle that had no thrust; measured too
+//! the vehicle does not fall     profile paper only: its controller does not catch a falling vehicle; measured too
 //! ```
 //!
 //! If a rotor is off, the flight must be terminated. For other faults nothing is promised; the table has the outcome.
@@ -25,7 +25,7 @@ pub const AT_S: f64 = 5.0;
 pub const FOR_S: f64 = 1.0;
 /// Time after the fault at which the vehicle must be back \[s\].
 pub const BACK_S: f64 = 5.0;
-/// Largest age of a state that can be flown from \[s\]; above it the mixer gives up levelling.
+/// Largest age of a state that the vehicle can be flown by \[s\]; with an older state the mixer gives up levelling.
 pub const KNOWN_S: f64 = 0.05;
 
 /// Fault of the matrix.
@@ -36,30 +36,30 @@ pub struct FaultCase(pub Fault);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultPromise {
-    /// Flies on within the limits.
+    /// The vehicle flies on within the limits.
     Recover,
-    /// Is terminated in time.
+    /// The flight is terminated in time.
     Terminate,
-    /// None: the plant is gone.
+    /// No promise: the plant has ended.
     NoPlant,
-    /// None: an actuator does not obey.
+    /// No promise: an actuator does not obey.
     NoActuator,
-    /// None: a sensor is wrong.
+    /// No promise: a sensor is wrong.
     Lie,
-    /// None: a node's output is wrong.
+    /// No promise: a node's output is wrong.
     Error,
-    /// None: a sensor is late.
+    /// No promise: a sensor is late.
     Late,
-    /// None: thrust was cut, and the paper's controller does not catch a falling vehicle.
+    /// No promise: thrust was cut, and the paper's controller does not catch a falling vehicle.
     Fall,
-    /// None: no node knew the state.
+    /// No promise: no node knew the state.
     Blind,
 }
 
 impl FaultCase {
-    /// Lists all faults of the flight itself. Left out are a plant that hangs or leaves, which needs a wall clock to
-    /// notice, faults of clock and host, which change no bit of the flight (see
-    /// `tests/isolation.rs`), and those of sensors that this flight does not have.
+    /// Lists all faults except hangs and exits of the plant, which only a wall clock can detect, faults of clock and
+    /// host, which change no bit of the flight (see `tests/isolation.rs`), and faults of sensors that this flight does
+    /// not have.
     pub fn all() -> Vec<Self> {
         let fault = |target, kind: &FaultKind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S)));
         let of = |(target, _): (FaultTarget, _)| target.kinds().iter().map(move |kind| fault(target, kind));
@@ -80,7 +80,8 @@ impl FaultCase {
         self.0.target.process().is_some() || self.0.target.topic().is_some()
     }
 
-    /// Returns the promise if the state was unknown for `blind_s` at most; `fell`: the paper's controller lost thrust.
+    /// Returns the promise; `blind_s` is the longest time without a known state, and `fell` is `true` if thrust was cut
+    /// under the paper's controller.
     pub fn promise(&self, blind_s: f64, fell: bool) -> FaultPromise {
         use {FaultKind as K, FaultTarget as T};
         match (self.0.target, self.0.kind) {

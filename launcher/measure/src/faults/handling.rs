@@ -7,7 +7,7 @@
 //!
 //! All times are whole ticks since the first tick of the fault, from the events of the flight. A tick is without an
 //! active process if it has no delivered message of the node's topic. In lockstep the delays of the supervision are
-//! settings; in real time they are those of this machine.
+//! settings; in real time they depend on this machine.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicU32;
@@ -33,7 +33,7 @@ const KINDS: [FaultKind; 4] = [FaultKind::Kill, FaultKind::Stop, FaultKind::Hog,
 /// Reaction to one fault in both modes.
 #[derive(Debug, Clone, Serialize)]
 pub struct FaultHandling {
-    /// Target and kind.
+    /// Target and kind of the fault.
     pub fault: String,
     pub lockstep: Handling,
     pub realtime: Handling,

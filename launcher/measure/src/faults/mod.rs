@@ -9,8 +9,8 @@
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread; both flights must be equal bit for bit. The profile
 //! is the robust one, because the paper's does not survive the gusts, with or without a fault. The paper's profile is
-//! flown with the faults of processes and topics in a calm hover. Flights over ground that cannot continue are the
-//! campaign `brought-down.toml`.
+//! flown with the faults of processes and topics in a calm hover. The campaign `brought-down.toml` has flights over
+//! ground that cannot continue.
 
 pub mod case;
 pub mod handling;
@@ -56,20 +56,20 @@ pub struct FaultResults {
     pub paper: Vec<FaultFlight>,
     /// Flights without a fault.
     pub quiet: Vec<QuietFlight>,
-    /// Flights of the catalogue with controllers of the user, by their names.
+    /// Flights of the catalogue with the user's controllers, one entry for each controller.
     pub own: Vec<OwnRows>,
     /// Process faults in lockstep and in real time.
     pub handling: Vec<FaultHandling>,
 }
 
-/// Flights of the catalogue with a controller of the user, in the gusts of ours. They change no verdict.
+/// Flights of the catalogue with one controller of the user, in the same gusts as ours. They change no verdict.
 #[derive(Serialize)]
 pub struct OwnRows {
     pub controller: String,
     pub rows: Vec<FaultFlight>,
 }
 
-/// Returns the exit code.
+/// Runs the measurement and returns the exit code.
 pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let results = FaultResults::measure(args, &interrupts)?;

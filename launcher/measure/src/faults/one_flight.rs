@@ -19,16 +19,16 @@ use outcome::ticks::length_m;
 
 /// Largest roll or pitch allowed in a recoverable fault \[deg\].
 pub const TILT_DEG: f64 = 35.0;
-/// Largest distance from the hover allowed [`BACK_S`] after such a fault \[m\].
+/// Largest distance from the hover allowed [`BACK_S`] after a recoverable fault \[m\].
 pub const BACK_M: f64 = 0.5;
-/// Speed below which a rotor nearly stands still \[rotor speed unit\].
+/// Speed below which a rotor counts as stopped \[rotor speed unit\].
 const CUT_SPEED: f64 = 0.1;
 /// Time within which the flight must be terminated after a rotor stopped \[s\].
 pub const TERMINATE_S: f64 = 0.3;
 
 #[derive(Debug, Clone, Serialize)]
 pub struct FaultFlight {
-    /// Target and kind.
+    /// Target and kind of the fault.
     pub fault: String,
     pub promise: FaultPromise,
     #[serde(flatten)]
@@ -54,11 +54,11 @@ pub struct FaultCourse {
     pub back_m: Option<f64>,
     /// Longest time without a STATE that a node accepts, up to the end of the fault \[s\].
     pub blind_s: f64,
-    /// `true` if all rotors nearly stood still at some sample.
+    /// `true` if all rotors were slower than `CUT_SPEED` at some sample.
     pub cut: bool,
     /// `true` if the vehicle diverged or the plant died.
     pub diverged: bool,
-    /// Messages that did not reach the launcher; with any of these there is no hash.
+    /// Number of messages that did not reach the launcher; there is a hash only if it is 0.
     pub missed: u64,
     pub state_hash: Option<String>,
 }
@@ -68,7 +68,7 @@ impl FaultFlight {
     pub fn fly(base: &Scenario, case: &FaultCase, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let mut scenario = base.clone();
         scenario.fault = vec![case.0];
-        scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
+        scenario.run.mode = Mode::Inprocess; // no time limit for the solver, unlike in real time
         let has_program = scenario.node.has_program();
         let alone = (!has_program).then(|| in_process(&scenario, |_| {}).0.state_hash());
         scenario.run.mode = Mode::Lockstep;

@@ -61,7 +61,7 @@ pub struct MpcResults {
     pub navigation: Vec<CallTimes>,
 }
 
-/// Returns the exit code.
+/// Runs the measurement and returns the exit code.
 pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
     let out = args.out.clone().unwrap_or_else(|| default_folder("mpc"));
     make_folder(&out, "--out")?;

@@ -18,10 +18,10 @@ use serde::Serialize;
 use settings::{Scenario, SensorPreset, SensorsSettings};
 use view::table::Table;
 
-/// Sensors of the plants; the ideal ones have no navigation unit.
+/// Sensors of the measured plants; a plant with ideal sensors has no navigation unit.
 const SENSORS: [(&str, SensorPreset); 3] =
     [("ideal", SensorPreset::Ideal), ("typical", SensorPreset::Typical), ("good", SensorPreset::Good)];
-/// Name of the call in which the plant is measured, not the unit alone.
+/// Name of the call that measures the whole plant instead of the navigation unit alone.
 const TICK: &str = "tick of the plant";
 /// Duration of the hover \[s\].
 const DURATION_S: f64 = 5.0;
@@ -88,7 +88,8 @@ impl CallTimes {
     }
 }
 
-/// Times of every sample of the IMU and of the estimate of every tick \[ns\]; `None` if `scenario` has no unit.
+/// Returns the times of every sample of the IMU and of the estimate of every tick \[ns\]; `None` if the plant of
+/// `scenario` has no navigation unit.
 fn unit_times_ns(scenario: &Scenario) -> Option<(Vec<u64>, Vec<u64>)> {
     let mut vehicle = Tricopter::new(scenario);
     let (_, command) = start(scenario);
@@ -110,7 +111,7 @@ fn unit_times_ns(scenario: &Scenario) -> Option<(Vec<u64>, Vec<u64>)> {
     Some((samples, estimates))
 }
 
-/// Times of every tick of a plant whose command holds the hover \[ns\].
+/// Returns the times of every tick of a plant whose command holds the hover \[ns\].
 fn tick_times_ns(scenario: &Scenario) -> Vec<u64> {
     let mut plant = Plant::new(scenario);
     let command = plant.sample().command_in_force;

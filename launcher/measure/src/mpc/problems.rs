@@ -1,4 +1,4 @@
-//! Sequences of problems: what the controller was given on each tick of a flight.
+//! Sequences of problems: the controller's inputs on each tick of a flight.
 //!
 //! A flight log holds the scenario and every STATE and REFERENCE. A new controller with the same messages solves the
 //! same problems in the same order. Without a log, four flights are flown first:
@@ -21,7 +21,7 @@ use outcome::recorded::{Recorded, TimeSpan};
 use runtime::console::eprint_line;
 use settings::{Constraints, Law, Mode, Scenario, SolverName};
 
-/// Flights that are measured when none is given: name, scenario, seconds.
+/// Flights that are measured if none is given: name, scenario file, duration \[s\]; an empty file is the default.
 const SHIPPED: [(&str, &str, f64); 4] = [
     ("survey", "", 3.5),
     ("upset", include_str!("../../../../scenarios/aggressive/upset.toml"), 2.0),
@@ -51,8 +51,7 @@ impl Sequence {
     }
 }
 
-/// Flies the flights that are measured when none is given, with the exact limits in the plan; their logs stay in
-/// `folder`.
+/// Flies the flights of `SHIPPED`, with the exact limits in the plan; their logs stay in `folder`.
 pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     let fly = |(name, text, duration_s): (&str, &str, f64)| {
         let mut scenario = settings::from_merged(text, name)?;
@@ -73,7 +72,7 @@ pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     SHIPPED.into_iter().map(fly).collect()
 }
 
-/// Largest number of samples measured of a log: a quarter of an hour at 100 Hz, and 100 MB.
+/// Largest number of samples measured of a log: about 17 minutes at 100 Hz, and 130 MB.
 const MOST_SAMPLES: usize = 100_000;
 /// Number of states kept until their REFERENCE comes.
 const KNOWN_STATES: usize = 1000;

@@ -23,7 +23,7 @@ use settings::{Law, SolverName};
 
 use super::problems::Sequence;
 
-/// Controllers: name, law and solver; those of the MPC are named after their solver.
+/// Controllers: name, law and solver; an MPC is named after its solver.
 pub const CONTROLLERS: [(&str, Law, SolverName); 6] = [
     ("clarabel", Law::Mpc, SolverName::Clarabel),
     ("active-set", Law::Mpc, SolverName::ActiveSet),
@@ -32,7 +32,7 @@ pub const CONTROLLERS: [(&str, Law, SolverName); 6] = [
     ("geometric", Law::Geometric, SolverName::Clarabel),
     ("indi", Law::Indi, SolverName::Clarabel),
 ];
-/// Name in place of a sequence for all sequences together.
+/// Name of all sequences together, in place of a sequence's name.
 pub const ALL: &str = "all";
 /// Shortest watch of the canary \[ns\].
 const CANARY_NS: u64 = 1_000_000;
@@ -42,7 +42,7 @@ const CANARY_NS: u64 = 1_000_000;
 pub struct StepSeries {
     pub sequence: String,
     pub controller: &'static str,
-    /// `true` if it is an MPC, whose steps have two paths.
+    /// `true` if the controller is an MPC, whose steps have two paths.
     pub solves: bool,
     pub steps: Vec<Step>,
 }
@@ -75,12 +75,12 @@ pub struct StepTimes {
     pub sequence: String,
     pub controller: &'static str,
     pub path: Path,
-    /// Median over the rounds of each step.
+    /// Distribution over the steps; the time of each step is its median over the rounds.
     pub step: Percentiles,
     pub mean_us: f64,
     /// Longest step of all rounds \[us\].
     pub longest_us: f64,
-    /// Median over the rounds of that step \[us\].
+    /// Median over the rounds of the step that was longest in one of them \[us\].
     pub longest_median_us: f64,
     pub iterations_mean: f64,
     pub iterations_max: u64,
@@ -100,7 +100,8 @@ pub fn to_csv(series: &[StepSeries]) -> String {
     for StepSeries { sequence, controller, steps, .. } in series {
         for Step { tick, status, iterations, rounds_ns, .. } in steps {
             for (round, ns) in rounds_ns.iter().enumerate() {
-                let _ = writeln!(csv, "{sequence},{controller},{tick},{status},{iterations},{round},{ns}"); // a String
+                // Writing to a String never fails.
+                let _ = writeln!(csv, "{sequence},{controller},{tick},{status},{iterations},{round},{ns}");
             }
         }
     }
@@ -175,7 +176,7 @@ pub fn floor_ns(sequence: &Sequence) -> anyhow::Result<f64> {
     Ok(median_ns([(); 101].map(|()| timed(&mut batch).1)) as f64 / f64::from(PRODUCTS))
 }
 
-/// Returns a row for each sequence, solver and path that has a step, then those over all sequences, for each
+/// Returns a row for each sequence, solver and path that has a step, then the rows over all sequences for each
 /// controller.
 pub fn step_times(series: &[StepSeries]) -> Vec<StepTimes> {
     let mut rows = vec![];

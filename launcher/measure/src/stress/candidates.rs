@@ -45,7 +45,8 @@ const GOOD_S: (f64, f64) = (0.1, 0.4);
 const WRONG_S: (f64, f64) = (0.2, 1.0);
 /// Pause between the end of a swap and the next one \[s\].
 const REST_S: f64 = 0.1;
-/// Delay from the beginning of a swap until its candidate fails: on standby, or active. Leaves time to start \[s\].
+/// Delays from the beginning of a swap until its candidate fails, on standby or active \[s\]. Both leave the candidate
+/// time to start.
 const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
 /// Interval between two gusts \[s\].
 const GUST_S: f64 = 2.0;
@@ -62,7 +63,8 @@ pub fn good(survey: Scenario) -> Scenario {
     with_swaps(survey, swaps)
 }
 
-/// Returns the gusts, repeated, with a candidate of every node that fails in every way, on standby and active.
+/// Returns a hover in repeated gusts, with one wrong candidate for every node and every way to fail, on standby and
+/// while active.
 pub fn wrong() -> anyhow::Result<Scenario> {
     let (mut gusts, mut swaps) = (hover_in_gusts()?, vec![]);
     for ((target, fault, times_s), after_s) in

@@ -8,8 +8,8 @@
 //! | a node or the recorder, too often | exit 3, and the vehicle does not diverge |
 //! | a node or the recorder, before the first tick or after the last | exit 3, and the launcher names it |
 //!
-//! A long flight ends with 0. One that is disturbed or loaded may end with 1 too, beyond its bounds or because a
-//! candidate was late, and so may one with good candidates: these have a target of their own.
+//! A long flight ends with exit code 0. A disturbed or loaded flight, or one with good candidates, may also end with 1,
+//! beyond its bounds or because a candidate was late. Flights with candidates have targets of their own.
 //!
 //! After exit 0 the log can be read to its end and is complete, whatever process died.
 //!
@@ -94,7 +94,8 @@ fn is_complete(flight: &StressFlight) -> bool {
     flight.flown_s.is_some_and(|flown_s| flown_s > DURATION_S - 0.05)
 }
 
-/// Returns whether a kill, the last of its node, has no successor although there was time.
+/// Returns `true` if `kill` was the last of its node and no successor followed, although there was time. A successor
+/// that a hole of the log may hide is not missed.
 fn is_missed(flight: &StressFlight, kill: &Kill) -> bool {
     let again = flight.kills.iter().any(|other| other.victim == kill.victim && other.epoch > kill.epoch);
     let in_time = kill.successor_ms.is_some_and(|ms| ms < BACK_NS as f64 / 1e6);

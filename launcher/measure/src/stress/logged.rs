@@ -17,12 +17,12 @@ pub struct Kill {
     pub moment: Moment,
     #[serde(skip)]
     pub at_ns: u64,
-    /// Time until its role was vacant \[ms\]; of active processes that were killed in flight.
+    /// Time from the kill until the role was vacant \[ms\]; only for active processes killed at [`Moment::Flying`].
     pub noticed_ms: Option<f64>,
     /// Time from the kill to the first message of the next epoch \[ms\]; for a recorder, to the first sample after the
     /// next recorder took over. `None` if the successor was killed first, or if the log ends first.
     pub successor_ms: Option<f64>,
-    /// `true` if the log has a hole where that message may have been.
+    /// `true` if a hole of the log may hide the successor's first message.
     #[serde(skip)]
     pub unseen: bool,
 }
@@ -55,7 +55,7 @@ fn taken_over_ns(log: &Log, epoch: u32) -> Option<u64> {
     log.states.iter().find(|state| state.stamp.tick >= tick).map(sent_ns)
 }
 
-/// Returns when a state was sent \[ns\].
+/// Returns the time at which `state` was sent \[ns\].
 pub fn sent_ns(state: &State) -> u64 {
     state.stamp.publish_ns[Topic::State as usize]
 }
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
     use contract::message::{Reference, Stamp};
 
-    /// Makes a log with the states of these sequence numbers; number n is sent at n times 10 ms.
+    /// Makes a log of the states with the sequence numbers `numbers`; number n is sent at n times 10 ms.
     fn log(numbers: impl IntoIterator<Item = u64>) -> Log {
         let stamp = |sequence| Stamp { sequence, publish_ns: [sequence * 10_000_000, 0, 0, 0], ..Stamp::default() };
         let states = numbers.into_iter().map(|number| State { stamp: stamp(number), ..State::default() });

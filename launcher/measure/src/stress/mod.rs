@@ -6,13 +6,13 @@
 //! | [`plan`] | victims and moments of the kills of a short flight, a function of the seed and the flight's number |
 //! | [`orders`] | kinds of long flights, and orders given to them |
 //! | [`candidates`] | flights with many swaps |
-//! | [`one_flight`] | one `trefoil fly` through all this, and its replay |
+//! | [`one_flight`] | one `trefoil fly` through kills, swaps, faults or load, and its replay |
 //! | [`logged`] | traces of the kills in the log, and its holes |
 //! | [`judge`] | the rules for a flight after its kills |
 //!
-//! Every flight is the survey of `trefoil fly` without a file, but for the gusts of the wrong candidates. Two short
-//! flights of 3 s run at once, each in a namespace that later ones use again, so that every start follows a kill. Long
-//! flights run one at a time.
+//! Every flight is the survey of `trefoil fly` without a file, except that wrong candidates fly the hover in gusts. Two
+//! short flights of 3 s run at once, each in a namespace that later flights use again, so that every start follows a
+//! kill. Long flights run one at a time.
 
 pub mod candidates;
 pub mod judge;
@@ -45,11 +45,11 @@ use crate::faults::one_flight::TILT_DEG;
 use crate::findings::Findings;
 use crate::flights::namespace;
 
-/// Number of short flights at once.
+/// Number of short flights that run at once.
 const LANES: usize = 2;
 /// Largest number of failed flights that are listed by number.
 const LISTED: usize = 5;
-/// Duration of flight that the target of the replay is for \[s\].
+/// Duration of flight for which the target limits the time of the replay \[s\].
 const MINUTE_S: f64 = 60.0;
 /// Largest distance from the trajectory with good candidates \[m\].
 const SWAP_M: f64 = 0.1;
@@ -102,7 +102,7 @@ pub struct StressResults {
     pub wall_s: f64,
 }
 
-/// Returns the exit code.
+/// Runs the measurement and returns the exit code.
 pub fn measure(args: &StressArgs) -> anyhow::Result<u8> {
     let StressArgs { kills, replays, seconds, seed, .. } = *args;
     ensure!(kills > 0 || replays > 0, "--kills 0 and --replays 0: nothing to measure; ask for one or more");
@@ -308,7 +308,7 @@ fn of_kills(results: &StressResults) -> [Target; 6] {
     ]
 }
 
-/// Names a flight in a note: short flights and long ones have numbers of their own.
+/// Names a flight in a note, with its kind, because short and long flights are numbered separately.
 fn named(row: &StressFlight, what: &str) -> String {
     format!("flight {} ({}): {what}", row.flight, row.kind.words())
 }
@@ -321,7 +321,7 @@ fn most(values: impl Iterator<Item = f64>) -> Option<f64> {
     values.reduce(f64::max)
 }
 
-/// Returns the largest error of the flights that flew to their end.
+/// Returns the largest position error of the flights that ended with exit code 0 \[m\].
 fn farthest<'a>(rows: impl IntoIterator<Item = &'a StressFlight>) -> Option<f64> {
     most(rows.into_iter().filter(|row| row.code == Some(0)).filter_map(|row| row.position_error_m))
 }

@@ -32,9 +32,9 @@ use crate::timing::machine::Stress;
 
 /// Duration of a short flight \[s\].
 pub const DURATION_S: f64 = 3.0;
-/// Duration of the flight after a launcher that was killed \[s\].
+/// Duration of the flight that follows a killed launcher \[s\].
 const NEXT_S: f64 = 0.3;
-/// Longest wait until the end of a process that was killed is noticed.
+/// Longest wait until the stack notices the end of a killed process.
 const NOTICED: Duration = Duration::from_millis(50);
 /// Longest time for start, report and end of a flight on a loaded machine.
 const AROUND: Duration = Duration::from_secs(60);
@@ -42,7 +42,8 @@ const AROUND: Duration = Duration::from_secs(60);
 /// Flight and its outcome.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct StressFlight {
-    /// Number among the flights of its length; with the seed it determines the kills, with the duration the orders.
+    /// Number among the short or the long flights; determines, with the seed, the kills, and with the duration, the
+    /// orders.
     pub flight: u64,
     pub kind: Conditions,
     /// Kills that reached a process of a short flight, in order.
@@ -58,9 +59,10 @@ pub struct StressFlight {
     pub position_error_m: Option<f64>,
     /// Largest true roll or pitch \[deg\].
     pub tilt_deg: f64,
-    /// Numbers of ticks of a flight with candidates on which a node lacked an input or did not send exactly one
-    /// message: those without a delayed canary, and those with one.
+    /// Number of ticks of a flight with candidates on which a node lacked an input or did not send exactly one message,
+    /// although no canary was delayed.
     pub lost_ticks: usize,
+    /// Number of ticks lost in the same way while a canary was delayed.
     pub explained_ticks: usize,
     /// Reason why a candidate that was late cannot be judged.
     pub doubt: Option<String>,
@@ -74,13 +76,13 @@ pub struct StressFlight {
     pub dropped: u64,
     /// Number of spans in which the log lacks states.
     pub holes: usize,
-    /// Launcher killed: time until its last process was gone \[ms\].
+    /// Time from a kill of the launcher until its last process was gone \[ms\].
     pub gone_ms: Option<f64>,
-    /// Launcher killed: exit code of the next flight.
+    /// Exit code of the flight that followed a killed launcher.
     pub next_code: Option<i32>,
     /// Shared memory and processes left in the end.
     pub left: Vec<String>,
-    /// The flight, flown again; `None` for a short one that does not end with exit code 0.
+    /// Replay of the flight; `None` for a short flight that did not end with exit code 0.
     pub again: Option<Again>,
 }
 
@@ -159,8 +161,8 @@ impl StressFlight {
         Ok(Some(row))
     }
 
-    /// Reads run.json and the log; a flight that did not begin has neither. The `host` was watched in a flight with
-    /// candidates.
+    /// Reads run.json and the log; a flight that did not begin has neither. `host` has the canaries' wake-ups, which
+    /// are watched only in a flight with candidates.
     fn read(&mut self, run: &Path, kills: Vec<Kill>, host: Option<&CanaryWatch>) {
         let record = RunRecord::read(&run.join("run.json")).ok().flatten();
         self.flown_s = record.as_ref().map(|record| record.flown_s);
@@ -189,7 +191,7 @@ impl StressFlight {
         self.kills = kills.into_iter().map(|kill| kill.completed(&log, &holes)).collect();
     }
 
-    /// Flies the run in `folder` again. The folder of a flight whose replay differs, or cannot be, is kept and named.
+    /// Flies the run in `folder` again. If the replay differs or fails, keeps the folder and names it in the result.
     fn fly_again(&mut self, folder: tempfile::TempDir) {
         let mut again = Again::of(&folder.path().join("run"))
             .unwrap_or_else(|error| Again { differs: Some(format!("{error:#}")), ..Again::default() });
@@ -261,7 +263,7 @@ fn kill_all(launcher: &mut Launcher, plan: &[PlannedKill]) -> Vec<Kill> {
     kills
 }
 
-/// Kills the victim at its moment; `None` if it is not there. `last` is the last kill of the same node.
+/// Kills the victim at the planned moment; `None` if it does not run. `last` is the victim's previous kill.
 fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Option<Kill> {
     let PlannedKill { victim, moment, after } = planned;
     let newest = |namespace: &str| StackProcess::newest(namespace, &victim.name());
@@ -283,8 +285,8 @@ fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Op
     Some(Kill { noticed_ms, ..Kill::new(victim, process.epoch, moment, at_ns) })
 }
 
-/// Waits until the role of a `process` that was killed at `at_ns` is vacant; returns the time since then \[ms\], `None`
-/// for one that was not active.
+/// Waits until the role of `process`, which was killed at `at_ns`, is vacant; returns the time since the kill \[ms\].
+/// `None` if the process was not active, or if the role is not vacant after [`NOTICED`].
 fn noticed_ms(launcher: &Launcher, process: &StackProcess, at_ns: u64) -> Option<f64> {
     let topic = Topic::of_node(&process.name)?;
     let page = ControlPage::open(&Domain::find(&launcher.namespace).ok()?.file("page")).ok()?;
@@ -298,8 +300,8 @@ fn noticed_ms(launcher: &Launcher, process: &StackProcess, at_ns: u64) -> Option
     (!is_active()).then(|| milliseconds(now_ns() - at_ns))
 }
 
-/// Finds the samples to which a node answered without an input, or by other than one message that was delivered. Those
-/// of the first and the last second are left out: there is no swap in them, and at the end the nodes leave.
+/// Finds the samples that a node answered without an input, or by none or several delivered messages. The first and the
+/// last second are left out: they have no swap, and at the end the nodes leave.
 fn lost_ticks(log: &Log) -> Vec<Stamp> {
     let mut ticks = vec![([0_u8; Topic::COUNT], false); log.states.len()];
     for record in log.tick_by_tick() {

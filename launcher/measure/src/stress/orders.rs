@@ -3,12 +3,13 @@
 //! | number, of 20 | kind |
 //! |---|---|
 //! | 8 | undisturbed, at 100 Hz |
-//! | 1 | with sixty good candidates, 1 with thirty wrong ones ([`candidates`]) |
+//! | 1 | with sixty good candidates ([`candidates`]) |
+//! | 1 | with thirty wrong candidates |
 //! | 5 | disturbed in flight by commands: two processes killed, one swapped, three faults given |
 //! | 3 | under `stress-ng --cpu 4` at `SCHED_OTHER` |
 //! | 2 | undisturbed, at 500 Hz |
 //!
-//! Short flights are `Killed`.
+//! Short flights are of the kind `Killed`.
 
 use contract::topic::Topic;
 use serde::Serialize;
@@ -39,7 +40,7 @@ const KINDS: [Conditions; 20] = [
 ];
 
 impl Conditions {
-    /// All kinds, in the order of the table.
+    /// All kinds, in the order of the printed table.
     pub const ALL: [Self; 7] = [Killed, Alone, Disturbed, Loaded, Fast, Good, Wrong];
 
     /// Returns the kind of long flight `number`, counted from 0.
@@ -68,7 +69,7 @@ impl Conditions {
         if self == Fast { 500 } else { 100 }
     }
 
-    /// Returns what is flown; flights with candidates are as long as these need.
+    /// Returns the scenario to fly; with candidates, the swaps determine its duration instead of `duration_s`.
     pub fn scenario(self, duration_s: f64) -> anyhow::Result<Scenario> {
         let survey = realtime(
             self.rate_hz(),

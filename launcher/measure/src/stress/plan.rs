@@ -29,16 +29,16 @@ pub enum Victim {
 }
 
 impl Victim {
-    /// All victims, in the order of the table.
+    /// All victims, in the order of the printed table.
     pub const ALL: [Self; 6] =
         [Self::Guidance, Self::AttitudeMpc, Self::Mixer, Self::Plant, Self::Recorder, Self::Launcher];
 
-    /// Name of the victim's processes.
+    /// Returns the name of the victim's processes.
     pub fn name(self) -> String {
         name(self)
     }
 
-    /// Returns whether another process replaces it in flight.
+    /// Returns whether another process replaces the victim in flight.
     pub fn is_replaced(self) -> bool {
         !matches!(self, Self::Plant | Self::Launcher)
     }
@@ -63,16 +63,16 @@ pub enum Moment {
     Flying,
 }
 
-/// Kill of a plan.
+/// One kill of a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlannedKill {
     pub victim: Victim,
     pub moment: Moment,
-    /// Delay after the moment.
+    /// Delay of the kill after the beginning of `moment`.
     pub after: Duration,
 }
 
-/// Returns the plan of flight `number`, in order.
+/// Returns the kills planned for flight `number`, in order.
 pub fn plan(seed: u64, number: u64) -> Vec<PlannedKill> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number);

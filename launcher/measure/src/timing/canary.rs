@@ -14,11 +14,11 @@ use super::rings::{Noted, RingPeers};
 use flight::provenance::scheduling_of;
 use outcome::percentiles::Percentiles;
 
-/// Largest p99.9 of the canary with which times are judged \[us\].
+/// Largest p99.9 of the canary's delay at which times are judged \[us\].
 pub const LIMIT_US: f64 = 5_000.0;
 /// Longest watch of a measurement.
 pub const LONGEST: Duration = Duration::from_secs(1800);
-/// Delay of a wake-up from which it is a gap, which explains a miss \[ns\].
+/// Delay above which a wake-up counts as a gap, which explains a miss \[ns\].
 const GAP_NS: u64 = 1_000_000;
 const PERIOD_NS: u64 = 1_001_000;
 /// Priority above all measured processes.
@@ -57,7 +57,7 @@ impl Canary {
         let releases = Releases { period_ns: PERIOD_NS, count: count as usize };
         let alone = |cpu| on_cpu(cpu, || RingPeers::alone(releases, PRIORITY));
         let peers = cpus().into_iter().map(alone).collect::<Result<Vec<_>, _>>()?;
-        std::thread::sleep(Duration::from_millis(200)); // until all of them run
+        std::thread::sleep(Duration::from_millis(200)); // every canary runs by then
         let fifo = peers.iter().all(|s| scheduling_of(s.clock_pid()).policy == "fifo");
         Ok(Self { peers, fifo })
     }

@@ -4,7 +4,7 @@
 //! age at the actuator   time the command takes effect - time of the sample it was computed from
 //! sense to act          age - sum of the four nodes' executions (publish - start)
 //! hop                   start - publication of the message that the node waited for
-//! miss                  no ACTUATORS for the slot, or more than a period after its sample
+//! miss                  no ACTUATORS for the slot, or ACTUATORS more than a period after the slot's sample
 //! ```
 
 use contract::message::Stamp;
@@ -39,8 +39,8 @@ impl Cycles {
         }
     }
 
-    /// Slots that count, with or without messages: those after the warm-up, except the last, whose command has no time
-    /// to take effect.
+    /// Returns the slots that count, with or without messages: all after the warm-up except the last, whose command has
+    /// no time to take effect.
     pub fn counted(&self) -> Vec<Slot> {
         let mut slots = vec![];
         self.slots.clone().tell(0, |slot| slots.push(*slot));
@@ -74,7 +74,7 @@ impl Cycles {
         self.applied().map(|slot| execution_ns(&slot)).collect()
     }
 
-    /// For each slot that counts, returns the time that it covers if it was missed \[ns\], else `None`.
+    /// Returns, for each slot that counts, the start and end of the slot if it was missed \[ns\], else `None`.
     pub fn misses(&self) -> Vec<Option<(u64, u64)>> {
         let Some(first) = self.slots.by_number.values().next() else { return vec![] };
         // A slot that the plant slept through has no message; its time follows from the plant's clock.
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
     use contract::message::{Actuators, Controls, Message, Reference, State};
 
-    const PERIOD_NS: u64 = 50_000_000; // two slots of warm-up
+    const PERIOD_NS: u64 = 50_000_000; // the warm-up takes two slots
 
     fn cycles(ticks: u64) -> Cycles {
         let mut scenario = Scenario::default();
@@ -118,8 +118,8 @@ mod tests {
         message.into()
     }
 
-    /// Makes the messages of slot `tick`: every node begins 10 ns after its release and works 20 ns; the command of the
-    /// slot before took effect `age_ns` after its sample.
+    /// Makes the messages of slot `tick`: every node begins 10 ns after its release and works 20 ns, and the mixer is
+    /// released `late_ns` late. The command of the previous slot took effect `age_ns` after that slot's sample.
     fn turn(cycles: &mut Cycles, tick: u64, late_ns: u64, age_ns: u64) {
         let at = 1_000 + tick * PERIOD_NS;
         let state = State { applied_sequence: tick, applied_age_ns: age_ns, ..State::default() };

@@ -29,7 +29,7 @@ impl Placement {
         }
     }
 
-    /// Does `work` with this thread on these processors; processes that it starts inherit them.
+    /// Runs `work` with this thread on these processors, which the processes that `work` starts inherit.
     pub fn during<T>(self, work: impl FnOnce() -> T) -> T {
         match self {
             Self::OneCpu => on_cpu(measured_cpu(), work),
@@ -49,12 +49,12 @@ pub fn measured_cpu() -> usize {
     cpus().last().copied().unwrap_or(0)
 }
 
-/// Does `work` with this thread on `cpu`; processes that it starts inherit it.
+/// Runs `work` with this thread on `cpu`, which the processes that `work` starts inherit.
 pub fn on_cpu<T>(cpu: usize, work: impl FnOnce() -> T) -> T {
     let before = sched_getaffinity(None);
     let mut only = CpuSet::new();
     only.set(cpu);
-    // If it is not allowed, the kernel chooses the processor.
+    // If `cpu` is not allowed, the kernel chooses the processor.
     let _ = sched_setaffinity(None, &only);
     let result = work();
     if let Ok(before) = before {
@@ -71,7 +71,7 @@ pub fn installed(program: &str) -> bool {
 /// Program that is the reference for a bare loop.
 pub const CYCLICTEST: &str = "cyclictest";
 
-/// `stress-ng --cpu 4`, until dropped.
+/// Running `stress-ng --cpu 4`; drop ends it.
 pub struct Stress(Child);
 
 impl Stress {
@@ -82,7 +82,7 @@ impl Stress {
         let mut command = Command::new("stress-ng");
         command.args(["--quiet", "--cpu", "4", "--timeout", &limit]).stdin(Stdio::null()).stdout(Stdio::null());
         let child = command.stderr(Stdio::null()).spawn().ok()?;
-        std::thread::sleep(std::time::Duration::from_millis(200)); // until its workers run
+        std::thread::sleep(std::time::Duration::from_millis(200)); // its workers run by then
         Some(Self(child))
     }
 }

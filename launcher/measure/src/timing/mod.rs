@@ -6,7 +6,7 @@
 //! | [`rings`], [`ring_peer`] | rings of four processes that only pass a token, and a bare loop |
 //! | [`timed_flights`], [`cycles`] | the stack itself, cycle by cycle |
 //! | [`canary`] | a check whether the host delayed a process |
-//! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for that loop |
+//! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for the bare loop |
 //! | [`series`], [`results`] | distributions, ratios, misses |
 //! | [`report`] | the tables and the targets |
 //!
@@ -54,7 +54,7 @@ pub struct TimingArgs {
     pub json: bool,
 }
 
-/// Returns the exit code.
+/// Runs the measurement and returns the exit code.
 pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let out = args.out.clone().unwrap_or_else(|| default_folder("timing"));
     make_folder(&out, "--out")?;

@@ -90,15 +90,15 @@ pub struct Raw {
     pub fifo: bool,
 }
 
-/// Stack and the rings compared with it, round by round.
+/// Times of the stack and of the ring compared with it, round by round.
 pub struct Rings {
     pub placement: Placement,
-    /// Stack, from sense to act without the executions of its nodes.
+    /// Times of the stack from sense to act, without the executions of its nodes.
     pub stack: MeasuredTimes,
     pub hops: MeasuredTimes,
-    /// Sums of the executions of its nodes.
+    /// Sums of the executions of the stack's nodes.
     pub executions: MeasuredTimes,
-    /// Ring of bare futexes, the doorbells of the page: the kernel's own wake-up.
+    /// Times of a ring that only rings futexes, the doorbells of its page: the kernel's own wake-up.
     pub raw: MeasuredTimes,
 }
 
@@ -219,7 +219,7 @@ pub fn policy_name(policy: SchedulingPolicy) -> &'static str {
     }
 }
 
-/// Leaves out the warm-up, as in the stack's figures.
+/// Returns the times after the warm-up \[ns\], which the stack's figures leave out too.
 fn warm(noted: Noted) -> Vec<u64> {
     let from_ns = noted.first().map_or(0, |(release_ns, _)| release_ns + WARM_UP_NS);
     noted.into_iter().filter(|(release_ns, _)| *release_ns >= from_ns).map(|(_, ns)| ns).collect()

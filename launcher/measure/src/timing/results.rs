@@ -21,7 +21,7 @@ const CLOCK_READINGS: f64 = 2.0;
 #[derive(Debug, Clone, Serialize)]
 pub struct TimingResults {
     pub rounds: usize,
-    /// `true` if the kernel gives `SCHED_FIFO`.
+    /// `true` if the canaries were given `SCHED_FIFO`.
     pub fifo: bool,
     pub canary: CanarySummary,
     /// Distribution of every series over all rounds.
@@ -29,7 +29,7 @@ pub struct TimingResults {
     /// Our loop over cyclictest: p50, p99, and the maximum of every 200 releases.
     pub loop_over_cyclictest: [Option<Ratio>; 3],
     pub rings: Vec<RingTimes>,
-    /// Flights that were flown here.
+    /// Flights that were flown; without `stress-ng`, flights under load are absent.
     pub flights: Vec<TimedFlights>,
     /// Time of one reading of `CLOCK_MONOTONIC` \[ns\].
     pub clock_ns: u64,

@@ -19,7 +19,7 @@ use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 use settings::{Scenario, Scheduling, SchedulingPolicy};
 
-/// Longest wait for the token before the peer checks whether the run is over.
+/// Longest sleep before the peer looks for the token again \[ns\].
 const CHECK_NS: u64 = 100_000_000;
 /// Delay from the start of the first peer to its first release, by when the others have started \[ns\].
 const LEAD_IN_NS: u64 = 50_000_000;
@@ -115,7 +115,7 @@ struct Token<'a> {
     page: &'a ControlPage,
     input: &'a Doorbell,
     output: &'a Doorbell,
-    /// Count of the input at the last arrival of the token.
+    /// Count of the input doorbell at the last arrival of the token.
     seen: u32,
 }
 
@@ -131,7 +131,7 @@ impl<'a> Token<'a> {
         }
     }
 
-    /// Waits for the token; returns `false` if the run is over.
+    /// Waits for the token; returns `false` if the run is over when the token arrives.
     fn wait(&mut self) -> bool {
         if self.alone {
             return true;

@@ -16,10 +16,10 @@ use crate::flights::namespace;
 use flight::own_program;
 use flight::stack::StartError;
 
-/// Samples of the first peer, in order: release, and the time since it \[ns\].
+/// Samples of the first peer, in order: release, and time from the release until the token came back \[ns\].
 pub type Noted = Vec<(u64, u64)>;
 
-/// Processes of one run, and their shared memory. Drop kills them and removes it.
+/// Processes of one run, and their shared memory. Drop kills the processes and removes the memory.
 pub struct RingPeers {
     /// Processes; the first peer of the ring, which has the clock, is the last here.
     children: Vec<Child>,
@@ -81,7 +81,7 @@ impl RingPeers {
         self.noted()
     }
 
-    /// Process number of the peer with the clock.
+    /// Returns the process ID of the peer with the clock.
     pub fn clock_pid(&self) -> u32 {
         self.children.last().map_or(0, Child::id)
     }

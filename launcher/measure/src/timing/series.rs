@@ -52,7 +52,7 @@ impl MeasuredTimes {
 }
 
 impl Ratio {
-    /// Summarises the ratios of the rounds; `None` if there is none.
+    /// Summarises the finite ratios of the rounds; `None` if there is none.
     pub fn of(ratios: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut ratios: Vec<f64> = ratios.into_iter().filter(|ratio| ratio.is_finite()).collect();
         ratios.sort_by(f64::total_cmp);
@@ -66,7 +66,7 @@ impl Ratio {
     }
 }
 
-/// Formats the full histograms as CSV: times to three figures with their counts, round by round.
+/// Formats the full histograms as CSV: times to three significant digits with their counts, round by round.
 pub fn to_csv<'a>(series: impl IntoIterator<Item = &'a MeasuredTimes>) -> String {
     let mut csv = String::from("series,round,value_ns,count\n");
     for MeasuredTimes { name, rounds } in series {

@@ -2,7 +2,7 @@ use super::*;
 use contract::message::{Actuators, Message, Reference, State};
 use contract::stamp::delivery;
 
-/// Time of the injection \[s\], and times from there to the detection and to the recovery \[s\].
+/// Time of the injection, delay of the detection and delay of the recovery \[s\], as in [`FaultRecord`].
 type Told = [Option<f64>; 3];
 
 fn told(faults: &Faults) -> Told {
@@ -37,7 +37,7 @@ fn solver(for_s: Option<f64>, runs: &[(usize, SolveStatus)]) -> Faults {
     seen(FaultTarget::Mpc, FaultKind::IterationCap, for_s, records)
 }
 
-/// Case: name, length of the fault, statuses, and the expected words.
+/// Case: name, duration of the fault \[s\], statuses, expected times and expected words.
 type Case<'a> = (&'a str, Option<f64>, &'a [(usize, SolveStatus)], Told, &'a str);
 
 #[test]

@@ -27,7 +27,8 @@ impl Age {
         Self { per_command: histogram(), per_slot: histogram(), period_ns, newest: None, in_force: (0, 0) }
     }
 
-    /// Takes in a sample; returns the age \[ns\] in each slot up to it, oldest first, but for slots before any command.
+    /// Takes in a sample; returns the age \[ns\] in each slot up to it, oldest first, except for slots before any
+    /// command.
     ///
     /// After a stall of the plant, the slot in which a command took effect is computed from the command's age, as if
     /// the command came from the sample before the stall. A command from an older sample took effect earlier, so the

@@ -2,7 +2,7 @@
 //! us.
 //!
 //! ```text
-//! jitter / hop       start - release           what the process slept too long
+//! jitter / hop       start - release           how long after its release the process woke
 //! execution          publish - start           wall time
 //! cpu                CPU time of the thread    since the end of its cycle before: sending, doorbell, wake-up
 //! input age          start - sample            how old the sample was when the process began
@@ -13,7 +13,7 @@
 //! age at actuator    the command takes effect - the sample behind it
 //! stall              slots in a row without a message of a node, because its process slept, waited or was gone
 //! late (of a tick)   the largest over its nodes of: response + period x slots of the stall just before it
-//! worst tick         the one that is latest: as late as the largest `response_per_slot` of all nodes
+//! worst tick         the latest tick: as late as the largest `response_per_slot` of all nodes
 //! contradiction      a message whose stamp breaks the order of things:
 //!                      sample <= publish of the plant <= .. of guidance <= .. of attitude-mpc <= .. of the mixer
 //!                      <= arrival of the command at the plant, which is in the age that the plant tells
@@ -122,7 +122,7 @@ impl Timing {
                 let (tick, sequence, response_ns) = self.command;
                 let answers =
                     stamp.tick.checked_sub(1) == Some(tick) && sequence > 0 && state.applied_sequence == sequence;
-                // Only in real time does the plant tell a measured age.
+                // The plant tells a measured age only in real time.
                 if self.worst.is_some() && answers && state.applied_age_ns < response_ns {
                     self.nodes[Topic::Actuators as usize].contradictions += 1;
                 }

@@ -20,7 +20,7 @@ pub struct TimedCycle {
     pub release_ns: u64,
     pub start_ns: u64,
     pub publish_ns: u64,
-    /// Instant at which the node had sent its message before; 0 if that is not known.
+    /// Instant at which the node sent its message before this one; 0 if that is not known.
     pub free_ns: u64,
     /// Periods without a cycle just before this one.
     pub slips: u64,
@@ -33,7 +33,7 @@ pub struct TimedCycle {
     pub cpu_ns: Option<u64>,
     /// CPU time of the cycle before this one, if that is known.
     pub cpu_before_ns: Option<u64>,
-    /// Time inside the constrained solver; only attitude-mpc has one.
+    /// Time inside the constrained solver; 0 except for attitude-mpc.
     pub solve_ns: u64,
 }
 
@@ -143,7 +143,7 @@ pub struct NodeTiming {
     /// Histograms \[ns\] by their names in run.json. The plant has no input: it makes the sample.
     pub figures: BTreeMap<&'static str, Histogram<u64>>,
     pub counts: CycleCounts,
-    /// Messages that contradict the times of others: see [`super`].
+    /// Messages that contradict the times of other messages: see [`super`].
     pub contradictions: u64,
     /// Epoch and tick of the newest message.
     newest: Option<(u64, u64)>,

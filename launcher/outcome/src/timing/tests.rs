@@ -135,7 +135,7 @@ impl Ring {
         assert!((value - us).abs() <= 1e-3 * us, "{path}: {value}, not {us}");
     }
 
-    /// Description of the worst tick.
+    /// Values of the fields `keys` of the worst tick.
     fn worst<const N: usize>(&self, keys: [&str; N]) -> [String; N] {
         keys.map(|key| {
             let value = self.at(&format!("/worst_ticks/0/{key}"));
@@ -168,7 +168,7 @@ fn a_ring_in_time_shows_its_parts_and_no_miss() {
 fn a_clock_that_is_off_is_flagged_and_not_measured() {
     let mut ring = Ring::after(2);
     assert!(ring.timing.nodes.iter().all(|node| node.contradictions == 0));
-    // Controls says that it was sent 1 ms before the state that it was made from.
+    // CONTROLS says that it was sent 1 ms before the STATE that it was made from.
     ring.go_on(2, 0, &[Topic::State], 0);
     let state = ring.last[Topic::State as usize];
     let mut stamp = Stamp { sequence: ring.last[2].sequence + 1, ..state };
@@ -247,7 +247,7 @@ fn a_message_withheld_is_a_late_one_and_its_slot_stays_silent() {
 #[test]
 fn an_age_held_grows_by_a_period_per_slot() {
     let mut ring = Ring::after(3);
-    // Samples 3, 4 and 5 see the command of tick 2; then one comes that is 35 ms old.
+    // Samples 3, 4 and 5 see the command of tick 2; then a command comes that is 35 ms old.
     (3..6).for_each(|tick| ring.go_on(tick, 0, &[Topic::State], 0));
     ring.applied = (9, 35_000 * US);
     ring.go_on(6, 0, &[Topic::State], 0);
@@ -295,7 +295,7 @@ fn misses_of_a_standby_are_no_misses_of_the_flight() {
         say(tick, 2, delivery::STANDBY, 3 * tick);
     }
     for tick in 4..8 {
-        say(tick, 2, delivery::DELIVERED, 10); // one more than on standby
+        say(tick, 2, delivery::DELIVERED, 10); // one slip more than on standby
         say(tick, 1, delivery::STANDBY, tick);
     }
     say(8, 1, delivery::DELIVERED, 7); // active again
@@ -346,7 +346,7 @@ fn a_node_still_at_work_is_late_for_its_next_input() {
         ["CPU time not known", "null"],
         "the next message tells it"
     );
-    ring.turn(23, [(0, 0), (0, 0), (0, 0), (4_100, 0)]); // and begins the next when it has
+    ring.turn(23, [(0, 0), (0, 0), (0, 0), (4_100, 0)]); // the mixer begins this cycle when it has sent
     let worst = ring.timing.worst_ticks(&ring.happened);
     let told = |i: usize| (worst[i].tick, worst[i].node.as_str(), worst[i].cause.as_str());
     assert_eq!(told(0), (22, "mixer", "preempted while it ran"));
@@ -357,7 +357,7 @@ fn a_node_still_at_work_is_late_for_its_next_input() {
 fn the_cpu_time_of_a_cycle_is_unknown_if_the_next_message_was_not_seen() {
     let mut ring = Ring::after(22);
     ring.turn(22, MIXER_EXECUTION);
-    ring.last[3].sequence += 1; // the next message seen tells the CPU time of the one that was not
+    ring.last[3].sequence += 1; // the next message seen tells the CPU time of the unseen cycle
     ring.turn(23, IN_TIME);
     assert_eq!(ring.worst(["nodes/mixer/cpu_us"]), ["null"]);
 }
@@ -468,7 +468,7 @@ fn the_slots_of_a_dead_process_wait_for_its_replacement() {
 fn an_input_that_does_not_come_makes_its_tick_the_worst() {
     let mut ring = Ring::after(22);
     ring.go_on(22, 0, &[Topic::State, Topic::Reference, Topic::Controls], 0);
-    ring.go_on(22, 8_000, &[Topic::Actuators], 0); // the end of its wait: the demand was lost on the way
+    ring.go_on(22, 8_000, &[Topic::Actuators], 0); // end of the mixer's wait: the demand was lost on the way
     let words = "mixer: wait for its input of 7.64 ms: its input did not come";
     assert_eq!(ring.worst(["tick", "cause", "in_words"]), ["22", "its input did not come", words]);
 }

@@ -1,6 +1,6 @@
 //! The worst ticks of a flight: how late each was, as [`super`] defines it, and why.
 //!
-//! A stall is charged to the tick that ended it; the ticks it covered are no entries of their own.
+//! A stall is charged to the tick that ended it; the ticks it covered have no entries.
 //!
 //! The part of a tick that made it late is the part that exceeded its own median in this flight by the most. The parts
 //! of a chain add up to its response: each node's wait for an input that did not come, its wake-up (including the slots
@@ -12,14 +12,14 @@
 //! | part | condition, between the stall before the tick and its last answer | likely cause |
 //! |---|---|---|
 //! | any | a node was without a process | it died or hung |
-//! | any | within twice its median | nothing stands out |
+//! | any | the part took at most twice its median | nothing stands out |
 //! | any | a fault acted that can delay the node | the fault |
-//! | any | a process died, started or was swapped | that event |
+//! | any | a process died, started or was swapped | the event |
 //! | input | | its input did not come |
 //! | wake-up | the deadline's policy kept messages back before it | withheld for being late |
 //! | wake-up | the node was still at the cycle before when this one was due | the cycle before |
 //! | wake-up | none of these: the node slept, using no CPU | not scheduled: preempted, stopped, or the host took the CPU |
-//! | execution | the thread used the CPU for less than half of it | preempted while it ran, or waiting |
+//! | execution | the thread used the CPU for less than half of the execution | preempted while it ran, or waiting |
 //! | execution | the thread used the CPU, more than half of it inside the solver | the solver |
 //! | execution | the thread used the CPU | its own work |
 //! | execution | no message followed that tells the CPU time | not known |
@@ -218,7 +218,7 @@ impl TimedTick {
         })
     }
 
-    /// A cycle of the tick, as in run.json.
+    /// Converts a cycle of the tick to its entry in run.json.
     fn cycle(&self, cycle: &TimedCycle) -> CycleRecord {
         let from_sample = |ns: u64| ns.saturating_sub(self.sample_ns) as f64 / 1e3;
         CycleRecord {

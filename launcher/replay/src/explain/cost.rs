@@ -1,4 +1,4 @@
-//! Figures of a flight, and its losses against another.
+//! Figures of a flight, and their differences from those of another flight.
 
 use flight::log::Record;
 use settings::Scenario;
@@ -16,8 +16,9 @@ use outcome::metrics::Metrics;
 use outcome::summary::Summary;
 use outcome::ticks::{length_m, position_error_m};
 
-/// Stretch of a flight that is drawn around a tick \[s\].
+/// Time before a tick from which on the flight is drawn \[s\].
 const BEFORE_S: f64 = 0.5;
+/// Time after a tick up to which the flight is drawn \[s\].
 const AFTER_S: f64 = 4.5;
 
 /// Figures of a flight that costs are computed from.
@@ -35,18 +36,18 @@ pub struct FlightCost {
     pub state_hash: Option<String>,
 }
 
-/// Cost of one or several ticks: the figure of the flight less that of the flight without.
+/// Cost of one or several ticks: each figure of the flight minus that of the flight without these ticks.
 #[derive(Debug, Clone, Serialize)]
 pub struct Cost {
     /// First and last tick.
     pub ticks: (u64, u64),
-    /// Time of the first \[s\].
+    /// Time of the first tick \[s\].
     pub at_s: f64,
     pub node: &'static str,
     pub what: String,
-    /// Cost in the largest position error \[m\]: 0 where another tick has the largest.
+    /// Cost in the largest position error \[m\]: 0 if the error is largest at another tick.
     pub max_error_m: f64,
-    /// Largest distance between the courses of the flight and of the flight without \[m\].
+    /// Largest distance between the courses of the flight and of the flight without the ticks \[m\].
     pub max_distance_m: f64,
     /// Cost in the integral of the position error \[m s\].
     pub error_integral_ms: f64,
@@ -58,20 +59,20 @@ pub struct Cost {
 }
 
 impl FlightCost {
-    /// The position error around an instant: time \[s\], error \[m\].
+    /// Returns the position error around an instant: time \[s\], error \[m\].
     pub fn error_around(&self, at_s: f64, sample_s: f64) -> Vec<(f64, f64)> {
         let timed = (self.first..).zip(&self.error_m).map(|(tick, error_m)| (tick as f64 * sample_s, *error_m));
         timed.filter(|(time_s, _)| (at_s - BEFORE_S..=at_s + AFTER_S).contains(time_s)).collect()
     }
 
-    /// Largest distance to another course, as far as both go \[m\].
+    /// Returns the largest distance to the course of `other`, over the samples that both have \[m\].
     pub fn max_distance_m(&self, other: &Self) -> f64 {
         let apart =
             |(one, other): (&[f64; 3], &[f64; 3])| length_m(std::array::from_fn(|axis| one[axis] - other[axis]));
         self.course_m.iter().zip(&other.course_m).map(apart).fold(0.0, f64::max)
     }
 
-    /// Gathers the flight that `fly` hands over message by message, from the sample `first` on.
+    /// Computes the figures of the flight that `fly` hands over message by message, from the sample `first` on.
     ///
     /// # Errors
     /// The flight cannot be flown.
@@ -117,7 +118,7 @@ impl FlightCost {
 }
 
 impl Cost {
-    /// Compares a flight with one without the disturbed `ticks`.
+    /// Compares a flight with the flight without the disturbed `ticks`.
     pub fn new(ticks: &[Disturbed], sample_s: f64, flight: &FlightCost, without: &FlightCost) -> Self {
         let (first, last) = (&ticks[0], &ticks[ticks.len() - 1]);
         let at_s = first.tick as f64 * sample_s;

@@ -1,4 +1,4 @@
-//! Amount of work to undo every disturbed tick of a flight: a flight for each, as long as the flight.
+//! Amount of work to undo every disturbed tick of a flight: one flight for each tick, as long as the recorded flight.
 
 use std::time::Instant;
 
@@ -13,7 +13,7 @@ use anyhow::bail;
 /// minute on two processors.
 const MOST_SAMPLES: u64 = 3_000_000;
 
-/// Flights that are to be flown, and the time that one of them took.
+/// Flights that are to be flown, and the time that one flight took.
 #[derive(Debug, Clone)]
 pub struct Work {
     pub disturbed: Vec<Disturbed>,
@@ -59,7 +59,7 @@ impl Work {
         })
     }
 
-    /// Returns whether that is little enough to do without asking.
+    /// Returns whether the flights are few enough to be flown without asking the user.
     pub fn is_little(&self) -> bool {
         self.flights * (self.last_tick - self.first_tick + 1) <= MOST_SAMPLES
     }

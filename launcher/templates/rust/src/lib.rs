@@ -17,11 +17,11 @@ const Q: [f64; N] = [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 /// Weights of col, lon, lat, ped.
 const R: [f64; M] = [0.4, 300.0, 85.0, 300.0];
 
-/// Part of a controller that goes on in the next process after a kill or a swap.
+/// Part of a controller from which the next process goes on after a kill or a swap.
 #[derive(Clone, Copy, Default)]
 #[repr(C)]
 struct Memory {
-    /// Demand as the lagging actuators follow it.
+    /// Demand that the lagging actuators have reached.
     lag: [f64; M],
     /// Last demand.
     demand: [f64; M],
@@ -32,7 +32,7 @@ struct Controller {
     memory: Memory,
 }
 
-/// Deviation of a sample or reference from trim, with the lag states.
+/// Returns the deviation of a sample or reference from trim, with the lag states.
 fn deviation(w_mps: f64, [roll, pitch, yaw]: [f64; 3], [p, q, r]: [f64; 3], lag: [f64; M]) -> [f64; N] {
     [w_mps, roll - TRIM_ROLL_RAD, pitch, yaw, p, q, r, lag[0], lag[1], lag[2], lag[3]]
 }
@@ -41,7 +41,7 @@ fn dot(row: &[f64], x: &[f64]) -> f64 {
     row.iter().zip(x).map(|(a, b)| a * b).sum()
 }
 
-/// State one sample after `x` under the inputs `u`.
+/// Returns the state one sample after `x` under the inputs `u`.
 fn predicted(x: &[f64; N], u: &[f64; M]) -> [f64; N] {
     std::array::from_fn(|i| dot(&A[i], x) + dot(&B[i], u))
 }
@@ -105,7 +105,7 @@ unsafe extern "C" fn step(node: *mut c_void, input: *const c_void, answer: *mut 
     let (controller, input) = unsafe { (&mut *node.cast::<Controller>(), &*input.cast::<TrefoilAttitudeInput>()) };
     let demand = controller.step(input);
     let answered = TrefoilAttitudeAnswer { demand: demand.unwrap_or_default(), status: demand.is_none().into() };
-    // SAFETY: as above.
+    // SAFETY: the launcher vouches for `answer`.
     unsafe { *answer.cast() = answered };
     0
 }

@@ -34,7 +34,7 @@ fn solved(mut s: Matrix<M, M>, mut y: Matrix<M, N>) -> Matrix<M, N> {
     std::array::from_fn(|i| y[i].map(|value| value / s[i][i]))
 }
 
-/// Computes K for the diagonals of Q and R by the Riccati iteration; `None` if it does not settle.
+/// Computes K for the diagonals of Q and R by the Riccati iteration; `None` if the iteration does not converge.
 pub fn lqr(q: &[f64; N], r: &[f64; M]) -> Option<Matrix<M, N>> {
     let (q, r) = (diagonal(q), diagonal(r));
     let mut p = q;

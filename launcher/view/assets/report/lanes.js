@@ -1,5 +1,5 @@
-// What happened, in lanes under a time axis: a bar for each phase, for each fault while it acts and for each node without
-// a process, a line for each moment, and the words beside them. Words that have no room are left out, never drawn over
+// Happenings in lanes under a time axis: a bar for each phase, for each fault while it acts and for each node without a
+// process, a line for each moment, and the words beside them. Words that have no room are left out, never drawn over
 // others: the table of the page has them all.
 
 function happenedLanes(happened) {
@@ -40,7 +40,7 @@ function happenedLanes(happened) {
     });
   }
 
-  // Puts the words where there is room: in the bar, after it, or before it; `null` where there is none.
+  // Puts the words where there is room: in the bar, after it, or before it; `at` is `null` if there is no room.
   function placed(item, right) {
     const spot = besides(item, right);
     return spot.at === null && item.short ? besides({ ...item, words: item.short }, right) : spot;
@@ -55,7 +55,7 @@ function happenedLanes(happened) {
     return { ...item, from: x0, to: x1, at: null };
   }
 
-  // Draws them below the plot `u` into `element`, which never shrinks: zooming is not to move the page.
+  // Draws the lanes below the plot `u` into `element`, which never shrinks, so that zooming does not move the page.
   return function draw(u, element) {
     const px = uPlot.pxRatio;
     const [left, right] = [u.bbox.left / px, (u.bbox.left + u.bbox.width) / px];

@@ -53,8 +53,8 @@ function flightPaths(time, flights, happened, elements) {
     mark(marked);
   }
 
-  // A ring where something happened to a process, a dot with the number of a fault where it begins; what would lie on one
-  // spot is one.
+  // Draws a ring where something happened to a process, and a dot with the number of a fault where the fault begins.
+  // Marks within 14 px of each other become one mark.
   function marks(place) {
     const spots = [];
     const add = (at, flight, words) => {
@@ -115,7 +115,7 @@ function surround(points) {
     }
   }
   const step = roundStep(Math.max(0.5, ...high.map((h, axis) => h - low[axis])) / 5);
-  // Sideways the path keeps clear of the edge; upwards it may touch it.
+  // Sideways the path keeps clear of the box's edge; upwards it may touch the edge.
   const air = [0.2, 0.2, -0.2];
   return {
     step,
@@ -124,13 +124,13 @@ function surround(points) {
   };
 }
 
-// 1, 2 or 5 times a power of ten, not below `least`.
+// Returns 1, 2 or 5 times a power of ten, not below `least`.
 function roundStep(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return power * [1, 2, 5, 10].find(factor => factor * power >= least * 0.999);
 }
 
-// The map from points to pixels: all of the box visible, with room for labels.
+// Returns the map from points to pixels: all of the box visible, with room for labels.
 function fit(box, project, width, height) {
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(c => project([0, 1, 2].map(axis => (c >> axis & 1 ? box.high : box.low)[axis])));
   const [xs, ys] = [corners.map(c => c[0]), corners.map(c => c[1])];

@@ -1,9 +1,9 @@
 // Time plots, drawn by uPlot: one time axis, one cursor and one zoom for all plots of a group.
 //
 // A group is { flights, happened, lines }: flights have a time base and columns of their own, and are laid over each
-// other. Its figures are [element, plots]; a plot is { unit, series, .. }, see `report.js`; a series names its flight by
-// index, or is of the first. A figure without any series is taken from the page. Of a flight that flies, the group has
-// the `time` too, and the columns of its flight are arrays: they grow, and `update` draws them again.
+// other. Its figures are [element, plots]; a plot is { unit, series, .. }, see `report.js`; a series has the index of
+// its flight, by default the first. A figure without any series is taken from the page. For a flight under way the
+// group also has `time`, and the columns are arrays that grow; `update` draws them again.
 
 function timePlots(group, figures, pathElements) {
   'use strict';
@@ -31,7 +31,8 @@ function timePlots(group, figures, pathElements) {
     for (const [element] of figures) element.innerHTML = '<p class="empty">No samples were recorded.</p>';
   }
 
-  // Lanes of the first figure, and those of the others: phases are named once, and are a light ground everywhere.
+  // Returns the lanes of the first figure, and the lanes of the others, which do not name the phases again. Every
+  // figure shows the phases as a light ground.
   function lanesOf() {
     return [happened, { ...happened, phases: [] }].map(all => {
       const { faults, absences, phases, events } = all;
@@ -39,25 +40,25 @@ function timePlots(group, figures, pathElements) {
     });
   }
 
-  // Draws samples that have come since, unless the reader has zoomed in to look at earlier ones; with `anew` those of
-  // another time, which end the zoom.
+  // Draws samples that have come since the last call, unless the reader has zoomed in to look at earlier ones. `anew`
+  // ends the zoom, because the samples are then of another time.
   function update(anew) {
     if (anew) zoom = null;
     if (!zoom) for (const u of plots) u.setData(u.samples());
   }
 
-  // Draws what happened anew.
+  // Draws the happenings again after they have changed.
   function remark() {
     [lanes, lanesBelow] = lanesOf();
     build();
   }
 
-  // Paper has its own width, which no element tells before it is printed on.
+  // Paper has a width of its own, which no element has before printing.
   function widthOf(element) {
     return root.classList.contains('printing') ? 640 : element.clientWidth;
   }
 
-  // Draws everything anew, in the colours of the moment.
+  // Draws everything again, in the present colours.
   function build() {
     const colour = name => getComputedStyle(root).getPropertyValue(`--${name}`).trim();
     const window = zoom;
@@ -87,7 +88,7 @@ function timePlots(group, figures, pathElements) {
     paths?.draw();
   }
 
-  // The path views follow cursor and zoom of this plot, and so of all.
+  // The path views follow cursor and zoom of this plot, which are those of all plots.
   function follow(u) {
     (u.hooks.setCursor ||= []).push(() => paths?.mark(u.cursor.idx));
     (u.hooks.setScale ||= []).push((_, key) => {
@@ -128,7 +129,7 @@ function timePlots(group, figures, pathElements) {
         ...(steps && { paths: uPlot.paths.stepped({ align: 1 }) }),
         points: { show: false }, value: (_, v) => (v === null ? '–' : steps ? plot.words[v] : quantity(v.toFixed(plot.digits ?? 3), plot)),
       }))),
-      // After the grid, which would hide it, and before the lines of the data.
+      // Happenings are drawn after the grid, which would hide them, and before the lines of the data.
       hooks: { drawAxes: [u => drawHappened(u, happened, colour)], draw: [u => drawLines(u, lines, plot, colour)] },
     }, samples(), element);
     u.samples = samples;
@@ -154,7 +155,7 @@ function timePlots(group, figures, pathElements) {
     return once;
   }
 
-  // Room for the data, and for every line that does not crush them.
+  // Returns the range of a plot: room for the data, and for every line that does not crush them.
   function range(plot, lines, low, high) {
     if (plot.words) return [-0.3, plot.words.length - 0.7];
     if (low === null) [low, high] = [0, 0];
@@ -163,7 +164,7 @@ function timePlots(group, figures, pathElements) {
     [low, high] = plot.floor ? [low, high + 2 * lack] : [low - lack, high + lack];
     const most = plot.all ? Infinity : 3 * (high - low);
     for (const { y } of lines) {
-      const mirror = lines.some(line => line.y === -y) ? -y : y; // above and below come together
+      const mirror = lines.some(line => line.y === -y) ? -y : y; // both limits are shown, or neither
       const [lower, upper] = [Math.min(low, y, mirror), Math.max(high, y, mirror)];
       if (upper - lower <= most) [low, high] = [lower, upper];
     }
@@ -172,7 +173,7 @@ function timePlots(group, figures, pathElements) {
     return [plot.floor && low === 0 ? 0 : low - air(({ y }) => y < low), high + air(({ y }) => y > high)];
   }
 
-  // Whether a line lies outside what the whole flight shows.
+  // Returns whether a line lies outside the range of the whole flight.
   function hidden(plot, lines) {
     const all = plot.series.filter(s => s.show !== false).flatMap(s => values(s, plot)).filter(v => v !== null);
     if (!all.length) return false;
@@ -207,9 +208,9 @@ function legendDashes(u, plot, colour) {
   });
 }
 
-// Behind the data of a plot: a tint while a fault acts, deeper where several do; grey while a node has no process; a light
-// ground for every second phase; and a line for a moment: an event, or a fault without duration. What concerns one flight
-// of several has its colour.
+// Draws behind the data of a plot: a tint while a fault acts, deeper where several do; grey while a node has no
+// process; a light ground for every second phase; and a line for a moment: an event, or a fault without duration. With
+// several flights, an item of one has the colour of that flight.
 function drawHappened(u, happened, colour) {
   const { ctx, bbox } = u;
   const px = uPlot.pxRatio;
@@ -243,7 +244,7 @@ function drawHappened(u, happened, colour) {
   ctx.restore();
 }
 
-// Claims, bounds and limits; those out of sight are named at the edge they lie beyond.
+// Draws claims, bounds and limits; lines out of sight are named at the edge beyond which they lie.
 function drawLines(u, lines, plot, colour) {
   const { ctx, bbox } = u;
   const px = uPlot.pxRatio;
@@ -253,7 +254,7 @@ function drawLines(u, lines, plot, colour) {
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
   ctx.font = `${12 * px}px system-ui, sans-serif`;
-  // Boxes of the words so far, none of which another may cover.
+  // Boxes of the words so far, which no other words may cover.
   const taken = [];
   const isFree = box => taken.every(other => box.right < other.left || box.left > other.right || box.bottom < other.top || box.top > other.bottom);
   const boxOf = (words, align, x, y) => {
@@ -290,13 +291,14 @@ function drawLines(u, lines, plot, colour) {
     ctx.lineTo(right, level);
     ctx.stroke();
     if (y < 0 || ctx.measureText(words).width > right - left) return;
-    // Above its line at one end, at the other, below it: where no other words are. Neighbours may lie close together.
+    // Places for the words, in order of preference: above the line at one end or the other, then below it. Neighbours
+    // may lie close together, so every second line begins with the other end.
     const ends = [['right', right - 4 * px], ['left', left + 4 * px]];
     if (i % 2 === 1) ends.reverse();
     const offsets = [-5 * px, 15 * px].filter(offset => level + offset - 12 * px >= bbox.top && level + offset <= bbox.top + bbox.height);
     names.push(offsets.flatMap(offset => ends.map(([align, x]) => [words, align, x, level + offset])));
   });
-  // Where there is no room for the names, the sizes alone.
+  // If there is no room for the names, only the sizes are shown.
   const edge = (arrow, y) => {
     if (!beyond[arrow].size) return;
     const named = `${arrow} ${[...beyond[arrow].keys()].join(', ')}`;
@@ -312,8 +314,8 @@ function drawLines(u, lines, plot, colour) {
   ctx.restore();
 }
 
-// One time axis for flights with time bases of their own: the finest of them, from the first beginning to the last end.
-// A flight has its nearest sample there.
+// Puts flights with time bases of their own on one time axis: the finest time step, from the first beginning to the
+// last end. A flight has its nearest sample at each time.
 function onOneAxis(all) {
   const flights = all.filter(flight => flight.rows);
   const decoded = all.map(flight => Object.entries(flight.columns).map(([name, text]) => [name, decode(text)]));
@@ -330,7 +332,7 @@ function onOneAxis(all) {
   })) };
 }
 
-// Base64 of little-endian f32; what is not finite is a hole.
+// Decodes base64 of little-endian f32; a value that is not finite becomes null, a hole.
 function decode(text) {
   const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0));
   const view = new DataView(bytes.buffer);
@@ -348,7 +350,7 @@ function minus(number) {
   return String(number).replace('-', '−');
 }
 
-// Groups that carry their data and plots with them, as on every page but the report.
+// Draws the groups that carry their data and plots with them, as on every page but the report.
 for (const holder of document.querySelectorAll('.time-plots')) {
   const group = JSON.parse(holder.querySelector('script').textContent);
   const paths = ['space', 'plan'].map(view => holder.querySelector(`.${view}`)).filter(Boolean);

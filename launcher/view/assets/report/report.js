@@ -1,4 +1,5 @@
-// The figures of the report and of the live page: [element, plots] of each that the page has a place for.
+// Returns the figures of the report and of the live page: [element, plots] of each figure that the page has a place
+// for.
 
 function flightFigures(realtime) {
   'use strict';
@@ -7,7 +8,7 @@ function flightFigures(realtime) {
   const reference = column => series('reference', column, 'ink', { dash: [5, 4], width: 1 });
   const command = (label, column, colour) => series(label, column, colour, { dash: [2, 3], width: 1 });
   // `scale` turns the column into `unit`; `suffix` is the unit after numbers, where it is another; `span` is the least
-  // range worth showing; `floor` starts it at zero; `lines` names what the plot is read against.
+  // range worth showing; `floor` starts the range at zero; `lines` names the lines that the plot is compared with.
   // `words` names the values of a quantity that has few. Series whose columns the flight lacks are left out.
   const measured = (column, colour = 'pink') => series('measured', `${column}_measured`, colour, { width: 1 });
   const angle = name => ({ unit: 'deg', scale: DEG, span: 1, series: [measured(name), series(GREEK[name], name, 'blue'), reference(`${name}_ref`)] });

@@ -33,19 +33,19 @@ impl Axis {
         Self { title: title.to_owned(), entries, ticks }
     }
 
-    /// Makes an axis with an entry between every two edges.
+    /// Makes an axis with an entry between each two neighbouring edges.
     pub fn of_parts(title: &str, edges: &[String]) -> Self {
         let entries = edges.windows(2).map(|ends| format!("{} to {}", ends[0], ends[1])).collect();
         let ticks = edges.iter().enumerate().map(|(i, edge)| (i as f64, edge.clone())).collect();
         Self { title: title.to_owned(), entries, ticks }
     }
 
-    /// Returns whether a plot has room for all words below the axis.
+    /// Returns whether a plot has room for all labels below the axis.
     pub fn fits(&self) -> bool {
         (self.longest() as f64 + 1.0) * LETTER <= self.slot()
     }
 
-    /// Letters of the longest label.
+    /// Number of letters of the longest label.
     pub(super) fn longest(&self) -> usize {
         self.ticks.iter().map(|(_, word)| word.chars().count()).max().unwrap_or(0)
     }

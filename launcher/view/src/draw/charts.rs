@@ -104,7 +104,7 @@ const LANE_PX: f64 = 17.0;
 const LANE_BAR_PX: f64 = 11.0;
 const WORDS_PX: f64 = 18.0;
 
-/// One lane of a time line: it waits, then runs \[us\].
+/// One lane of a time line: a node waits, then runs; both spans are begin and end \[us\].
 pub struct Lane {
     pub name: &'static str,
     pub waits: [f64; 2],
@@ -143,7 +143,7 @@ pub fn time_line(lanes: &[Lane]) -> String {
     format!("<div class=\"gantt\"><div>{names}</div>{}</div>", svg.finish())
 }
 
-/// Round numbers \[us\] along the axis: steps of 1, 2 or 5, three to seven of them.
+/// Returns round numbers along an axis, in steps of 1, 2 or 5 times a power of ten: two to seven of them.
 pub(super) fn marks(from: f64, to: f64) -> Vec<f64> {
     let rough = (to - from) / 6.0;
     let magnitude = 10_f64.powf(rough.log10().floor());

@@ -1,4 +1,4 @@
-//! Small pieces of HTML: escaped text, numbers with a dash for what is missing, tables.
+//! Small pieces of HTML: escaped text, numbers with a dash for a missing value, tables.
 
 use serde_json::Value;
 
@@ -6,13 +6,13 @@ use super::time_plots::{SCRIPTS, UPLOT_STYLE};
 
 pub const DASH: &str = "–";
 
-/// Text made safe for element content and quoted attributes.
+/// Escapes text for element content and quoted attributes.
 pub fn escape(text: &str) -> String {
     let names = [('&', "&amp;"), ('<', "&lt;"), ('>', "&gt;"), ('"', "&quot;"), ('\'', "&#39;")]; // & first
     names.iter().fold(text.to_owned(), |text, (c, name)| text.replace(*c, name))
 }
 
-/// Text made safe, whose long words may be broken after a slash or an underscore, and whose ranges of numbers may not.
+/// Escapes text. Long words may be broken after a slash or an underscore; ranges of numbers may not be broken.
 pub fn breakable(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let is_digit = |i: usize| chars.get(i).is_some_and(char::is_ascii_digit);
@@ -35,7 +35,7 @@ pub fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
     }
 }
 
-/// Formats any value for people, escaped: strings as they are, lists of them as words, objects as names and values,
+/// Formats any value for people, escaped: strings as they are, lists of strings as words, objects as names and values,
 /// null as the dash.
 pub fn any(value: &Value) -> String {
     match value {

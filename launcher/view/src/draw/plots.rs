@@ -6,7 +6,7 @@ use super::axes::{Axis, AxisScale, BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, grid
 use super::charts::COLOURS;
 use super::{Svg, escape};
 
-/// A share of something, with the ends of its interval, 0 to 1.
+/// Share and the ends of its interval, 0 to 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Share {
     pub share: f64,
@@ -22,8 +22,8 @@ impl Share {
     }
 }
 
-/// Draws shares over an axis, in a colour for each of the `names`; `share` gives that of a name and an entry, if there
-/// is one.
+/// Draws shares over an axis, in a colour for each of the `names`; `share` returns the share for the indices of a name
+/// and an entry, or `None`.
 pub fn shares(title: &str, axis: &Axis, names: &[&str], share: impl Fn(usize, usize) -> Option<Share>) -> String {
     let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
     let y = |share: f64| BOTTOM - (BOTTOM - TOP) * share;
@@ -73,7 +73,7 @@ pub fn legend(names: &[&str]) -> String {
     names.iter().zip(COLOURS.iter().cycle()).map(one).collect()
 }
 
-/// Quartiles of some values, and the reach of the others.
+/// Quartiles of some values, and the ends of the whiskers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quartiles {
     /// Ends of the whiskers.
@@ -85,14 +85,14 @@ pub struct Quartiles {
 /// The values of one series.
 #[derive(Debug, Clone)]
 pub struct Dots {
-    /// Entry of the axis, value, and whether it is drawn as a cross.
+    /// Points: entry of the axis, value, and `true` to draw a cross instead of a dot.
     pub points: Vec<(usize, f64, bool)>,
     /// A box for each entry that has enough values.
     pub boxes: Vec<Option<Quartiles>>,
 }
 
-/// Values above 0 over an axis, a colour for each series, and a broken line at `limit`. What lies far above all others
-/// is drawn as an arrow at the upper end.
+/// Draws values above 0 over an axis, in a colour for each series, with a broken line at `limit`; empty without a
+/// value. A value far above all others is drawn as an arrow at the upper end.
 pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> String {
     let values = || series.iter().flat_map(|dots| &dots.points).map(|(_, value, _)| *value);
     let Some(scale) = AxisScale::of(values(), limit) else { return String::new() };

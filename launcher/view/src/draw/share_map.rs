@@ -34,8 +34,8 @@ pub struct MapCell {
     pub title: String,
 }
 
-/// The map of `cells` over two axes, row by row from below; a cell may be empty. A thick line is drawn between
-/// neighbours, each a row and a column, for which `border` says so.
+/// Draws a map of `cells` over two axes, row by row from below; a cell may be absent. A thick line separates two
+/// neighbours, each given as row and column, for which `border` is true.
 pub fn map(
     title: &str,
     [across, up]: [&Axis; 2],
@@ -112,7 +112,7 @@ impl MapCell {
     }
 }
 
-/// The colour of a place on the scale, 0 to 1.
+/// Returns the colour of a place on the scale, 0 to 1.
 fn colour(shade: f64) -> String {
     let position = shade * (CIVIDIS.len() - 1) as f64;
     let lower = (position as usize).min(CIVIDIS.len() - 2);

@@ -1,5 +1,5 @@
-//! Time plots of flights, for every page: flights laid over each other on one time axis, with what happened to them as
-//! bands, lines and lanes, and their paths. The scripts of `assets/report/` draw them.
+//! Time plots of flights, for every page: flights laid over each other on one time axis, with their happenings as
+//! bands, lines and lanes, and with their paths. The scripts of `assets/report/` draw them.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use outcome::happenings::Happenings;
@@ -51,7 +51,7 @@ pub struct Plot {
     pub span: f64,
     /// `true` if the axis begins at zero.
     pub floor: bool,
-    /// Name of the horizontal lines of the group that the plot is read against.
+    /// Name of the group's horizontal lines that this plot has.
     pub lines: Option<&'static str>,
     pub series: Vec<Series>,
 }
@@ -68,13 +68,13 @@ pub struct Series {
 }
 
 impl Series {
-    /// Series in the look of the flight or line number `look`.
+    /// Makes a series with the colour and dashes of the flight or line number `look`.
     pub fn new(label: &str, column: &'static str, flight: usize, look: usize) -> Self {
         let (colour, dash) = LOOKS[look % LOOKS.len()];
         Self { label: label.into(), column, flight, colour, dash }
     }
 
-    /// Series of a reference, as a broken line.
+    /// Makes the series of a reference, drawn as a broken line.
     pub fn wanted(label: &str, column: &'static str, flight: usize) -> Self {
         Self { label: label.into(), column, flight, colour: "ink", dash: &[5, 4] }
     }
@@ -130,8 +130,8 @@ pub fn column(values: impl IntoIterator<Item = f32>) -> Value {
     BASE64_STANDARD.encode(bytes).into()
 }
 
-/// Merges what happened to flights, each with its name, for one time axis. What happened to several alike is shown
-/// once, with their names unless it happened to all; what happened to one has the colour of that flight too.
+/// Merges the happenings of flights, each given with its name, for one time axis. An item that several flights have is
+/// shown once, with their names unless all have it; an item of one flight also gets its colour.
 pub fn happened(flights: &[(&str, &Happenings)]) -> Value {
     let (titles, told): (Vec<&str>, Vec<Value>) =
         flights.iter().map(|(title, happened)| (*title, json!(happened))).unzip();
@@ -155,7 +155,7 @@ fn merged(titles: &[&str], flights: &[Value], kind: &str, named: &str) -> Value 
             let names: Vec<&str> = of.iter().map(|i| titles[*i]).collect();
             item[named] = format!("{}: {}", names.join(", "), item[named].as_str().unwrap_or_default()).into();
             item["flight"] = of[0].into();
-            item["number"] = 0.into(); // another flight's fault may have it too
+            item["number"] = 0.into(); // numbers repeat from flight to flight
             if let [only] = of[..] {
                 item["colour"] = LOOKS[only % LOOKS.len()].0.into();
             }
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_happened_to_all_flights_alike_stands_once_and_the_rest_has_the_name_of_its_flight() {
+    fn an_item_of_all_flights_is_shown_once_and_others_name_their_flight() {
         let (one, other) = (flight(&[("gust", 1.0), ("kill", 2.0)]), flight(&[("gust", 1.0), ("kill", 3.0)]));
         let told = happened(&[("a", &one), ("b", &other)]);
         let words: Vec<_> = told["faults"].as_array().unwrap().iter().map(|fault| &fault["what"]).collect();

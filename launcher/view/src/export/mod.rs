@@ -1,10 +1,10 @@
-//! `export`: a run in the formats of other tools, read as the report reads it, also if it is incomplete.
+//! `export`: a run, complete or not, in the formats of other tools.
 //!
 //! | format | what is written | by |
 //! |---|---|---|
 //! | CSV, Parquet | a table for each topic, `events`, `cycles` | `tables`, `csv`, `parquet` |
-//! | `ULog` | the same as topics of one file, and the topics of PX4 that fit | `ulog`, `px4` |
-//! | MCAP for Foxglove | its messages and events, and the scenes derived from them | `scenes` |
+//! | `ULog` | the same tables as topics of one file, and the topics of PX4 that fit | `ulog`, `px4` |
+//! | MCAP for Foxglove | messages and events, and the scenes derived from them | `scenes` |
 //! | Perfetto | some ticks as a trace | [`perfetto`] |
 //!
 //! A log is read once, message by message; nothing holds the whole flight in memory.
@@ -87,7 +87,7 @@ pub fn export(log: &Path, format: Format, part: TimeSpan, out: Option<&Path>) ->
             Format::Foxglove => Box::new(Scenes::begin(&folder, &name, scenario, log)?),
         })
     };
-    // A folder that was made for nothing is removed; one with files stays.
+    // A new folder of a failed export is removed; a folder with files stays.
     let cycles = format != Format::Foxglove;
     let notes = write(log, part, begin, cannot, cycles).inspect_err(|_| _ = std::fs::remove_dir(&out))?;
     Ok(Export { out, notes })
@@ -103,7 +103,7 @@ fn write<'a>(
 ) -> anyhow::Result<Vec<String>> {
     let mut reading: Option<Reading<'a>> = None;
     let mut failed = None;
-    // Messages before the part are read too: counters of a message tell the difference to the one before.
+    // Messages before the part are read too, because counters are compared with those of the message before.
     let read = TimeSpan { from_s: (part.from_s - Reading::BEFORE_S).max(0.0), to_s: part.to_s };
     let recorded = Recorded::read_each(log, read, |scenario, record| {
         if failed.is_none() {

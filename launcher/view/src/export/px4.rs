@@ -33,7 +33,7 @@ const POSITION: &str = "uint64_t timestamp;uint64_t timestamp_sample;float x;flo
                         float heading;bool xy_valid;bool z_valid;bool v_xy_valid;bool v_z_valid;";
 
 /// Passes the rows that a message makes to `each`, with their places in [`TOPICS`] and without the first timestamp.
-/// `timestamp` is that of its sample, and `truth` its TRUTH, if the log has it.
+/// `timestamp` is that of the message's sample, and `truth` is the TRUTH of its tick, if the log has it.
 pub fn rows(
     record: &Record,
     truth: Option<&Truth>,

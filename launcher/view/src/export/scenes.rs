@@ -22,7 +22,7 @@ pub struct Scenes<'a> {
 impl<'a> Scenes<'a> {
     /// Begins the file `name` in `folder` for a run of `scenario` whose log is at `path`.
     pub fn begin(folder: &'a Dir, name: &str, scenario: &Scenario, path: &Path) -> anyhow::Result<Self> {
-        // A span that no message is in: only the events are read.
+        // No message lies in this span, so only the events are read.
         let log::Log { events, written_by, .. } = log::stream(path, u64::MAX..=u64::MAX, |_, _| {})?;
         let run = format!("{}-scenes", written_by.run);
         let file = folder.begin(name)?;
@@ -34,7 +34,7 @@ impl<'a> Scenes<'a> {
         }
         let mut scene = Scene::new(scenario);
         for event in &events {
-            scene.on_event(event); // faults of the wind, each with its time
+            scene.on_event(event); // applies faults of the wind, each with its time
         }
         let fixed = scene.fixed();
         let mut scenes = Self { file, log, channels, scene };

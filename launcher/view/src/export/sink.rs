@@ -11,8 +11,8 @@ use crate::cycle::CycleTimes;
 pub trait Sink {
     /// Adds a message; `truth` is the TRUTH of its tick, if the log has it.
     fn message(&mut self, record: &Record, truth: Option<&Truth>) -> anyhow::Result<()>;
-    /// Adds the times of the cycle that made the message with this stamp on this topic; a format without cycles has
-    /// them in the stamps.
+    /// Adds the times of the cycle that made the message with this stamp on this topic. A format without cycles ignores
+    /// them, because the stamps have them.
     fn cycle(&mut self, _: Topic, _: &Stamp, _: &CycleTimes) -> anyhow::Result<()> {
         Ok(())
     }

@@ -1,9 +1,9 @@
 //! The tables of a run: one for each topic, `events`, and `cycles`.
 //!
 //! A topic's table has a row for each message in the log, damaged ones and those of a process on standby too, with
-//! `time_s` first, then every field by its name in the log's schema, nested ones with dots. `status_name` is last where
-//! there is a status, and `is_intact` tells whether the checksum fits. The table of STATE also has `actual` and
-//! `actuators` of the TRUTH of its tick, NaN if that was lost.
+//! `time_s` first, then every field by its name in the log's schema, nested ones with dots. `status_name` follows for
+//! STATE and CONTROLS; `is_intact`, which tells whether the checksum fits, is last. The table of STATE also has
+//! `actual` and `actuators` of the TRUTH of its tick, NaN if that was lost.
 
 use contract::Topic;
 use contract::message::{Stamp, Truth};
@@ -35,7 +35,7 @@ pub struct Tables<W> {
     topics: [W; Topic::COUNT],
     events: W,
     cycles: W,
-    /// Kinds of the words of each topic.
+    /// Types of the words of each topic's messages.
     words: [Vec<ColumnType>; Topic::COUNT],
     sample_s: f64,
 }
@@ -58,7 +58,8 @@ impl<'a, W: Rows<'a>> Tables<W> {
     }
 }
 
-/// Column of the events or cycles: name, type, and its cell. The time comes before them.
+/// Column of the events or cycles: name, type, and function that makes its cell. The column of the time comes before
+/// these.
 type Of<T> = (&'static str, ColumnType, fn(&T) -> Cell);
 
 const EVENT: [Of<Event>; 11] = [

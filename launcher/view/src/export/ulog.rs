@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `trefoil_state` `_reference` `_controls` `_actuators` | every intact message, its fields nested as in the log's schema; `actual` and `actuators` of TRUTH are in `trefoil_state` |
 //! | `trefoil_cycles_NODE` | the times of a node's cycles |
-//! | those of [`super::px4`] | what PX4 has a topic for |
+//! | topics of [`super::px4`] | what fits a topic of PX4 |
 //!
 //! The numbers and switches of the settings are parameters; the whole settings are the information `trefoil_scenario`.
 //! `timestamp` is simulated time \[us\]. Events are logged messages. A message whose checksum does not fit is left out,
@@ -85,8 +85,8 @@ impl<'a> Ulog<'a> {
         self.message(b'I', &[&[key.len() as u8], key.as_bytes(), value.as_bytes()])
     }
 
-    /// Writes each number and switch in `value` as a parameter, called by its key; a number in a key is a place in a
-    /// list. Left out is what the format cannot hold: texts, whole numbers beyond 32 bits, very long keys.
+    /// Writes each number and switch in `value` as a parameter, named by its key; a number in a key is a place in a
+    /// list. Texts, whole numbers beyond 32 bits and very long keys are left out, because the format cannot hold them.
     fn parameters(&mut self, key: &str, value: &Value) -> anyhow::Result<()> {
         let below = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
         let whole = |number: i64| Some(("int32_t", i32::try_from(number).ok()?.to_le_bytes()));

@@ -32,14 +32,16 @@ impl Wind {
         }
     }
 
-    /// Wind at the sample of a tick, NED \[m/s\].
+    /// Returns the wind at the sample of a tick, NED \[m/s\]; `None` without a TRUTH, or if the plant was another
+    /// program.
     pub fn wind_mps(&mut self, tick: &LoggedTick) -> Option<[f64; 3]> {
         let truth = tick.of.truth.as_ref()?;
         Some(self.air.as_mut()?.wind_mps(truth).into())
     }
 
-    /// True acceleration ahead and to the right that the tilt does not explain \[m/s2\]: that of guidance's observer if
-    /// it knew the true motion and did not filter. `None` at the first sample and after a hole.
+    /// Returns the true acceleration ahead and to the right that the tilt does not explain \[m/s2\]: the estimate of
+    /// guidance's observer if the observer had the true motion and did not filter. `None` at the first sample and after
+    /// a hole.
     pub fn acceleration_mps2(&mut self, tick: &LoggedTick) -> Option<[f64; 2]> {
         let Truth { actual, .. } = tick.of.truth.as_ref()?;
         let [phi, theta, psi] = actual.attitude_rad;

@@ -28,7 +28,8 @@ pub struct Claim {
     /// Bound in the paper, as HTML.
     pub paper: &'static str,
     pub measured: String,
-    /// `true` if it holds; `None` for another trajectory, an incomplete flight, or nothing measured.
+    /// `true` if the claim holds; `None` if the claims are for another flight, the flight is incomplete, or nothing was
+    /// measured.
     pub holds: Option<bool>,
 }
 
@@ -80,7 +81,7 @@ pub fn following(metrics: &Metrics) -> [(&'static str, String); 3] {
 /// Extremes of altitude errors, states and actuators in a flight, gathered tick by tick.
 #[derive(Debug, Clone)]
 pub struct Reach {
-    /// Largest angles \[deg\] and rates \[deg/s\]; `None` without a state.
+    /// Largest angles \[deg\] and rates \[deg/s\]; `None` without a TRUTH.
     state: Option<[f64; 6]>,
     /// Lowest rotor speed, highest share of the limit, largest tilt \[rad\], of commands and positions.
     low: f64,
@@ -107,7 +108,7 @@ impl Reach {
         if let Some([_, _, down_m]) = tick.error_m {
             let [from, to] = HORIZONTAL_S;
             let part = &mut self.altitude_m[usize::from(!(from..=to).contains(&tick.time_s()))];
-            *part = part.max(down_m.abs()); // NaN, the start, gives way to any number
+            *part = part.max(down_m.abs()); // `max` replaces NaN, the first value, by any number
         }
         let position = tick.of.truth.as_ref().map(|truth| &truth.actuators);
         let command = tick.of.actuators.as_ref().map(|actuators| &actuators.command);
@@ -121,8 +122,8 @@ impl Reach {
     }
 }
 
-/// Judges a run by its record, and by the extremes of its ticks. Only the whole flight that the claims
-/// are made for is judged, or such a flight that was lost.
+/// Judges a run by its record, and by the extremes of its ticks. Only the flight that the claims are made for is
+/// judged, if it is complete or was lost.
 pub fn judge(run: &RunRecord, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
     let lost = concerns(scenario) && run.diverged;
     let whole = run.flown_s > DURATION_S - 2.0 * scenario.sample_s();
@@ -169,7 +170,8 @@ fn larger(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }
 
-/// Claim on the actuators: commands and positions must lie strictly inside; a command at its limit was clipped.
+/// Claim on the actuators: commands and positions must lie strictly inside the limits; a command at its limit was
+/// clipped.
 fn actuators(reach: &Reach, judged: bool) -> Claim {
     let Reach { low, share, tilt_rad, limits, .. } = reach;
     let kept = *low > 0.0 && *share < 1.0 && *tilt_rad < limits.tilt_max_rad;

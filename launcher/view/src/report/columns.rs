@@ -1,8 +1,8 @@
 //! The figures' data: one [column](column()) per quantity, in one JSON object.
 //!
-//! Row `i` of every column stands for the time `begin_s + i * dt_s`; what is unknown at a tick is NaN. The page's
-//! script derives nothing but units from these numbers. A group of columns that says nothing is left out, and with it
-//! its lines in the figures: measurements that equal the truth, a wind or an estimate that is zero all the time.
+//! Row `i` of every column stands for the time `begin_s + i * dt_s`; a value that is unknown at a tick is NaN. The
+//! page's script derives nothing but units from these numbers. Columns without information are left out, with their
+//! lines in the figures: measurements that equal the truth, a wind or an estimate that is zero all the time.
 
 use contract::message::{ActuationMsg, Kinematics, mixer_flags};
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ use outcome::bounds::bounds;
 use outcome::ticks::LoggedTick;
 use outcome::timing::Age;
 
-/// Returns quantities of a tick; `None` if they are unknown.
+/// Function that returns quantities of a tick, or `None` if they are unknown.
 type Quantities = fn(&LoggedTick, &mut DerivedSources) -> Option<Vec<f64>>;
 
 /// Sources of the quantities that no message has.
@@ -36,7 +36,7 @@ impl DerivedSources {
 /// Columns that are left out if every value is zero or unknown.
 const NOTHING_IF_ZERO: [&[&str]; 4] =
     [&["wind_north", "wind_east", "wind_down", "estimate_ahead", "estimate_right"], &ERRORS, &EXPECTED, &MEASUREMENTS];
-/// Columns that are left out without another column.
+/// Columns that are left out unless one of two other columns is shown.
 const NOTHING_WITHOUT: [(&str, [&str; 2]); 2] =
     [("unexplained_ahead", WIND_OR_ESTIMATE), ("unexplained_right", WIND_OR_ESTIMATE)];
 const WIND_OR_ESTIMATE: [&str; 2] = ["wind_north", "estimate_ahead"];
@@ -131,7 +131,7 @@ impl ReportColumns {
         }
     }
 
-    /// Says how the figures relate to the samples.
+    /// Describes which samples the figures show.
     pub fn sampling(&self, scenario: &Scenario) -> String {
         let Self { first, ticks, .. } = *self;
         let time_s = |tick: u64| tick as f64 * scenario.sample_s();
@@ -146,7 +146,7 @@ impl ReportColumns {
         }
     }
 
-    /// Encodes the `chosen` columns, angles in degrees where that is true; the first row is at `begin_s`.
+    /// Encodes the `chosen` columns, each given with `true` if radians become degrees; the first row is at `begin_s`.
     pub fn encoded<'a>(
         &self,
         chosen: impl Iterator<Item = (&'a str, bool)>,
@@ -163,8 +163,8 @@ impl ReportColumns {
         FlightColumns { rows, begin_s, dt_s, columns: chosen.filter_map(encode).collect() }
     }
 
-    /// The script's whole input: `rows`, `begin_s`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the
-    /// figures.
+    /// Returns the script's whole input: `rows`, `begin_s`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of
+    /// the figures.
     pub fn document(mut self, scenario: &Scenario) -> Value {
         (0..self.waiting).for_each(|_| self.age_ms.push(f32::NAN));
         self.all.push(("age_ms", std::mem::take(&mut self.age_ms)));
@@ -211,7 +211,8 @@ fn actuation(message: &ActuationMsg) -> Vec<f64> {
     [message.rotor_speed.as_slice(), &[message.tilt_rad]].concat()
 }
 
-/// Lines that the figures are read against: the paper's claims, the scenario's bounds, the limits of the actuators.
+/// Returns the lines that the figures are compared with: the paper's claims, the scenario's bounds, the limits of the
+/// actuators.
 pub fn lines(scenario: &Scenario) -> Value {
     let bounds = bounds(scenario);
     let paper = |y: f64| claims::concerns(scenario).then_some((y, "paper"));
@@ -242,7 +243,7 @@ pub fn lines(scenario: &Scenario) -> Value {
     })
 }
 
-/// A horizontal line at `y`, from edge to edge or over a span of time \[s\].
+/// Makes a horizontal line at `y`, from edge to edge or over a span of time \[s\].
 fn line(y: f64, label: &str, span_s: Option<[Option<f64>; 2]>) -> Value {
     json!({ "y": y, "label": label, "span_s": span_s })
 }

@@ -1,4 +1,4 @@
-//! Costs of the disturbed ticks of a flight: a section of the page for a flight that has few of them.
+//! Section of the page with the costs of a flight's disturbed ticks, or with the reason why they are not there.
 
 use outcome::happenings::Happenings;
 use replay::explain::Costs;
@@ -6,7 +6,7 @@ use replay::explain::Costs;
 use crate::draw::escape;
 use crate::explain::ShownCosts;
 
-/// Makes the section of the page, with what `happened` in its plots; empty where no tick was disturbed.
+/// Makes the section of the page, with `happened` in its plots; empty if no tick was disturbed.
 pub fn section(costs: &Costs, happened: &Happenings) -> String {
     let told = match costs {
         Costs::None => return String::new(),

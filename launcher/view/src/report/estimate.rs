@@ -1,4 +1,4 @@
-//! Errors of the estimate of the navigation unit beside those that it expects, and its measurements.
+//! Errors of the estimate of the navigation unit, the errors that the unit expects, and its measurements.
 
 use contract::message::{Navigation, State};
 use outcome::ticks::LoggedTick;
@@ -48,15 +48,15 @@ pub fn link(scenario: &Scenario) -> &'static str {
     }
 }
 
-/// Errors of the estimate: position and velocity NED \[m, m/s\], attitude as turns about the body axes \[rad\]. `None`
-/// without the EKF.
+/// Errors of the estimate, estimate less truth: position and velocity NED \[m, m/s\], attitude as turns about the body
+/// axes \[rad\]. `None` without the EKF.
 pub fn errors(tick: &LoggedTick) -> Option<Vec<f64>> {
     let (state, truth) = (with_unit(tick)?, tick.of.truth.as_ref()?);
     let truth_less_estimate = state_of(&state.measured).error_to(&state_of(&truth.actual));
     Some(truth_less_estimate.iter().take(ERRORS.len()).map(|off| -off).collect())
 }
 
-/// Three standard deviations of the same errors, as the estimator expects them.
+/// Three standard deviations of the [`errors`], as the estimator expects them.
 pub fn expected(tick: &LoggedTick) -> Option<Vec<f64>> {
     let Navigation { position_m, velocity_mps, attitude_rad, .. } = with_unit(tick)?.navigation;
     Some([position_m, velocity_mps, attitude_rad].as_flattened().iter().map(|deviation| 3.0 * deviation).collect())
@@ -69,7 +69,7 @@ pub fn measurements(tick: &LoggedTick) -> Option<Vec<f64>> {
     Some([innovations.as_slice(), &counts].concat())
 }
 
-/// Sample of a tick that an EKF has measured.
+/// Returns the STATE of a tick if an EKF made its estimate; without an EKF the deviations are 0.
 fn with_unit(tick: &LoggedTick) -> Option<&State> {
     let state = tick.of.state.as_ref()?;
     (state.navigation.position_m[0] > 0.0).then_some(state)

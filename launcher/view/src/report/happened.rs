@@ -14,7 +14,7 @@ use crate::draw::{DASH, escape, number, table};
 /// Largest number of events shown unfolded.
 const MOST_EVENTS: usize = 12;
 
-/// Explanation of how the paths show them, beyond [`HAPPENED_HINT`](crate::draw::HAPPENED_HINT).
+/// Explanation of how the paths show faults and events, beyond [`HAPPENED_HINT`](crate::draw::HAPPENED_HINT).
 pub const HINT: &str = " On the paths the stretches flown under a fault are orange, with the fault’s number where it begins, and \
      events are rings.";
 

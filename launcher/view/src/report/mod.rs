@@ -7,6 +7,7 @@
 //! | `differences` | settings that are not the defaults |
 //! | `claims` | the paper's claims and their verdicts |
 //! | `costs` | cost of disturbed ticks |
+//! | `estimate` | errors of the navigation unit's estimate |
 //! | `happened` | faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
 //! | `steps` | response to steps of the reference |
@@ -99,7 +100,7 @@ pub fn write(
     let mut recorded = Recorded::read_each(run, part, each)?;
     let missing = recorded.missing();
     if let Some(missing) = &missing {
-        recorded.run.log.get_or_insert_default().error = Some(missing.clone()); // the page says it above all else
+        recorded.run.log.get_or_insert_default().error = Some(missing.clone()); // shown at the page's head
     }
     let Recorded { scenario, summary, run, path, .. } = &recorded;
     let flown_s = run.flown_s;
@@ -124,8 +125,8 @@ struct OfAll<'a> {
     costs: String,
 }
 
-/// The page of one run: figures of its messages, its record and the scenario it flew. What was ordered in flight
-/// belongs to the scenario if the record tells it. Holes in the log are holes in the figures.
+/// Renders the page of one run from its messages, its record and the scenario. Orders given in flight are part of the
+/// scenario if the record has them. Holes in the log are holes in the figures.
 fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option<OfAll>) -> String {
     let flown = run.scenario();
     let scenario = flown.as_ref().unwrap_or(scenario);

@@ -43,7 +43,7 @@ pub const METRICS: [ShownMetric; 13] = [
 ];
 const KEY_FIGURES: usize = 4;
 
-/// The verdict on the run: its style in the page, and one line for people.
+/// Returns the verdict on the run: its style in the page, and one line for people.
 pub fn result(run: &RunRecord) -> (&'static str, String) {
     if run.diverged {
         return ("bad", format!("diverged at {:.2} s", run.flown_s));
@@ -74,7 +74,7 @@ pub fn warnings(run: &RunRecord) -> [String; 2] {
     [warning("The log is not whole", defect), warning("Note", &run.reservations.join("; "))]
 }
 
-/// Says what was flown and how, on one line.
+/// Describes in one line which flight was flown, and how.
 pub fn facts(run: &RunRecord, scenario: &Scenario) -> String {
     let facts = [
         ("trajectory", name(scenario.mission.trajectory)),
@@ -93,7 +93,7 @@ pub fn key_figures(run: &RunRecord) -> String {
     let errors = METRICS[..KEY_FIGURES]
         .iter()
         .map(|ShownMetric { of, name, unit, decimals }| tile(name, number(of(&run.metrics), *decimals), unit));
-    // Only in real time is an age measured.
+    // An age is measured only in real time.
     let timing = run.timing.as_ref().filter(|_| run.mode == Mode::Realtime);
     let age_ms = timing.map(|timing| timing.age_at_actuator.p99_us / 1e3);
     list(errors.chain([tile("age at the actuator, p99", number(age_ms, 2), "ms")]))
@@ -129,7 +129,7 @@ pub fn hover(run: &RunRecord) -> String {
     list(hover.rows().into_iter().map(|(name, value)| (name.to_owned(), escape(&value))))
 }
 
-/// Returns whether the state hash of the flight can be repeated: in real time only a replay can do so.
+/// Returns whether another flight can have the same state hash: in real time only a replay can.
 fn repeats(run: &RunRecord) -> bool {
     run.mode != Mode::Realtime || run.replays
 }
@@ -182,7 +182,7 @@ pub fn provenance(run: &RunRecord) -> String {
     let shown = facts.into_iter().filter(|(name, _)| name != "scenario");
     list(shown.map(|(name, value)| {
         let told = any(value);
-        // A command or a file's path; it may break anywhere.
+        // A command or a path, which may break anywhere.
         let told = if told.contains('/') { format!("<code>{told}</code>") } else { told };
         (escape(&name.replace('_', " ")), told)
     }))

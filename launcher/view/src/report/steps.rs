@@ -8,9 +8,9 @@
 //! settling time   from t0 until the response stays within 2 % of b - a around b
 //! ```
 //!
-//! A step is a change of the mission's position, or of the heading reference, from one sample to the next that is
-//! larger than [`LEAST_M`] or [`LEAST_RAD`], after which the reference stays for a second at least. The response is
-//! judged until the reference changes again.
+//! A step is a change of the mission's position, or of the heading reference, from one sample to the next by at least
+//! [`LEAST_M`] or [`LEAST_RAD`], after which the reference stays constant for a second at least. The response is judged
+//! until the reference changes again.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -23,7 +23,7 @@ use crate::draw::{number, table};
 /// Least change of a reference that is a step: far above that of a ramp from sample to sample.
 const LEAST_M: f64 = 0.2;
 const LEAST_RAD: f64 = 0.1;
-/// Least time for which the reference stays \[s\].
+/// Least time for which the reference stays constant \[s\].
 const STAYS_S: f64 = 1.0;
 /// Band around the end value in which the response has settled, as a share of the step.
 const BAND: f64 = 0.02;
@@ -46,7 +46,7 @@ struct AxisSteps {
     done: Vec<Response>,
 }
 
-/// Response to one step. Shares are of the size of the step.
+/// Response to one step. Shares are relative to the size of the step.
 #[derive(Debug, Clone, PartialEq)]
 struct Response {
     at_s: f64,
@@ -118,7 +118,7 @@ impl Steps {
         Self { axes: [axis(LEAST_M), axis(LEAST_M), axis(LEAST_M), axis(LEAST_RAD)] }
     }
 
-    /// Takes in the next tick; one without a TRUTH or a reference counts as none.
+    /// Takes in the next tick. A tick without a TRUTH is skipped; without a REFERENCE, its heading is skipped.
     pub fn observe(&mut self, tick: &LoggedTick) {
         let (Some(Truth { actual, .. }), time_s) = (&tick.of.truth, tick.time_s()) else { return };
         for (axis, steps) in self.axes[..3].iter_mut().enumerate() {
@@ -155,7 +155,8 @@ impl Steps {
 mod tests {
     use super::*;
 
-    /// Step of an axis at 1 s to `size`, answered by `response`, a share of the step over the time since it \[s\].
+    /// Steps of an axis whose reference changes at 1 s to `size`. The answer is `response`, a share of `size` over the
+    /// time since then \[s\].
     fn flown(size: f64, until_s: f64, response: impl Fn(f64) -> f64) -> Vec<Response> {
         let mut axis = AxisSteps { least: LEAST_M, ..AxisSteps::default() };
         for tick in 0..(until_s * 100.0) as u64 {

@@ -126,7 +126,7 @@ fn page(run: &RunRecord) -> String {
     render(&hover(2), run, &robust())
 }
 
-/// Checks that a page contains all of `told`, if the headings that its cells bear for narrow pages are left out.
+/// Checks that a page contains all of `told`, after the attributes `data-label` of its cells are removed.
 fn check_tells(page: &str, told: &[&str]) {
     let mut parts = page.split("<td data-label=\"");
     let first = parts.next().unwrap_or_default().to_owned();
@@ -195,7 +195,7 @@ fn a_hole_in_the_log_is_nan_at_its_tick() {
     let mut log = with_truths(hover(10), |truth| truth.actual.position_m = [0.0, -3.0, -4.0]);
     log.truths.remove(4);
     let mut scenario = robust();
-    scenario.mission.trajectory = TrajectoryKind::Hover; // which wants the vehicle where it starts
+    scenario.mission.trajectory = TrajectoryKind::Hover; // which asks for the start position
     let data = data(&render(&log, &survey(), &scenario));
     assert_eq!(data["rows"], 10);
     // 5 m as f32, little-endian, is 00 00 a0 40: four of them, then NaN, 00 00 c0 7f.
@@ -327,7 +327,7 @@ fn a_kill_without_an_end_is_a_moment_and_not_a_stretch_to_the_end() {
 }
 
 #[test]
-fn what_says_nothing_has_no_column_and_what_does_has_one() {
+fn columns_without_information_are_left_out() {
     let names = |log: &Log, scenario: &Scenario| {
         let columns = data(&render(log, &survey(), scenario))["columns"].clone();
         let is_there = |name: &str| columns.get(name).is_some();
@@ -434,7 +434,7 @@ fn claims_hold_up_to_their_bound_and_not_beyond() {
     let (verdicts, measured) = claims(&on_survey(6001, [0.101, 0.201]), &beyond, &scenario);
     assert_eq!(verdicts, [Some(false), Some(false), Some(false), Some(true), Some(true)]);
     assert_eq!(measured[1..3], ["0.101 m", "0.201 m"]);
-    // At the bounds themselves, which no sum of floats reaches: the first excludes it, the second does not.
+    // No sum of floats reaches the bounds themselves: the horizontal one is exclusive, the vertical one inclusive.
     let mut reach = figures(&within, &scenario).finish().1;
     reach.altitude_m = [ALTITUDE_HORIZONTAL_M, ALTITUDE_VERTICAL_M];
     assert_eq!(

@@ -21,7 +21,7 @@ const SHOWN: [(&str, Option<&str>); FIGURES.len()] = [
     ("response, per slot", None),
 ];
 
-/// Makes the tables of the nodes' times: one for the eye, one with every percentile.
+/// Makes the tables of the nodes' times: a short one, and one with every percentile.
 pub fn tables(run: &RunRecord) -> String {
     let Some(timing) = &run.timing else {
         return "<p>Not measured: in process, one thread calls the four steps in order.</p>".into();

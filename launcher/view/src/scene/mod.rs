@@ -1,4 +1,5 @@
-//! Messages of a flight in Foxglove's well-known schemas, derived from ours, so that viewers show a vehicle that flies.
+//! Messages of a flight in Foxglove's well-known schemas, derived from those of the ring, so that viewers show a
+//! vehicle that flies.
 //!
 //! | topic | schema | how often | holds |
 //! |---|---|---|---|
@@ -11,9 +12,9 @@
 //! | `/view/course` | `PosesInFrame` | once | the course of the mission |
 //!
 //! `export --to foxglove` and the live server call the same [`Scene`]. Rates are lower than those of the ring, because
-//! a picture needs no more: at 100 Hz, these messages add a tenth to a log (`docs/tools.md`). True motion and true
-//! actuators are shown, only of delivered, intact messages. The thrust is `K_F Omega^2`, without faults and effects of
-//! moving air. The wind is the mean wind at the vehicle, without turbulence.
+//! a picture needs no more: at 100 Hz, these messages add a tenth to a log (`docs/tools.md`). They show the true motion
+//! and the true actuators, and leave out damaged messages and a REFERENCE that was not delivered. The thrust is `K_F
+//! Omega^2`, without faults and effects of moving air. The wind is the mean wind at the vehicle, without turbulence.
 
 mod parts;
 mod shapes;
@@ -74,7 +75,7 @@ impl SceneChannel {
         }
     }
 
-    /// Full name of the schema of its messages.
+    /// Full name of the schema of the channel's messages.
     pub const fn schema(self) -> &'static str {
         match self {
             Self::Frames | Self::FixedFrames => "foxglove.FrameTransforms",
@@ -99,10 +100,10 @@ pub struct DerivedMessage {
 const FRAMES_EVERY_S: f64 = 0.05;
 /// Time between two messages with the arrows \[s\].
 const ARROWS_EVERY_S: f64 = 0.1;
-/// Time between two points of the path, and between two messages with it \[s\].
+/// Time between two points of the path, and between two messages with the path \[s\].
 const PATH_POINT_S: f64 = 0.5;
 const PATH_EVERY_S: f64 = 2.0;
-/// Number of points of the path: a minute.
+/// Number of points of the path, which last a minute.
 const PATH_POINTS: usize = 120;
 /// Largest number of points of the course, its time step \[s\], and the smallest distance between two points \[m\].
 const COURSE_POINTS: usize = 500;
@@ -117,7 +118,7 @@ const CALM_MPS: f64 = 0.01;
 /// Height of the wind's arrow above the vehicle \[m\].
 const WIND_ABOVE_M: f64 = 0.6;
 
-/// Pictures of one flight: takes in its messages, and makes those for viewers.
+/// Derives messages for viewers from the messages of one flight.
 pub struct Scene {
     scenario: Scenario,
     sample_ns: u64,
@@ -142,13 +143,13 @@ impl Scene {
         }
     }
 
-    /// Returns the messages that hold for the whole flight. A viewer needs them first, whenever it comes.
+    /// Returns the messages that hold for the whole flight. A viewer needs them first, whenever it connects.
     pub fn fixed(&self) -> Vec<DerivedMessage> {
         let vehicle = self.scenario.flown_airframe();
         let time = Timestamp::default();
         let frames = FrameTransforms {
             transforms: vec![
-                // North, east, down in a frame whose axes are east, north, up: half a turn about their bisector.
+                // Turns NED into the axes east, north, up: half a turn about the bisector of the first two axes.
                 frame("map", "ned", [0.0; 3], [0.0, 0.5_f64.sqrt(), 0.5_f64.sqrt(), 0.0], time),
                 frame("body", "rotor_2", shapes::hub(&vehicle, 1), LEVEL, time),
                 frame("body", "rotor_3", shapes::hub(&vehicle, 2), LEVEL, time),
@@ -164,7 +165,7 @@ impl Scene {
         bytes.into_iter().map(|(channel, bytes)| DerivedMessage { channel, time_ns: 0, bytes }).collect()
     }
 
-    /// Takes in a message of the ring, and returns what is to be shown with it: mostly nothing.
+    /// Takes in a message of the ring, and returns the messages derived from it, mostly none.
     pub fn on_record(&mut self, record: &Record) -> Vec<DerivedMessage> {
         match record {
             Record::Truth(truth) => self.on_truth(truth),
@@ -176,7 +177,7 @@ impl Scene {
         }
     }
 
-    /// Takes in an event, and returns it in words.
+    /// Takes in an event, and returns a log message that describes it.
     pub fn on_event(&mut self, event: &Event) -> DerivedMessage {
         if let Some(fault) = &event.fault {
             self.wind.apply_fault(fault.0, &fault.1);
@@ -268,7 +269,7 @@ impl Scene {
         SceneUpdate { deletions: vec![], entities: thrusts.chain([wind]).collect() }
     }
 
-    /// Points of the mission's course, each apart from the one before.
+    /// Returns points of the mission's course, each at least [`COURSE_STEP_M`] from the one before along some axis.
     fn course(&self) -> Vec<Pose> {
         let trajectory = Trajectory::new(&self.scenario);
         let steps = (self.scenario.run.duration_s / COURSE_STEP_S).min(1e6) as u64;
@@ -287,7 +288,7 @@ impl Scene {
     }
 }
 
-/// Returns whether all that is drawn of a state is finite.
+/// Returns whether all drawn numbers of a TRUTH are finite.
 fn all_finite(truth: &Truth) -> bool {
     let Truth { actual, actuators, .. } = truth;
     let numbers = [actual.position_m, actual.attitude_rad, actuators.rotor_speed];

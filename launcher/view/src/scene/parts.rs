@@ -57,7 +57,7 @@ pub fn entity(frame: &str, id: &str, time_ns: u64) -> SceneEntity {
 pub fn along([x, y, z]: [f64; 3]) -> [f64; 4] {
     let turned = [1.0 + x, 0.0, -z, y];
     let length = turned.iter().map(|part| part * part).sum::<f64>().sqrt();
-    // For the direction backwards any axis across serves.
+    // Backwards, half a turn about any axis across the forward axis serves.
     if length < 1e-9 { [0.0, 0.0, 0.0, 1.0] } else { turned.map(|part| part / length) }
 }
 

@@ -5,7 +5,7 @@ use airframe::Parameters;
 use super::parts::wire::foxglove::SceneEntity;
 use super::parts::{DARK, DISC, GREEN, LEVEL, ORANGE, along, cube, disc, entity, sphere};
 
-/// Share of the distance between a rotor and the centre that its disc covers.
+/// Radius of a rotor's disc, as a share of the distance between rotor and centre.
 const DISC_SHARE: f64 = 0.55;
 /// Thickness of an arm \[m\].
 const ARM_M: f64 = 0.025;

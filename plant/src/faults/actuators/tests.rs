@@ -16,7 +16,7 @@ fn fault(target: FaultTarget, kind: FaultKind, value: Option<f64>) -> Fault {
     Fault { value, ..Fault::new(target, kind, 0.1, None) }
 }
 
-/// Command followed at `tick` with `faults`, and the actuators' condition.
+/// Command that the actuators follow at `tick` with `faults`, and their condition.
 fn faulted(faults: &[Fault], tick: u64) -> ([f64; 4], Condition) {
     let scenario = Scenario { fault: faults.to_vec(), ..Scenario::default() };
     let mut faults = ActuatorFaults::new(&scenario);

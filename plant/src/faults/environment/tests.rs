@@ -55,7 +55,7 @@ fn a_gust_goes_on_inside_a_step() {
     let gust = faults(&[fault(FaultTarget::Wind, FaultKind::Gust, None)]);
     let inside = gust.inject(1300 * MS, 0.004, &Surroundings::default()).wind_mps.x;
     assert!((inside - wind_mps(&gust, 1304 * MS)).abs() < 1e-14 && inside > wind_mps(&gust, 1300 * MS));
-    // A flight through it hardly depends on how finely it is integrated; held over each step it would be 2 % off.
+    // A flight through the gust hardly depends on the integration step; a gust held over each step would be 2 % off.
     let fly = |substep_s: f64| {
         let mut scenario = Scenario::default();
         scenario.plant.substep_s = substep_s;

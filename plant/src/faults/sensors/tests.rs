@@ -216,7 +216,7 @@ fn faults_of_one_sensor_act_in_the_order_of_the_file() {
 }
 
 proptest! {
-    /// For any sizes, sample times and samples left out nothing panics, and outside the fault the truth is measured.
+    /// For any sizes, sample times and missing samples nothing panics, and outside the fault the truth is measured.
     #[test]
     fn any_size_and_sample_time_leaves_readings_outside_the_fault_unchanged(
         kind in prop::sample::select(KINDS),

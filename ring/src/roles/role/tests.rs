@@ -1,4 +1,4 @@
-//! The state machine by examples, by random inputs, and by every sequence of inputs up to a depth.
+//! Tests of the state machine by examples, by random inputs, and by every sequence of inputs up to a length.
 
 use std::collections::{HashSet, VecDeque};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -416,7 +416,7 @@ impl World {
     }
 }
 
-/// Tries every sequence of up to `depth` happenings; returns the number of states seen.
+/// Tries every sequence of up to `depth` happenings. Returns the number of states seen.
 fn search(depth: usize) -> usize {
     let mut seen = HashSet::new();
     let mut open = VecDeque::from([(World::new(), vec![])]);

@@ -17,7 +17,7 @@ fn scenario(fault: Vec<Fault>, swap: Vec<Swap>) -> Scenario {
     Scenario { run, fault, swap, ..Scenario::default() }
 }
 
-/// Returns the orders before each tick up to `until`, by tick, when no message is sent.
+/// Returns the orders before each tick below `until`, with their ticks, when no message is sent.
 fn steps(roles: &mut Simulated, until: u64) -> Vec<(u64, Order)> {
     steps_between(roles, 0..until)
 }
@@ -133,7 +133,7 @@ fn sample(tick: u64) -> State {
     State { stamp: Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() }, ..State::default() }
 }
 
-/// Flies `ticks` with answers of all working processes, `lon_nm` of the tick from epoch 2. Returns the orders.
+/// Flies `ticks` with answers of all working processes; epoch 2 demands `lon_nm(tick)`. Returns the orders.
 fn fly(roles: &mut Simulated, ticks: Range<u64>, lon_nm: impl Fn(u64) -> f64) -> Vec<(u64, Order)> {
     let mut done = vec![];
     for tick in ticks {
@@ -246,7 +246,7 @@ fn a_tick_that_both_processes_miss_does_not_count_against_the_candidate() {
     for tick in 0..60 {
         roles.begin(tick);
         if tick % 7 > 0 {
-            roles.observe(&sample(tick).with_checksum().into()); // the plant slept on the others
+            roles.observe(&sample(tick).with_checksum().into()); // the plant sleeps on every seventh tick
         }
         for epoch in roles.assignment(CONTROLS).epochs().filter(|_| tick % 7 > 0 && !(12..18).contains(&tick)) {
             roles.observe(&demand(epoch, tick, 0.1));

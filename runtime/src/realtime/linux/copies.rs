@@ -1,5 +1,5 @@
-//! Copies of this process. Code of others may call `fork` or `daemon` and return in both processes: the copy then goes
-//! on in our code, with our ports and pipes, as a second writer. A copy finds out that it is one, and ends.
+//! Copies of this process. Code of users may call `fork` or `daemon` and return in both processes: the copy then goes
+//! on in our code, with our ports and pipes, as a second writer. A process that finds itself to be a copy ends.
 //!
 //! Each process keeps its number on a page that the kernel hands to a copy as zeros, whichever call has made the copy.
 //! So the check costs a load from memory and no system call.
@@ -42,7 +42,7 @@ impl ThisProcess {
         }
     }
 
-    /// Returns whether the process that calls is the same, and no copy of it.
+    /// Returns whether the process that calls is this process, and no copy of it.
     pub fn is_this(self) -> bool {
         self == Self::now()
     }

@@ -1,8 +1,9 @@
 //! Crashes of this process: access to missing memory, or an abort, for instance because memory has run out.
 //!
-//! The files of a run are shared. One that is cut short while it is mapped (SIGBUS), or whose contents another process
-//! has changed (SIGSEGV, SIGABRT), can crash a process that uses it. The process prints why and ends with the exit code
-//! of a lost process; its role handles a crash like any other end. With the launcher its children die too.
+//! The files of a run are shared. A file that is cut short while it is mapped (SIGBUS), or whose contents another
+//! process has changed (SIGSEGV, SIGABRT), can crash a process that uses it. The process prints the reason and ends
+//! with the exit code of a lost process; its role handles a crash like any other end. If the launcher crashes, its
+//! children die too.
 
 use std::sync::OnceLock;
 

@@ -98,5 +98,5 @@ impl<T> Drop for Mapping<T> {
 
 // SAFETY: all access goes through atomics behind shared references; the mapping itself never changes.
 unsafe impl<T: Shared> Send for Mapping<T> {}
-// SAFETY: as above.
+// SAFETY: all access goes through atomics, also from several threads; the mapping itself never changes.
 unsafe impl<T: Shared> Sync for Mapping<T> {}

@@ -1,5 +1,5 @@
-//! Services of the kernel: priority, locked memory, one shared page, shared pipes, children that die with
-//! their parent, copies that end.
+//! Services of the kernel: priority, locked memory, one shared page, shared pipes, children that die with their parent,
+//! copies that end.
 //!
 //! This is the only module of the stack itself with `unsafe`: calls that rustix does not offer in safe form, each with
 //! the reason why it is sound. A flight needs neither priority nor locked memory: without the privilege the stack runs
@@ -40,7 +40,7 @@ use settings::{Scheduling, SchedulingPolicy};
 pub fn enter(wanted: &Scheduling) {
     pin(&wanted.affinity);
     if wanted.rttime_ms > 0.0 {
-        // Lowering one's own limit needs no privilege; it applies to SCHED_FIFO only. The kernel then kills.
+        // Lowering one's own limit needs no privilege. Under SCHED_FIFO the kernel kills a process beyond the limit.
         let limit = Some((wanted.rttime_ms * 1e3) as u64);
         let _ = rustix::process::setrlimit(Resource::Rttime, Rlimit { current: limit, maximum: limit });
     }
@@ -65,7 +65,7 @@ fn lock_memory() {
     let later = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
     let locked = mlockall(MlockAllFlags::CURRENT).and_then(|()| mlockall(later)).is_ok() && can_map(LATER_BYTES);
     if !locked {
-        let _ = munlockall(); // fails on no kernel that knows the call
+        let _ = munlockall(); // fails only on a kernel without the call
     }
 }
 
@@ -82,7 +82,7 @@ fn can_map(bytes: usize) -> bool {
 /// Describes a shortage of files or memory that keeps this process from mapping files of the run; `None` without one.
 pub fn shortage() -> Option<String> {
     let limit = |resource| getrlimit(resource).current.map_or("unlimited".to_owned(), |limit| limit.to_string());
-    // A connection needs several files; a failed one has closed its own again, so several are tried here.
+    // A connection needs several files; a failed connection has closed its files again, so several are tried here.
     let files: Vec<_> = (0..FILES_OF_A_CONNECTION).map(|_| File::open("/")).collect();
     let cannot_open = |file: &std::io::Result<File>| {
         file.as_ref().is_err_and(|error| error.raw_os_error() == Some(Errno::MFILE.raw_os_error()))

@@ -1,5 +1,5 @@
-//! Two pipes of words in memory that two processes share. What was written stays readable when the writer crashes, and
-//! a write costs no system call.
+//! Two pipes of words in memory that two processes share. Written words stay readable when the writer crashes, and a
+//! write costs no system call.
 
 use std::fs::File;
 use std::io;
@@ -11,15 +11,15 @@ use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
 use super::mapping::{Mapping, Shared};
 use crate::realtime::Doorbell;
 
-/// Words that a pipe holds: about 240 samples of a flight with all their messages.
+/// Number of words that a pipe holds: about 250 samples of a flight with all their messages.
 const WORDS: usize = 1 << 16;
 
 /// Pipe with one writer and one reader.
 #[repr(C)]
 pub struct WordPipe {
-    /// Words written since the beginning.
+    /// Number of words written since the beginning.
     written: AtomicU64,
-    /// Words read since the beginning.
+    /// Number of words read since the beginning.
     read: AtomicU64,
     /// Doorbell that the writer rings to wake the reader.
     words_came: Doorbell,
@@ -87,7 +87,7 @@ impl WordPipe {
     }
 }
 
-// SAFETY: it is made of atomics only.
+// SAFETY: both pipes are made of atomics only.
 unsafe impl Shared for Pipes {}
 
 /// Mapping of two pipes.

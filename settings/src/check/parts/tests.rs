@@ -199,7 +199,7 @@ fn hand_made_curves_and_jumps_are_warned_of_and_flown() {
             vec!["`mission.part[1]`: the reference jumps by 5.0 m, which no vehicle can follow"],
         ),
         (within(10.0, "'trapezoid', ramp_s=1"), vec![]),
-        (within(4.0, "'trapezoid', ramp_s=2"), vec![]), // the thrust turns in steps
+        (within(4.0, "'trapezoid', ramp_s=2"), vec![]), // the turn rate is not limited where the acceleration steps
     ] {
         let warned = warned(&parts, &[]);
         assert_eq!(warned.len(), expected.len(), "{parts}: {warned:?}");
@@ -255,7 +255,7 @@ fn part() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    /// Each part alone is refused by its name, or flies a finite curve within the limits of the vehicle.
+    /// Each part alone is refused with a message that names it, or has a finite plan.
     #[test]
     fn any_part_is_refused_or_has_a_finite_plan(part in part(), wild in prop::bool::ANY) {
         let more: &[&str] = if wild { &["guidance.climb_limit_mps=1e-9", "mission.limits.share=0.1"] } else { &[] };

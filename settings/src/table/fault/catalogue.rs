@@ -50,7 +50,7 @@ pub enum FaultTarget {
     Height,
     /// Magnetic field as the magnetometer of the EKF measures it.
     Field,
-    /// Velocity over the ground, of the EKF.
+    /// Velocity over the ground as the flow sensor of the EKF measures it.
     Flow,
     /// The rotor that tilts.
     Rotor1,

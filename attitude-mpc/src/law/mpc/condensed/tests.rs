@@ -12,7 +12,7 @@ fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
     (model, condensed)
 }
 
-/// Cost (4) as printed, by running the model; `changes` are those of the reference, or none.
+/// Cost (4) as printed, by running the model; `changes` are the changes of the reference, or empty.
 fn cost(
     model: &PredictionModel,
     scenario: &Scenario,
@@ -96,7 +96,7 @@ fn the_gain_minimises_the_printed_cost() {
 
 #[test]
 fn val_first_move_gains() {
-    // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states, and ours has none.
+    // The independent simulator has u = -K x + Kr r; with the lag, its r includes the lag states, and ours does not.
     for (scenario, k, kr) in [(Scenario::from(Profile::Paper), "K_B0", "Kr_B0"), (fixture::with_lag(), "K_B2", "Kr_B2")]
     {
         let (model, condensed) = condensed(&scenario);
@@ -115,7 +115,7 @@ fn the_disturbance_is_cancelled_at_rest() {
         let d = Vector4::new(1.0, -0.2, 0.1, 0.3);
         let mut given = DVector::zeros(n + GIVEN);
         if model.has_lag() {
-            given.rows_mut(STATES, INPUTS).copy_from(&-d); // the actuators hold against it already
+            given.rows_mut(STATES, INPUTS).copy_from(&-d); // the actuators already cancel `d`
         }
         given.rows_mut(n + STATES, INPUTS).copy_from(&d);
         for u in (&condensed.gain.given * given).as_slice().chunks_exact(INPUTS) {
@@ -146,7 +146,7 @@ fn weights_that_rounding_makes_singular_are_refused() {
         let most = share(profile, |mpc| (mpc.prediction_horizon_s, mpc.control_horizon_s) = (2.0, 2.0));
         assert!(most > Some(4e-4), "with as many moves as there may be");
         assert!(share(profile, |mpc| mpc.r = [1e-12; 4]) > Some(1e-5));
-        // Two moves with almost the same effect on the heading.
+        // Here two moves have almost the same effect on the heading.
         let alike = share(profile, |mpc| (mpc.q, mpc.r) = ([0.0, 0.0, 0.0, 1e12, 0.0, 0.0, 0.0], [1e-12; 4]));
         assert_eq!(alike, None);
     }

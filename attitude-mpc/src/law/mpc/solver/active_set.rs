@@ -8,11 +8,11 @@ use super::outcome::{CONTRADICTION, SolveOutcome, SolveVerdict};
 use crate::law::mpc::constraints::{PlanSet, STATE_PENALTY};
 use crate::memory::WarmStart;
 
-/// Solver of one set-up.
+/// Active-set solver that is set up for one problem.
 pub struct ActiveSetSolver {
     solver: ActiveSet,
     max_iterations: u32,
-    /// Unconstrained optimum `U*`, with a NaN under that fault, 4Nu.
+    /// Unconstrained optimum `U*`, with a NaN under the fault `nan`, 4Nu.
     centre: Vec<f64>,
     /// Slacks at `U = 0`: linear rows move by move, two rows per limited state, two rows per disc.
     offsets: Vec<f64>,
@@ -92,7 +92,7 @@ impl ActiveSetSolver {
         let outcome = self.solver.solve(&self.centre, &self.offsets, plan.as_mut_slice());
         self.offsets[0] = honest;
         if self.packed().is_none() {
-            self.solver.forget(); // the next solve of a process that restores a snapshot begins alike
+            self.solver.forget(); // a process that restores a snapshot has no warm start either
         }
 
         let verdict = match outcome.termination {
@@ -127,8 +127,8 @@ impl ActiveSetSolver {
         Some(start)
     }
 
-    /// Makes the next solve start from the constraints of `from`. Returns `false`, and changes nothing, if one of them
-    /// is unknown to this set-up or occurs twice, or if they are more than `from` has room for.
+    /// Makes the next solve start from the constraints of `from`. Returns `false`, and changes nothing, if a constraint
+    /// is unknown to this set-up or occurs twice, or if `from` counts more constraints than it has room for.
     pub fn start_from(&mut self, from: &WarmStart) -> bool {
         let discs = (self.offsets.len() - self.first_disc) / 2;
         let mut free = vec![true; self.first_disc + discs];

@@ -1,12 +1,12 @@
 //! Solution by Clarabel, an interior-point solver with native second-order cones for the discs.
 //!
 //! The problem is solved in two stages, each with a Clarabel of its own that is set up once and updated each tick:
-//! first without the state limits, then, only if that plan violates one, with them. Most ticks need only the first
-//! stage, which has half the size.
+//! first without the state limits, then with the state limits, but only if the first plan violates one. Most ticks need
+//! only the first stage, which has half the size.
 //!
 //! `H` has a condition number of millions. Clarabel gets `V = D U` with `D = diag(H)^(1/2)`, excesses times the root of
-//! their weight, and rows of length one. Its own equilibration and iterative refinement are then needless and off,
-//! which halves its time.
+//! their weight, and rows of length one. Clarabel's own equilibration and iterative refinement are then needless and
+//! off, which halves its time.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -25,7 +25,7 @@ const REDUCED_TOLERANCE: f64 = 1e-7;
 /// Excess of a state, as a share of its limit, that is ignored.
 const NEGLIGIBLE_EXCESS: f64 = 1e-9;
 
-/// Solver of one set-up.
+/// Clarabel solvers of one problem: without the state limits, and with them if there are any.
 pub struct ConicSolver {
     moves: Stage,
     everything: Option<Stage>,
@@ -141,7 +141,8 @@ impl Stage {
         SolveOutcome { verdict, iterations: u64::from(solution.iterations) }
     }
 
-    /// Updates Clarabel with the numbers of this tick, altered by an active `fault`. Returns whether it accepted them.
+    /// Updates Clarabel with the numbers of this tick, altered by an active `fault`. Returns whether Clarabel accepted
+    /// the numbers.
     fn tell(&mut self, fault: Option<FaultKind>) -> bool {
         let capped = fault == Some(FaultKind::IterationCap);
         if capped != self.capped {

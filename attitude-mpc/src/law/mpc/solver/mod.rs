@@ -67,7 +67,8 @@ impl Solver {
         }
     }
 
-    /// Makes the next solve start from `from`. Returns `false`, and changes nothing, if it does not fit this set-up.
+    /// Makes the next solve start from `from`. Returns `false`, and changes nothing, if `from` does not fit this
+    /// set-up.
     pub fn start_from(&mut self, from: &WarmStart) -> bool {
         match self {
             Self::Clarabel(_) => true,

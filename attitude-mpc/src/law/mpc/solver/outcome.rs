@@ -28,9 +28,9 @@ pub struct SolveOutcome {
 /// Limits of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolveLimits {
-    /// Most iterations.
+    /// Largest number of iterations.
     pub iterations: u32,
-    /// Longest time \[s\], infinite without a limit.
+    /// Longest time \[s\]; infinite without a limit.
     pub time_s: f64,
 }
 

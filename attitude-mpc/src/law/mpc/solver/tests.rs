@@ -9,7 +9,7 @@ use crate::law::mpc::constraints::STATE_PENALTY;
 use crate::model::PredictionModel;
 
 const SOLVERS: [SolverName; 2] = [SolverName::Clarabel, SolverName::ActiveSet];
-/// Demands of a plan of ten moves.
+/// Number of elements of a plan of ten moves.
 const PLAN: usize = 40;
 
 struct SetUp {
@@ -37,7 +37,7 @@ impl SetUp {
         self.solver.solve(wanted, &mut self.set, None, plan).verdict
     }
 
-    /// Cost of a plan relative to the unconstrained optimum, including that of the excesses.
+    /// Cost of a plan relative to the unconstrained optimum, including the cost of the excesses.
     fn cost(&self, plan: &DVector<f64>, wanted: &DVector<f64>) -> f64 {
         let miss = plan - wanted;
         let excesses = self.set.states.as_ref().map_or(0.0, |states| {
@@ -158,7 +158,8 @@ proptest! {
                     scenario.attitude.mpc.state_constraints = StateConstraints::Soft;
                 }
             });
-            // w, three angles, three rates, four lag states; their references; the disturbance.
+            // Sizes of w, three angles, three rates and four lag states, and of the references; 0.1 for disturbance and
+            // last demand.
             let size = |i: usize| [3.0, 1.0, 1.0, 1.0, 8.0, 8.0, 8.0, 5.0, 0.5, 0.5, 0.5][i % 11];
             let given = DVector::from_fn(26, |i, _| if i < 18 { given[i] * size(i) } else { 0.1 * given[i] });
             let wanted = &set_up.gain * &given;
@@ -167,7 +168,8 @@ proptest! {
             prop_assert_eq!(set_up.solve(&wanted, &mut plan), SolveVerdict::Solved, "{:?}", choice);
             prop_assert!(set_up.set.violation(&plan) < 1e-6);
             costs.push(set_up.cost(&plan, &wanted));
-            // The solvers' objective lacks the constant 1/2 U*'H U*, and their tolerances are relative to it.
+            // The solvers' objective lacks the constant 1/2 U*'H U*, and their tolerances are relative to this
+            // objective.
             size_of_objective = 0.5 * (&set_up.hessian * &wanted).dot(&wanted);
         }
         let miss = (costs[0] - costs[1]).abs() / f64::max(costs[0], size_of_objective);

@@ -56,7 +56,7 @@ proptest! {
         };
         prop_assert!(!log.complete());
         prop_assert!(log.states.iter().copied().eq((0..log.states.len() as u64).map(state)));
-        // Only the torn chunk is lost (64 KiB of 350 bytes each).
+        // Only the torn chunk is lost (64 KiB of messages of 350 bytes).
         let bytes_each = whole.len() as f64 / 1000.0;
         prop_assert!(log.states.len() as f64 > torn.len() as f64 / bytes_each - 300.0);
     }

@@ -9,7 +9,7 @@ use super::*;
 const SAMPLE_NS: u64 = 10_000_000;
 const TICKS: u64 = 6_000;
 
-/// Writes a minute: snapshots every ten seconds, events at odd ticks, a late message, and one with a wrong time.
+/// Writes a log of a minute: snapshots every ten seconds, four events, a late message, and a message with a wrong time.
 fn write(path: &Path) {
     let mut log = LogWriter::create(path, SCENARIO, SAMPLE_NS).unwrap();
     for tick in 0..TICKS {

@@ -16,7 +16,7 @@ fn part(path: &std::path::Path, states: impl IntoIterator<Item = State>, closed:
     if closed {
         log.finish().unwrap();
     } else {
-        std::mem::forget(log); // its writer was killed
+        std::mem::forget(log); // as if the writer was killed
     }
 }
 
@@ -25,7 +25,7 @@ fn joined_parts_have_each_message_once_and_in_order() {
     let (folder, first) = place();
     let parts =
         [first.clone(), folder.path().join("2.mcap"), folder.path().join("3.mcap"), folder.path().join("4.mcap")];
-    // Message 3 was sent twice; a stale one came after 7, and a damaged one after that.
+    // Message 3 was sent twice; a stale message came after message 7, and a damaged message after the stale one.
     let stale = State { stamp: Stamp { tick: 2, sequence: 8, ..Stamp::default() }, ..State::default() }.with_checksum();
     let mut bent = with_checksum(8);
     bent.stamp.tick = u64::MAX;

@@ -232,7 +232,7 @@ impl Samples {
         Some(Self { at: samples, until_s })
     }
 
-    /// Instant of the newest sample at `at_s` \[ns\]; `None` outside the window.
+    /// Returns the instant of the newest sample at the time `at_s` or before \[ns\]; `None` outside the window.
     fn instant(&self, at_s: f64) -> Option<u64> {
         const ROUNDING_S: f64 = 1e-6;
         let newest = self.at.partition_point(|(sampled_s, _)| *sampled_s <= at_s + ROUNDING_S).checked_sub(1)?;
@@ -248,7 +248,7 @@ impl Samples {
     }
 }
 
-/// Name of a lane: a process of the viewer, and in it a thread.
+/// Makes the events that name a lane: a process of the viewer, and a thread in it.
 fn lane_names(process: usize, thread: usize, name: &str, thread_name: &str) -> [Value; 3] {
     let named = |what: &str, args: Value| json!({ "ph": "M", "name": what, "pid": process + 1, "tid": thread + 1, "args": args });
     [

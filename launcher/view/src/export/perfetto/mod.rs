@@ -24,12 +24,13 @@ use runtime::console::{eprint_line, print};
 
 const LOCKSTEP: &str = "a lockstep flight: the times show which process waited for which, not how late any of them was";
 
-/// Length of a trace around the worst tick, if none was asked for \[s\].
+/// Length of a trace around the worst tick if `for_s` is infinite \[s\].
 const AROUND_WORST_S: f64 = 1.0;
 
-/// Writes the trace of the run at `path`, its `flight.mcap`, to `out`, by default `trace.json` beside it, and says
-/// where. The trace begins at `from_s` and is `for_s` long or to the end \[s\]; without `from_s` it is around the worst
-/// tick, or in lockstep, where no tick is late, at the beginning.
+/// Writes the trace of the run at `path`, its `flight.mcap`, to `out`, by default `trace.json` beside it, and prints
+/// the path. The trace begins at `from_s` and lasts `for_s` \[s\], or to the end if `for_s` is infinite. Without
+/// `from_s` it is around the worst tick, or at the beginning in lockstep, where no tick is late; an infinite `for_s` is
+/// then 1 s.
 pub fn write(path: &Path, from_s: Option<f64>, for_s: f64, out: Option<&Path>) -> anyhow::Result<()> {
     let out = out.map_or_else(|| Ok(path.with_file_name("trace.json")), |out| named_file(out, "json"))?;
     let recorded = Recorded::read(path)?;
@@ -61,10 +62,10 @@ pub fn write(path: &Path, from_s: Option<f64>, for_s: f64, out: Option<&Path>) -
     Ok(())
 }
 
-/// Largest number of ticks in a trace: each is ten events of a viewer.
+/// Largest number of ticks in a trace: each makes about ten events.
 const MOST_TICKS: usize = 20_000;
-/// Number of ticks before and after the window that are read too: counters of a message tell the difference to the one
-/// before, and a command acts until the next.
+/// Number of ticks before and after the window that are read too: counters are compared with those of the message
+/// before, and a command acts until the next one.
 const AROUND_TICKS: u64 = 1_000;
 
 /// Makes the trace of a `window` of a flight through processes; `records` hands out the messages of its log, tick by
@@ -148,7 +149,7 @@ impl Window {
         Self { from_s, for_s, sample_s, why }
     }
 
-    /// Returns the ticks of the window, at most `flown`.
+    /// Returns the ticks of the window, all below `flown`.
     fn ticks(&self, flown: usize) -> Range<usize> {
         // The cast saturates, and turns NaN into 0.
         let tick = |t_s: f64| ((t_s / self.sample_s - 1e-6).ceil() as usize).min(flown);
