@@ -31,7 +31,7 @@ const SOURCES: [&str; 18] = [
 fn main() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository");
     let git = |arguments: &[&str]| {
-        // Without the lock: if git refreshed its index, this script would run again.
+        // Without the lock: `git status` would write the index, and another git command at that time would fail.
         let mut told = Command::new("git");
         let told = told.arg("--no-optional-locks").arg("-C").arg(top).args(arguments).env("TZ", "UTC").output().ok()?;
         told.status.success().then(|| String::from_utf8_lossy(&told.stdout).trim().to_owned())

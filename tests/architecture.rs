@@ -21,7 +21,7 @@ const ORDER: [&[&str]; 21] = [
 ];
 
 /// Returns the packages of the workspace, as `cargo metadata` describes them.
-fn packages() -> Vec<Value> {
+pub fn packages() -> Vec<Value> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     let arguments = ["metadata", "--no-deps", "--offline", "--format-version", "1"];
     let output = Command::new(cargo).args(arguments).current_dir(top()).output().expect("cargo runs");
@@ -56,7 +56,7 @@ fn level(room: &str) -> Option<usize> {
 }
 
 #[test]
-fn every_package_is_a_room_and_arrows_between_rooms_run_one_way() {
+fn every_package_has_a_layer_and_depends_only_on_lower_layers() {
     for (room, links) in links() {
         let own = level(&room).unwrap_or_else(|| panic!("{room} has no place in the order of rooms"));
         for link in links {
@@ -83,7 +83,7 @@ fn the_picture_of_the_crates_has_every_one_in_its_place() {
 }
 
 #[test]
-fn a_controller_links_the_contract_the_settings_and_what_they_stand_on_and_no_other_room() {
+fn a_controller_links_the_contract_the_settings_and_what_they_stand_on_and_no_other_package() {
     let links = links();
     let mut linked = BTreeSet::new();
     let mut open = vec!["runtime".to_owned()];
@@ -108,7 +108,7 @@ fn the_commit_of_a_program_counts_as_changed_if_any_room_is() {
 }
 
 #[test]
-fn the_contract_links_no_other_room_and_nothing_that_reads_files() {
+fn the_contract_links_no_other_package_and_nothing_that_reads_files() {
     let links = &links()["contract"];
     let allowed = ["bytemuck", "iceoryx2-bb-derive-macros", "iceoryx2-bb-elementary-traits", "libm", "serde"];
     assert!(links.iter().all(|link| allowed.contains(&link.as_str())), "{links:?}");
@@ -155,7 +155,7 @@ fn a_public_type_has_a_name_that_no_other_has() {
 }
 
 #[test]
-fn unsafe_code_stays_in_its_two_rooms() {
+fn unsafe_code_stays_in_its_listed_folders() {
     let all = crates();
     let unsafe_files: Vec<&Source> = all.iter().flat_map(|c| &c.sources).filter(|source| source.is_unsafe).collect();
     assert!(!unsafe_files.is_empty(), "the operating system is called somewhere");

@@ -317,7 +317,7 @@ fn what_is_wrong_is_told_before_anything_is_flown() {
 }
 
 #[test]
-fn what_shares_a_draw_is_one_observation_and_copies_are_told() {
+fn flights_that_share_a_draw_are_one_observation_and_copies_are_reported() {
     let noise = "run.duration_s = 0.5\nplant.noise.position_m = 0.01\nattitude.law = 'pid'\n";
     let place = Place::new(&format!(
         "seeds = 20\n[settings]\n{noise}[vary]\nattitude.mpc.prediction_horizon_s = [0.2, 0.25, 0.3]\n"

@@ -128,7 +128,7 @@ fn a_kill_in_real_time_is_detected_and_survived() {
 fn a_node_is_replaced_by_the_same_events_in_lockstep_and_in_real_time() {
     for kind in ["kill", "stop"] {
         let fault = format!("fault=[{{at_s=1.0, for_s=0.3, target=\"mixer\", kind=\"{kind}\"}}]");
-        let settings = ["run.duration_s=3.0", &fault, "supervision.hang_ms=150.0"]; // more than a loaded machine's delays
+        let settings = ["run.duration_s=3.0", &fault, "supervision.hang_ms=150.0"]; // longer than a busy machine stalls
         let set = settings.map(|setting| ["--set", setting]).concat();
         let of_mixer = |mode| {
             let run = fly(&[&[HOVER, "--mode", mode, "--no-log"], &set[..]].concat()).run();

@@ -300,8 +300,8 @@ fn with_the_token_too_another_website_and_a_name_that_is_not_of_loopback_are_ref
 }
 
 /// Script that reads the page, opens its websocket and sends orders. Makes each attempt ten times in connections that
-/// it closes at once, so that some have ended when the server looks at them, and ten times waiting for the answer,
-/// whose first line it prints. `PORT` is the port.
+/// it closes at once, so that some have ended when the server looks at them. Then makes each attempt ten times, waits
+/// for the answer, and prints its first line. `PORT` is the port.
 const ATTACK: &str = r#"
 look() { printf 'GET %s HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\n%b\r\n' "$1" "$2" >&3; }
 order() {

@@ -134,7 +134,7 @@ fn val_in_ten_minutes_the_filter_errs_as_it_says() {
 }
 
 #[test]
-fn without_the_kalman_filter_nothing_is_said_of_the_errors() {
+fn without_the_kalman_filter_no_errors_are_reported() {
     let outcome = fly(&["scenarios/dryden.toml", "--mode", "inprocess", "--set", "run.duration_s=1"]);
     let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
     assert!(!log.states.is_empty() && log.states.iter().all(|state| state.navigation == Navigation::default()));
@@ -173,7 +173,7 @@ fn no_fault_of_one_imu_costs_much() {
 }
 
 #[test]
-fn when_every_imu_is_ill_it_is_said() {
+fn a_fault_of_every_imu_is_reported() {
     let (_, _, last) = flown_with("{at_s=10, target='acceleration', kind='stuck'}");
     assert_eq!(last.navigation.imus_sound, 0);
 }

@@ -20,12 +20,12 @@ fn processes() -> impl Iterator<Item = i32> {
     all.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok())
 }
 
-/// The processes that run `node` in `namespace`.
+/// Returns the ids of the processes that run `node` in `namespace`.
 pub fn processes_named(namespace: &str, node: &str) -> Vec<i32> {
     processes_of(namespace).into_iter().filter(|pid| runs(*pid, node)).collect()
 }
 
-/// The process that runs `node` in `namespace`.
+/// Returns the id of a process that runs `node` in `namespace`; panics if there is none.
 pub fn process_of(namespace: &str, node: &str) -> i32 {
     *processes_named(namespace, node).first().unwrap_or_else(|| panic!("{node} does not run"))
 }
@@ -36,7 +36,7 @@ fn runs(pid: i32, word: &str) -> bool {
     line.split(|b| *b == 0).any(|of| of == word.as_bytes())
 }
 
-/// The children of process `pid` that run `command`.
+/// Returns the ids of the children of process `pid` that run `command`.
 pub fn children_of(pid: u32, command: &str) -> Vec<i32> {
     let parent = format!("PPid:\t{pid}");
     let status = |of: i32| std::fs::read_to_string(format!("/proc/{of}/status")).unwrap_or_default();
@@ -99,7 +99,7 @@ fn a_process_that_cannot_be_killed_is_waited_for_with_a_line_and_left_behind() {
     let stopped = launcher().args(["stop", "--namespace", &ns]).status().expect("stop runs");
     assert!(stopped.success());
     wait_until("the launcher ends", || matches!(flight.child.try_wait(), Ok(Some(_))));
-    drop(frozen); // it has the other end of what the launcher prints to
+    drop(frozen); // the frozen process holds the launcher's stderr open
     let outcome = flight.finish();
     assert!(matches!(outcome.code(), Some(3 | 130)), "{:?} {}", outcome.code(), outcome.stderr);
     let lines = outcome.stderr.lines().filter(|line| line.contains("was killed and does not end")).count();
@@ -146,7 +146,7 @@ fn stop_ends_a_flight() {
     assert!(String::from_utf8_lossy(&again.stderr).contains("no stack runs"));
 }
 
-/// Lists what happened to `node`, in order.
+/// Lists the events of `node`, in order.
 pub fn events(run: &serde_json::Value, node: &str) -> Vec<String> {
     let all = run["events"].as_array().expect("events");
     let of_node = all.iter().filter(|event| event["node"] == node);
@@ -178,7 +178,7 @@ fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
             kill(signal, &[before]);
             let others = || processes_of(&ns).into_iter().filter(|pid| *pid != before && runs(*pid, victim)).count();
             wait_until("another process is there", || others() > 0 && !processes_of(&ns).contains(&before));
-            std::thread::sleep(std::time::Duration::from_millis(500)); // until it is active
+            std::thread::sleep(std::time::Duration::from_millis(500)); // the new process is active by then
         }
         std::thread::sleep(std::time::Duration::from_secs(2));
         kill("-INT", &[flight.child.id() as i32]);
@@ -268,7 +268,8 @@ fn is_gone(pid: i32) -> bool {
 #[test]
 fn a_foreign_program_and_its_children_do_not_outlive_the_run() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // Neither joins. One starts another process and reads the mode of its settings; each writes its process numbers.
+    // Neither program joins. `family` starts a child and reads the mode of its settings; both programs write the ids of
+    // their processes.
     let program = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("it can be written");
@@ -327,7 +328,7 @@ fn a_namespace_holds_one_stack() {
 fn a_node_that_was_stopped_counts_what_it_slept_through() {
     let ns = namespace();
     let flight = start_flying(&ns);
-    let plant = process_of(&ns, "plant"); // anybody else would be replaced
+    let plant = process_of(&ns, "plant"); // any other node would be replaced
     kill("-STOP", &[plant]);
     std::thread::sleep(std::time::Duration::from_millis(300));
     kill("-CONT", &[plant]);

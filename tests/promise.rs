@@ -35,7 +35,7 @@ fn files_of(ns: &str) -> Vec<PathBuf> {
     found
 }
 
-/// Newest tick of the stack in `ns`; 0 before it flies.
+/// Returns the newest tick of the stack in `ns`; 0 before it flies.
 fn plant_tick(ns: &str) -> u64 {
     let page = Domain::find(ns).ok().and_then(|domain| ControlPage::open(&domain.file("page")).ok());
     page.map_or(0, |page| page.plant_tick())
@@ -63,7 +63,7 @@ fn scribble(ns: &str, seed: u64) -> Option<String> {
     let (count, of) = match seed % 3 {
         0 => (1, words.min(1)),              // the first word
         1 => (1, words.max(1)),              // any word
-        _ => (words / 64 + 1, words.max(1)), // many of them
+        _ => (words / 64 + 1, words.max(1)), // many words
     };
     let file = OpenOptions::new().write(true).open(path).ok()?;
     for _ in 0..count {
@@ -160,7 +160,7 @@ fn but(run: &Value) -> String {
 
 #[test]
 fn a_flight_outside_its_position_bound_exits_1() {
-    // The mixer is away for so long that the vehicle falls; it comes back to its path.
+    // The mixer is away for so long that the vehicle falls; then the vehicle comes back to its path.
     let fault = "fault=[{at_s=2,target=\"mixer\",kind=\"kill\",for_s=2}]";
     let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=20.0", "--set", fault]);
     assert_eq!(outcome.code(), Some(1), "{}", outcome.stderr);

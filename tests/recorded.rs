@@ -52,7 +52,7 @@ fn a_run_tells_when_where_and_by_what_it_was_made() {
     }
 }
 
-/// Command of the launcher with this much address space \[kB\].
+/// Returns a command of the launcher with this much address space \[kB\].
 pub fn confined(kilobytes: u32, arguments: &[&str]) -> Command {
     let launcher = launcher().get_program().to_owned();
     let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
@@ -61,7 +61,7 @@ pub fn confined(kilobytes: u32, arguments: &[&str]) -> Command {
     command
 }
 
-/// Held in memory these logs would take 450 MB, and 6 GB.
+/// In memory these two logs would take 450 MB and 6 GB.
 #[test]
 fn logs_are_read_in_bounded_memory_whatever_stands_in_them() {
     const LIMIT_KB: u32 = 300_000;
@@ -94,7 +94,7 @@ fn logs_are_read_in_bounded_memory_whatever_stands_in_them() {
     }
 }
 
-/// Guidance is killed.
+/// Arguments of a flight in which guidance is killed.
 const KILLED: [&str; 6] = [
     "scenarios/faults/hover-gusts.toml",
     "--mode",

@@ -87,8 +87,8 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
     kill("-KILL", &[process_of(&ns, "recorder")]);
     let second = flight.out.join("flight.2.mcap");
     wait_until("the next recorder has written", || second.metadata().is_ok_and(|part| part.len() > 150_000));
-    // The recorder first: it would close its file when the launcher is gone, as the launcher would have it do when the
-    // plant is.
+    // The recorder is killed first: it would close its file when the launcher is gone, or by order of the launcher when
+    // the plant is gone.
     let recorder = process_of(&ns, "recorder");
     let recorder_first = |pid: &i32| (*pid != recorder, *pid != flight.child.id() as i32);
     let mut all = processes_of(&ns);
@@ -144,7 +144,7 @@ fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
     let ns = namespace();
     let flight = Flight::start(&ns, &["--mode", "realtime"]);
     wait_until_it_flies(&ns);
-    std::thread::sleep(std::time::Duration::from_millis(600)); // less than the recorder flushes at once
+    std::thread::sleep(std::time::Duration::from_millis(600)); // the recorder flushes less often
     kill("-KILL", &[flight.child.id() as i32]);
     wait_until("the recorder has closed the log", || processes_of(&ns).is_empty());
     let out = flight.out.clone();

@@ -175,7 +175,7 @@ fn a_replay_begins_with_what_the_nodes_remembered_and_so_flies_what_comes_after_
         let begun = "begun with the snapshots at 10.00 s";
         check(&["--from", "10.2s"], 0, &["no difference in what was compared\n", "10.20 to 12.50 s of 12.50 s", begun]);
         check(&["--from", "11s", "--node", "mixer"], 0, &["no difference in what was compared\n", begun]);
-        check(&["--from", "10s"], 0, &["10.00 to 12.50 s of 12.50 s"]); // that is before it
+        check(&["--from", "10s"], 0, &["10.00 to 12.50 s of 12.50 s"]); // the snapshots are not before 10 s
         let sets = ["--from", "11s", "--node", "attitude-mpc", "--set", "attitude.law=lqr", "--closed"];
         check(&sets, 0, &["other answers from tick 11", begun]);
         rewrite(&outcome.out.join("flight.mcap"), |record| !(300..310).contains(&record.tick()));
@@ -364,7 +364,7 @@ fn the_hash_of_a_flight_in_real_time_is_shown_with_what_gives_it_again() {
     assert!(page.contains(hash) && page.contains("trefoil replay RUN"), "{hash}");
 }
 
-/// For 0.05 s no demand reaches the mixer.
+/// Fault by which no demand reaches the mixer for 0.05 s.
 const LOST: &str = "{ at_s = 0.3, for_s = 0.05, target = \"controls\", kind = \"drop\", probability = 1.0 }";
 
 #[test]
@@ -389,7 +389,7 @@ fn a_difference_may_be_that_of_the_program_which_flew() {
     let mut log = log::read(&path).expect("the log reads");
     log.controls[57].demand[2] += 1.0;
     log.controls[57] = log.controls[57].with_checksum();
-    // This program is the test's, which knows of no commit.
+    // The program of this test writes the log, and knows of no commit.
     let mut writer = LogWriter::create(&path, &log.scenario_toml, Scenario::default().sample_ns()).expect("a log");
     log.tick_by_tick().for_each(|record| writer.write(&record).expect("written"));
     writer.finish().expect("written");

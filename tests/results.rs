@@ -4,7 +4,7 @@
 //! `trefoil` is the program just built, or `LAUNCHER`, a path. `RESULTS` in the environment names the pages to fly, or
 //! is `all`; blocks marked `console slow` are flown only with it or with `REWRITE=1`, which writes what the blocks
 //! print, and the commit, into the pages. Blocks marked `console once` print times, which no two runs share: they are
-//! flown only with both, by the name of their page, and compared with nothing.
+//! flown only with `REWRITE=1` and the name of their page in `RESULTS`, and compared with nothing.
 
 use std::env;
 use std::fs;
@@ -22,7 +22,7 @@ const END: &str = "```";
 /// Words before the commit that flew a page.
 const COMMIT: &str = "Flown by commit ";
 
-/// Pages with their texts, in the order of their names.
+/// Returns the pages with their texts, in the order of their names.
 fn pages() -> Vec<(PathBuf, String)> {
     let folder = fs::read_dir(top().join("docs/results")).expect("a folder");
     let mut pages: Vec<PathBuf> = folder.map(|entry| entry.expect("readable").path()).collect();
@@ -34,12 +34,12 @@ fn pages() -> Vec<(PathBuf, String)> {
     pages.into_iter().map(read).collect()
 }
 
-/// Name by which `RESULTS` asks for a page.
+/// Returns the name by which `RESULTS` asks for a page.
 fn name(path: &Path) -> &str {
     path.file_stem().and_then(|name| name.to_str()).expect("a plain name")
 }
 
-/// Commands of a block; a line that ends with a backslash goes on.
+/// Returns the commands of a block; a line that ends with a backslash continues on the next one.
 fn commands(block: &str) -> Vec<String> {
     let mut commands: Vec<String> = vec![];
     let mut goes_on = false;
@@ -51,14 +51,15 @@ fn commands(block: &str) -> Vec<String> {
                 command.push_str(line);
             }
             (false, Some(command)) => commands.push(command.to_owned()),
-            (false, None) => continue, // printed
+            (false, None) => continue, // a printed line
         }
         goes_on = line.ends_with('\\');
     }
     commands
 }
 
-/// Flies a block in a folder of its own; returns its commands, each with what it prints except speed and place.
+/// Flies a block in a folder of its own; returns its commands, each with its output without the lines of speed and
+/// place.
 fn flown(block: &str) -> String {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for name in ["scenarios", "campaigns"] {
@@ -152,7 +153,7 @@ fn every_command_of_the_results_prints_what_its_page_says() {
 }
 
 #[test]
-fn a_command_goes_on_after_a_backslash_and_what_is_printed_is_none() {
+fn a_command_continues_after_a_backslash_and_output_is_no_command() {
     assert_eq!(
         commands("$ for a in 1; \\\n  do echo $a; done\n1\n$ true\n"),
         ["for a in 1; \\\n  do echo $a; done", "true"]

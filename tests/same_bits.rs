@@ -1,6 +1,6 @@
 //! Every shipped scenario flies the same bits on every processor: the state hashes of docs/hashes.md.
 //!
-//! `REWRITE=1 cargo test -p trefoil --test stack same_bits` writes that page anew. `LAUNCHER` in the environment is a
+//! `REWRITE=1 cargo test --workspace --test stack same_bits` writes that page anew. `LAUNCHER` in the environment is a
 //! command that flies in place of the launcher just built: `.ci/processors` sets it to emulators of other processors.
 
 use std::process::Command;
@@ -20,14 +20,14 @@ const HEAD: &str = "\
 The state hash of each shipped scenario, in process or in lockstep, on every processor.
 [The same bits](architecture.md#the-same-bits) says how they are kept, and what compares this page.
 
-A change that is meant to change a flight writes it anew: `REWRITE=1 cargo test -p trefoil --test stack same_bits`.
+A change that is meant to change a flight writes it anew: `REWRITE=1 cargo test -p launcher --test stack same_bits`.
 A change that is not must leave it as it is.
 
 | `fly` | state hash |
 |---|---|
 ";
 
-/// The shipped scenarios, from the top of the repository.
+/// Returns the shipped scenarios, from the top of the repository.
 fn scenarios() -> Vec<String> {
     let mut found = vec![];
     let mut open = vec![top().join("scenarios")];
@@ -45,7 +45,7 @@ fn scenarios() -> Vec<String> {
     found
 }
 
-/// The line of the page for a flight in process by `launcher`.
+/// Returns the line of the page for a flight in process by `launcher`.
 fn row(mut launcher: Command, scenario: &str) -> String {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let arguments = ["fly", scenario, "--mode", "inprocess", "--no-log", "--json", "--out"];
@@ -106,7 +106,7 @@ fn an_older_processor_flies_the_same_bits() {
     }
 }
 
-/// The functions of `f64` that the C library has, or whose rounding Rust leaves open.
+/// Functions of `f64` that the C library has, or whose rounding Rust leaves open.
 const OF_THE_PLATFORM: [&str; 27] = [
     "acos()",
     "acosh()",

@@ -33,7 +33,7 @@ fn cannot_separate(kind: &str) -> bool {
     !can
 }
 
-/// Runs `script` with a `/dev/shm` of its own, mounted with `options`; its last lines show what is left in it.
+/// Runs `script` with a `/dev/shm` of its own, mounted with `options`.
 fn with_memory(options: &str, script: &str) -> Output {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("trefoil");
@@ -129,7 +129,7 @@ fn another_pid_namespace_neither_wipes_a_flight_nor_misses_it() {
     assert!(shared_memory_of(&ns).len() > 10, "it is all there");
     let seen = elsewhere(&["status"]);
     assert!(words(&seen).contains(&ns), "{}", words(&seen));
-    // The process id of the launcher there belongs to another process here.
+    // In the other PID namespace the launcher's process id belongs to another process, or to none.
     let stopped = elsewhere(&["stop", "--namespace", &ns]);
     assert!(stopped.status.success(), "{}", words(&stopped));
     let outcome = flight.finish();

@@ -9,10 +9,10 @@ use flight::log;
 const UPSET: &str = "scenarios/aggressive/upset.toml";
 const KINDS: [&str; 3] = ["nan", "infeasible", "iteration-cap"];
 const SOLVERS: [&str; 2] = ["attitude.mpc.solver=clarabel", "attitude.mpc.solver=active-set"];
-/// The ticks on which the faults here act.
+/// Ticks on which the faults of these tests act.
 const FAULTY: std::ops::Range<usize> = 30..40;
 
-/// The upset with a fault of the solver while the actuators are at their limits.
+/// Flies the upset with a fault of the solver while the actuators are at their limits.
 fn faulty(kind: &str, solver: &str, mode: &str) -> Outcome {
     let fault = format!("fault=[{{at_s=0.3, for_s=0.1, target=\"mpc\", kind=\"{kind}\"}}]");
     fly(&[UPSET, "--mode", mode, "--set", "attitude.mpc.constraints=cone", "--set", &fault, "--set", solver])

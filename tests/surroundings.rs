@@ -15,9 +15,9 @@ use crate::harness::{AS_NOBODY, copy_program, has_root, namespace, top};
 #[derive(Clone, Copy)]
 enum Must {
     Fly,
-    /// Fly, and end with exit code 3 because its words cannot be printed.
+    /// Fly, and end with exit code 3 because its output cannot be printed.
     FlyUnprinted,
-    /// Not begin, with this text in the message.
+    /// Not begin; the message has this text.
     Say(&'static str),
 }
 use Must::{Fly, FlyUnprinted, Say};

@@ -11,12 +11,12 @@ const NODES: [(&str, &str); 3] = [("guidance", "reference"), ("attitude-mpc", "c
 const STANDBY_S: f64 = 0.2;
 const WATCH_S: f64 = 0.3;
 
-/// One swap that may fail, as a setting spells it, with what else it has.
+/// Writes a swap that may fail as a setting, with `more` keys.
 fn swap(at_s: f64, node: &str, more: &str) -> String {
     format!("{{at_s={at_s}, node=\"{node}\", standby_s={STANDBY_S}, watch_s={WATCH_S}, may_fail=true{more}}}")
 }
 
-/// One fault of a candidate from `at_s` on, by the way in which it is wrong.
+/// Writes the fault that makes a candidate wrong in this `way` from `at_s` on.
 fn wrong(way: &str, at_s: f64, node: &str, topic: &str) -> String {
     let fault = match way {
         "nan" => format!("target=\"{topic}\", kind=\"garbage\""),
@@ -74,7 +74,7 @@ fn a_candidate_like_the_old_one_is_kept_and_the_flight_is_the_same() {
     assert_eq!(run["state_hash"], flown(&[], "lockstep").run()["state_hash"]);
 }
 
-/// The laws one after the other, in an order in which each follows each other one once: by steps of 1, then of 2...
+/// Swaps the laws in an order in which each law follows every other law once: by steps of 1, then of 2...
 #[test]
 fn every_law_takes_over_from_every_other_in_flight() {
     let laws = ["mpc", "lqr", "pid", "geometric", "indi"];
@@ -95,7 +95,7 @@ fn every_law_takes_over_from_every_other_in_flight() {
     assert_ne!(run["state_hash"], flown(&[], "inprocess").run()["state_hash"]);
 }
 
-/// One swap of each node after the other, wrong in each way from `after_s` after its beginning on.
+/// Lists a swap of every node for every way to be wrong. A candidate is wrong from `after_s` after its swap begins.
 fn wrong_candidates(after_s: f64, difference: f64) -> Vec<String> {
     let ways = ["nan", "silent", "sign", "slow", "exit"];
     let at = |way: usize, node: usize| 1.0 + way as f64 + 0.3 * node as f64;
@@ -175,7 +175,7 @@ fn a_candidate_leaves_when_its_own_settings_say_so_and_not_before_it_has_come() 
 fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils_the_exit_code() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let program = folder.path().join("program"); // is there, and can be executed, but for its interpreter
+    let program = folder.path().join("program"); // it exists and is executable, but its interpreter does not exist
     std::fs::write(&program, "#!/no/such/interpreter\n").expect("can be written");
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("they can be set");
     let swap =
@@ -200,7 +200,7 @@ fn but(run: &Value) -> String {
     told.map(|told| told.as_str().expect("text").to_owned()).collect::<Vec<_>>().join("; ")
 }
 
-/// A flight is no success of a candidate that never became active, or only for a while.
+/// A flight is no success if its candidate never became active, or did not stay active.
 #[test]
 fn a_swap_that_did_not_stay_is_told_and_spoils_the_exit_code_unless_it_may_fail() {
     let standby = |way| format!(", set=['{}']", wrong(way, 1.05, "attitude-mpc", "controls"));

@@ -19,7 +19,7 @@ const HOVER: &str = "scenarios/faults/hover-gusts.toml";
 /// Tolerance of a swap: on a busy machine every node is sometimes late.
 const PATIENT: &str = "ticks=100";
 
-/// `trefoil swap` in a stack: its exit code, and what it said.
+/// Runs `trefoil swap` in a stack; returns its exit code and its output.
 fn swap(namespace: &str, words: &[&str]) -> (Option<i32>, String) {
     let mut command = launcher();
     command.arg("swap").args(words).args(["--standby", "0.2s", "--watch", "0.3s", "--namespace", namespace]);
@@ -35,7 +35,7 @@ fn swapped(namespace: &str, words: &[&str], code: i32) -> String {
     said
 }
 
-/// The settings that the flight left in its folder.
+/// Returns the path of the settings that the flight left in its folder.
 fn settings(outcome: &Outcome) -> PathBuf {
     outcome.out.join("scenario.toml")
 }
@@ -45,7 +45,7 @@ fn swaps(outcome: &Outcome) -> Vec<Swap> {
     from_merged(&text, "scenario.toml").expect("they can be flown").swap
 }
 
-/// A program that does nothing, for ever.
+/// Writes a program that sleeps until it is killed; returns its path.
 fn sleeper(folder: &Path) -> String {
     let path = folder.join("sleeper");
     fs::write(&path, "#!/bin/sh\nexec sleep 1000\n").expect("written");
@@ -53,7 +53,7 @@ fn sleeper(folder: &Path) -> String {
     path.to_str().expect("text").into()
 }
 
-/// The controller among the examples of `contract`, as built beside the launcher.
+/// Returns the path of the example `own_controller` of `runtime`, as built beside the launcher.
 fn own_controller() -> String {
     let path = Path::new(env!("CARGO_BIN_EXE_trefoil")).with_file_name("examples").join("own_controller");
     let how = "cargo build --workspace --example own_controller (cargo test --workspace does it too)";

@@ -4,11 +4,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
 use syn::{Ident, ImplItem, Item, TraitItem, Type};
 
 use crate::harness::{skip, top};
 
-/// Every Rust file of the workspace, by path from the top.
+/// Returns every Rust file of the workspace: its path from the top, and its text.
 pub fn sources() -> Vec<(PathBuf, String)> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
@@ -65,7 +66,7 @@ fn each_equation_of_code_stands_in_one_file() {
     }
 }
 
-/// The number in a code line that ends with `// (36)`.
+/// Returns the number in a code line that ends with `// (36)`.
 fn cited_equation(line: &str) -> Option<String> {
     let (code, number) = line.trim_end().rsplit_once("// (")?;
     let number = number.strip_suffix(')')?;
@@ -82,7 +83,7 @@ const OPENERS: [&str; 22] = [
 const OLD_WORDS: [&str; 9] =
     ["nobody", "somebody", "whoever", "suffers", "mourn", "undertaker", "newcomer", "newcomers", "seizure"];
 
-/// First line of every doc comment, with its number.
+/// Returns the first line of every doc comment, with its line number.
 fn first_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     fn doc(line: &str) -> Option<&str> {
         let line = line.trim_start();
@@ -123,7 +124,7 @@ fn comments_are_at_most_120_columns_wide_and_use_the_words_of_the_field() {
     assert!(found.is_empty(), "{} lines:\n{}", found.len(), found.join("\n"));
 }
 
-/// Targets of relative links, and paths in backticks, of a page of Markdown.
+/// Returns the targets of relative links, and the paths in backticks, of a page of Markdown.
 fn named_files(text: &str) -> Vec<String> {
     let links = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
     let links = links.filter(|link| !link.is_empty() && !link.contains("://"));
@@ -133,6 +134,32 @@ fn named_files(text: &str) -> Vec<String> {
     };
     let paths = text.split('`').skip(1).step_by(2).filter(is_path);
     links.chain(paths).map(str::to_owned).collect()
+}
+
+#[test]
+fn every_package_and_test_of_a_printed_cargo_command_exists() {
+    let Some(pages) = pages() else { return };
+    let packages = crate::architecture::packages();
+    let targets = |package: &Value| package["targets"].as_array().expect("targets").clone();
+    let read = |page| std::fs::read_to_string(top().join(page)).expect("a readable page");
+    let texts = pages.lines().map(|page| (page.to_owned(), read(page)));
+    let sources = sources().into_iter().map(|(path, text)| (path.display().to_string(), text));
+    let (mut checked, mut wrong) = (0, vec![]);
+    for (place, text) in texts.chain(sources) {
+        for command in text.split("cargo ").skip(1).filter_map(|rest| rest.split(['`', '\n', '"']).next()) {
+            let after = |flag: &str| command.split_once(flag).and_then(|(_, rest)| rest.split(' ').next());
+            let (package, test) = (after(" -p "), after(" --test "));
+            let is_meant = |of: &&Value| package.is_none_or(|package| of["name"] == package);
+            let has = |of: &Value| test.is_none_or(|test| targets(of).iter().any(|target| target["name"] == test));
+            if package.or(test).is_some() {
+                checked += 1;
+                if !packages.iter().filter(is_meant).any(has) {
+                    wrong.push(format!("{place}: cargo {command}"));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty() && checked > 20, "{checked} checked: {wrong:#?}");
 }
 
 /// Returns the paths of the pages of the repository, one per line; `None`, and a note, without a repository.
@@ -159,7 +186,7 @@ fn every_file_that_a_page_names_exists() {
     }
 }
 
-/// Names that the items of a file add to `found`, each after the names of the modules and types that it stands in.
+/// Adds the names of the items of a file to `found`, each after the names of the modules and types that it stands in.
 fn collect(items: &[Item], module: &[String], found: &mut BTreeSet<Vec<String>>) {
     let add = |found: &mut BTreeSet<_>, names: &[&Ident]| {
         let path = module.iter().cloned().chain(names.iter().map(ToString::to_string)).collect();
@@ -219,7 +246,7 @@ fn collect(items: &[Item], module: &[String], found: &mut BTreeSet<Vec<String>>)
     }
 }
 
-/// Names of everything in the workspace, from the crate down; of a test, from its file down.
+/// Returns the names of all items in the workspace, from the crate down; of a test, from its file down.
 fn names() -> BTreeSet<Vec<String>> {
     let mut found = BTreeSet::new();
     for (path, text) in sources() {
@@ -241,7 +268,7 @@ fn names() -> BTreeSet<Vec<String>> {
     found
 }
 
-/// Paths in backticks, `a::b`, with the text that they stand in.
+/// Returns the paths in backticks, `a::b`, each with the text that it stands in.
 fn named_items(text: &str) -> Vec<(&str, Vec<&str>)> {
     let spans = text.split('`').skip(1).step_by(2);
     let words = spans.flat_map(|span| {
@@ -342,7 +369,7 @@ fn numbers(text: &str) -> impl Iterator<Item = &str> {
     all.filter(|number| !number.is_empty())
 }
 
-/// A feature of `mcap` or `parquet` would bring them back.
+/// A feature of `mcap` or `parquet` would bring such libraries back.
 #[test]
 fn nothing_compresses_by_a_library_in_c() {
     let lock = std::fs::read_to_string(top().join("Cargo.lock")).expect("Cargo.lock");

@@ -31,7 +31,7 @@ fn plain(path: &Path) -> &str {
     path.to_str().expect("a plain path")
 }
 
-/// Events of one phase.
+/// Returns the events of one phase.
 fn events<'a>(trace: &'a Value, phase: &str) -> Vec<&'a Value> {
     let events = trace["traceEvents"].as_array().expect("a list of events");
     events.iter().filter(|event| event["ph"] == phase).collect()
@@ -73,7 +73,7 @@ fn check_trace(trace: &Value) {
         for event in events(trace, phase) {
             let at = ns(&event["ts"]);
             let tied = slices[&thread(event)].iter().any(|(start, end)| (*start..=*end).contains(&at));
-            assert!(tied, "an arrow in the air: {event}");
+            assert!(tied, "an arrow without an end: {event}");
             flows.entry(event["id"].as_u64().expect("a number")).or_default().push((phase, at));
         }
     }
@@ -150,7 +150,7 @@ fn what_cannot_be_traced_is_told() {
     check(&[plain(&lockstep.out), "--out", "/no/such/folder/x"], &["/no/such/folder", "--out"]);
 }
 
-/// A flight of so many ticks as a real-time ring would stamp it, 10 ms apart: each node takes 100 us.
+/// Makes a flight of `ticks` ticks, stamped as by a real-time ring, 10 ms apart: each node takes 100 us.
 fn ring(ticks: u64) -> Log {
     fn stamped<M: Message>(tick: u64) -> M {
         let sample_ns = 1_000_000_000 + tick * 10_000_000;

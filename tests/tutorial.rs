@@ -50,7 +50,7 @@ fn is_like(line: &str, expected: &str) -> bool {
     parts.last().is_some_and(|last| last.is_empty()) || rest.is_empty()
 }
 
-/// Checks that the lines of the page appear among those `said` in this order; a line `...` allows others between.
+/// Checks that `said` has the lines of the page in this order; a line `...` allows other lines between.
 fn compare(said: &str, page: &str) {
     let mut lines = said.lines();
     let mut may_skip = false;
@@ -99,7 +99,7 @@ fn the_commands_of_the_tutorial_print_what_it_says() {
         }
         let of_page = text.lines().filter_map(|line| line.strip_prefix("$ "));
         commands += of_page.clone().count();
-        // All of a block in one shell, so that `wait` knows the flight.
+        // All commands of a block run in one shell, so that `wait` knows the flight.
         let script: Vec<&str> = of_page.collect();
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("exec 2>/dev/null; {}", script.join("\n"))]).current_dir(folder.path());

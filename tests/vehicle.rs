@@ -44,7 +44,7 @@ fn how_long_a_landed_vehicle_is_recorded_changes_neither_its_place_nor_its_figur
     let parked_s = long["on_ground_s"].as_f64().unwrap() - short["on_ground_s"].as_f64().unwrap();
     assert!((parked_s - 230.0).abs() < 1e-6, "{parked_s}");
     let apart = |mut metrics: serde_json::Value| {
-        (metrics["on_ground_s"], metrics["rotor_speed_min"]) = (0.into(), 0.into()); // these are of the ground too
+        (metrics["on_ground_s"], metrics["rotor_speed_min"]) = (0.into(), 0.into()); // they cover the ground too
         metrics
     };
     assert_eq!(apart(short), apart(long));
@@ -272,7 +272,7 @@ fn an_own_vehicle_flies_as_well_as_that_of_table_i_without_weights_of_its_own() 
     );
 }
 
-/// Flies a scenario with this text in process; returns exit code and state hash, which is empty where it is refused.
+/// Flies a scenario with this text in process; returns exit code and state hash, which is empty after a refusal.
 fn written(text: &str) -> (Option<i32>, String) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("own.toml");
@@ -282,7 +282,7 @@ fn written(text: &str) -> (Option<i32>, String) {
     (outcome.code(), hash)
 }
 
-/// Asserts that a flight of the shipped scenario `name` without one of its lines is another, or is refused.
+/// Asserts that the shipped scenario `name` without any one of its lines gives another flight, or is refused.
 fn every_line_counts(name: &str) {
     let file = top().join("scenarios").join(name).with_extension("toml");
     let text = std::fs::read_to_string(file).expect("a shipped scenario");

@@ -53,8 +53,8 @@ struct TrefoilSession *trefoil_join(const char *node,
 const TrefoilSetup *trefoil_setup(const struct TrefoilSession *session);
 
 // Copies the memory that the process before this one left by `trefoil_remember` to `memory`, of `bytes`, and returns
-// its size: 0 = none, begin cold. Call it before the first `trefoil_next`; a program that does not begins cold. A
-// negative result is an error.
+// its size: 0 = none, begin cold. Call it before the first `trefoil_next`; without this call a program begins cold.
+// A negative result is an error.
 int32_t trefoil_memory(struct TrefoilSession *session, void *memory, size_t bytes);
 
 // Waits for the next sample to answer, and writes it to `input`, of `bytes`: the size of the node's type in

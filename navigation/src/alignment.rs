@@ -10,9 +10,9 @@
 //! The rows of the rotation `R` from body to NED are n, e and d: three vectors from two, Shuster and Oh, *Three-axis
 //! attitude determination from vector observations* (1981), section III. The error of the tilt comes from the
 //! accelerometer's bias. Standing still does not separate tilt and bias, so the covariance has both and their
-//! correlation. The same holds for the error of the heading, the vehicle's own field and the declination. The origin of
-//! the flight's frame is where the vehicle stands, so receiver and barometer measure their own errors there. The
-//! rotation of the earth is left out.
+//! correlation. The same holds for the error of the heading, the vehicle's own field and the declination. The place
+//! where the vehicle stands is known, so receiver and barometer measure their own errors there. The rotation of the
+//! earth is left out.
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 

@@ -1,4 +1,4 @@
-"""Laws and flights that the tests share."""
+"""Scenario, settings and namespace that the tests share."""
 
 import os
 from pathlib import Path

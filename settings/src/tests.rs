@@ -108,7 +108,7 @@ fn the_mission_of_earlier_versions_is_refused_by_the_part_that_it_is_now() {
 }
 
 #[test]
-fn a_scenario_with_parts_flies_them_unless_it_says_otherwise() {
+fn parts_are_flown_unless_trajectory_is_set() {
     let parts = "mission.part=[{kind='takeoff', height_m=5}]";
     let scenario = from_set(&[parts]).unwrap();
     assert_eq!(scenario.mission.trajectory, TrajectoryKind::Parts);

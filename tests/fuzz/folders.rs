@@ -75,7 +75,7 @@ enum Damage {
     Long(u64),
     Fifo,
     Folder,
-    /// A link to itself, to a file outside, or to a device.
+    /// A link to its own folder, to a file outside, or to a device.
     Link(&'static str),
 }
 

@@ -213,7 +213,7 @@ fn check(log: &[u8], flown: &Flown, with_run: bool) {
 }
 
 #[test]
-fn what_nothing_was_done_to_is_the_same() {
+fn an_undamaged_log_is_the_same() {
     for flown in FLOWN.iter() {
         for log in [&flown.bytes, &file_of(&flown.log)] {
             let (_, verdict) = judged(log, Some(&flown.run), &flown.settings).expect("it is flown again");

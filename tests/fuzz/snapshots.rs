@@ -14,7 +14,7 @@ use settings::{Law, Profile, Scenario};
 
 use super::cases;
 
-/// Controllers of every kind: without constraints, with them, and the other laws.
+/// The MPC without constraints and with them, and the laws `pid`, `geometric` and `indi`.
 fn scenario() -> impl Strategy<Value = Scenario> {
     let of = |profile, law| {
         let mut scenario = Scenario::from(profile);

@@ -1,8 +1,8 @@
 // Usage: node campaign.mjs [--shots DIR] URL
 //
 // Looks at the page of a campaign under way in all widths and schemes, and checks that a new version of the page keeps
-// the scroll position and the unfolded parts. Prints what is wrong, one line each; ends with 1 if there is anything. The
-// campaign must fly for a minute or more, and have flights that fail.
+// the scroll position and the unfolded parts. Prints one line for each fault of the page; exits with 1 if there is any.
+// The campaign must fly for a minute or more, and have flights that fail.
 
 import { look, open, problems, start } from './harness.mjs';
 

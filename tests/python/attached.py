@@ -2,9 +2,9 @@
 
 Usage: attached.py LAUNCHER [ROUNDS [SECONDS]]
 
-Attached are the live page, a Foxglove client that takes every channel, a MAVLink receiver and the recorder. The browser
-is Chromium, on the same machine (in tests/pages: npm ci). Prints the missed deadlines of each node, flight by flight.
-Needs websockets.
+The clients are the live page, a Foxglove client that takes every channel, a MAVLink receiver and the recorder. The
+browser is Chromium, on the same machine (in tests/pages: npm ci). Prints the missed deadlines of each node, flight by
+flight. Needs websockets.
 """
 
 import asyncio

@@ -1,4 +1,6 @@
-"""Generates a PD law, `law`, and beside it its Jacobian, `jac_law`, in C. Its vectors lie, and its preview has this shape.
+"""Generates a PD law `law` and its Jacobian `jac_law` in C.
+
+All vectors but `velocity` are rows; the preview has ROWS and COLUMNS.
 
 usage: casadi_jacobian.py FILE.c ROWS COLUMNS    then: cc -O2 -fPIC -shared -o FILE.so FILE.c -lm
 """

@@ -2,8 +2,8 @@
 
 Usage: ekf.py FOLDER
 
-`FOLDER/inputs.csv` has a sample of the IMU a row, with what was measured at its end (empty = nothing);
-`FOLDER/outputs.csv` what the filter made of it. Prints the largest difference of the estimates, of the covariance's
+`FOLDER/inputs.csv` has one sample of the IMU per row, with the measurements at its end (empty = none);
+`FOLDER/outputs.csv` has the filter's estimates. Prints the largest difference of the estimates, of the covariance's
 diagonal as a share of each element, and of the counts of accepted and refused measurements and of resets.
 """
 
@@ -36,7 +36,7 @@ GROUPS = ("position", "depth", "velocity", "sink", "height", "field", "flow")
 FELLOWS = {"position": ("velocity", "flow"), "depth": ("sink", "height"), "height": ("sink", "depth")}
 FELLOWS |= {"velocity": ("position", "flow"), "sink": ("depth", "height"), "flow": ("position", "velocity")}
 FELLOWS |= {"field": ("velocity", "flow")}
-STATES = {  # of the motion, and of the sensor's own error
+STATES = {  # states of the motion, and of the sensor's own error
     "position": (range(0, 2), range(15, 17)),
     "depth": (range(2, 3), range(17, 18)),
     "velocity": (range(3, 5), None),
@@ -55,7 +55,7 @@ def cross(v):
 
 
 def rotation(v):
-    """Rodrigues' formula; for small angles its series."""
+    """Returns the rotation matrix by Rodrigues' formula, or by its series for small angles."""
     angle = np.linalg.norm(v)
     k = cross(v)
     if angle < 1e-4:
@@ -64,7 +64,7 @@ def rotation(v):
 
 
 class YawCheck:
-    """Turn of the changes of velocity by the IMU to those by the receiver, as complex numbers."""
+    """Turn from the changes of velocity by the IMU to the changes by the receiver, as complex numbers."""
 
     def __init__(self, last=None):
         self.change, self.since, self.last = 0j, 0.0, last
@@ -178,7 +178,7 @@ class Filter:
                 return
             y = self.declination - np.arctan2(east, north)
             y = np.array([(y + np.pi) % (2 * np.pi) - np.pi])
-            north, east = np.cos(self.declination), np.sin(self.declination)  # of the map
+            north, east = np.cos(self.declination), np.sin(self.declination)  # direction of the map's field
             h[0, 6:9] = np.array([-north * np.tan(DIP), -east * np.tan(DIP), 1.0]) @ self.r
             h[0, 19:22] = np.array([east, -north, 0.0]) / np.cos(DIP) @ self.r
             h[0, 22] = -1.0
@@ -188,7 +188,7 @@ class Filter:
             return
         level, vertical = SPLIT[name]
         self.update(level, y[:2], h[:2], deviation[:2])
-        # The first update has moved what the second one measures.
+        # The first update has moved the states that the second one measures.
         now = measured - (self.p + self.drift if name == "position" else self.v)
         self.update(vertical, now[2:], h[2:], deviation[2:])
 

@@ -7,14 +7,14 @@ import zipfile
 import numpy as np
 
 RADIUS_M = 6371000.0
-# End of the alignment, take-off, latency of the receiver [s]; declination and inclination of the map [deg]; steps in
-# which the file has the position [m].
+# End of the alignment, take-off, latency of the receiver [s]; declination and inclination of the map [deg];
+# resolution of the position in the file [m].
 SITES = {
     "csv": {"still": 10.0, "off": 20.0, "late": 0.11, "map": (3.0, 63.3), "steps": (0.0, 0.0, 0.0)},
     "zip": {"still": 4.0, "off": 4.8, "late": 0.22, "map": (11.8, -68.4), "steps": (0.11, 0.88, 0.01)},
 }
 LATE_S = {"NTUN": 0.35, "MAG": 0.03}  # barometer and magnetometer of the real flight, as in its own filter
-SPACED_S = {"baro": 0.0396, "mag": 0.0198}  # shortest intervals, those of the preset
+SPACED_S = {"baro": 0.0396, "mag": 0.0198}  # shortest intervals, as in the preset
 
 
 def simulated(path):
@@ -27,7 +27,7 @@ def simulated(path):
 
 
 def real(path):
-    """Reads the same from the real flight. Its course is frozen below 0.5 m/s; the horizontal velocity is then NaN."""
+    """Reads such rows from the real flight. Its course is frozen below 0.5 m/s; the horizontal velocity is then NaN."""
     log = {}
     with zipfile.ZipFile(path) as file:
         for name in ("IMU", "GPS", "MAG", "NTUN", "ATT"):
@@ -52,12 +52,12 @@ def states(path):
 
 
 def read(path):
-    """Reads the log of `px4_log.py`, and what it needs to know of its flight."""
+    """Reads a log for `px4_log.py`; returns it with the constants of its flight."""
     return (real if path.endswith("zip") else simulated)(path), SITES[path[-3:]]
 
 
 def frames_of(log, site):
-    """Puts samples of the IMU on a grid, with what was measured at the end of each; a lost one is as the next."""
+    """Puts samples of the IMU on a grid, with the measurements at the end of each; a lost sample equals the next."""
     imu = log["imu"]
     dt = np.round(np.median(np.diff(imu[:, 0])), 4)
     times = np.arange(imu[0, 0], imu[-1, 0], dt)

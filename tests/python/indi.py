@@ -16,7 +16,7 @@ L1, L2, L3, KF, KM = 0.2483, 0.1241, 0.215, 1.97e-6, 2.88e-7
 KP, KD, FILTER = np.array([4.0, 36.0, 36.0, 36.0]), np.array([12.0, 12.0, 12.0]), 30.0
 SAMPLE, LAG, RATES = 0.01, 0.03, np.array([20_000.0, 20_000.0, 20_000.0, 10.5])
 
-# (33)-(36), and the trim (25)-(30).
+# Mixing matrix (33)-(36), and the trim (25)-(30).
 MIX = KF * np.array([[0, -1, -1, -1], [0, L1, -L2, -L2], [0, 0, -L3, L3], [L1, 0, 0, 0]])
 MIX[3, 1:] = [-KM, KM, -KM]
 tan_mu = KM / (L1 * KF)
@@ -49,7 +49,7 @@ def follow(position, command):
 
 
 def turn(roll, pitch, yaw):
-    """Rotation matrix from body to world of Euler angles."""
+    """Returns the rotation matrix from body to world for Euler angles."""
     (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
     return np.array([
         [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
@@ -58,11 +58,11 @@ def turn(roll, pitch, yaw):
     ])  # fmt: skip
 
 
-LEVEL = turn(ROLL, 0.0, 0.0)  # from body axes to those of the level frame
+LEVEL = turn(ROLL, 0.0, 0.0)  # from the body axes to the axes of the level frame
 
 
 def attitude_error(rotation):
-    """Tilt about x and y, and turn about z before it: twice the sine of half of each angle."""
+    """Returns the tilt about x and y, and the turn about z before the tilt: twice the sine of half of each angle."""
     tilt_to = rotation[:, 2]
     sine, cosine = np.hypot(tilt_to[0], tilt_to[1]), tilt_to[2]
     tilt = np.arctan2(sine, cosine)
@@ -122,7 +122,7 @@ for k in range(len(demands)):
         d = keep * d + (1 - keep) * stage
     before = (sink, rates[k], now)
 
-    # The angles of the level frame are those of the body less the roll of trim.
+    # The level frame has the body's angles less the roll of trim.
     level = turn(attitude[k][0] - ROLL, *attitude[k][1:])
     wanted = turn(attitude_ref[k][0] - ROLL, *attitude_ref[k][1:])
     rotation = level.T @ wanted

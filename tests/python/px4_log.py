@@ -2,9 +2,9 @@
 
 Usage: px4_log.py LOG [STATES]
 
-`LOG` is `iris_gps.csv` of PX4's tests of EKF2, a simulated flight (`STATES`: what PX4's own filter made of it), or
-`quad122a.zip` of github.com/priseborough/InertialNav, a real one with the attitude of its autopilot. The filter is that
-of `ekf.py`, aligned as by `alignment.rs`, with the noise of the preset `typical`.
+`LOG` is `iris_gps.csv` of PX4's tests of EKF2, a simulated flight (`STATES`: the estimates of PX4's own filter), or
+`quad122a.zip` of github.com/priseborough/InertialNav, a real flight with the attitude of its autopilot. The filter is
+the one of `ekf.py`, aligned as by `alignment.rs`, with the noise of the preset `typical`.
 """
 
 import sys
@@ -14,7 +14,7 @@ import flight_logs
 import numpy as np
 
 G = 9.81
-# What plant/src/instruments.rs makes of the preset `typical`; of the gyros it is a density.
+# Noise that plant/src/instruments.rs makes of the preset `typical`; for the gyros it is a density.
 FORCE, GYROS, FORCE_WALK, RATES_WALK = 0.536, np.radians(0.0028), 0.00161, np.radians(0.005)
 FORCE_BIAS, IRON, DECLINED = np.array([0.0455, 0.0455, 0.0316]), 0.02, np.radians(0.5)
 DRIFT_WALK, DRIFT_S = np.array([0.184, 0.184, 0.368]), 100.0
@@ -41,7 +41,7 @@ class Filter(ekf.Filter):
 
 
 def configure(dt, site):
-    """Tells the filter the noise of the preset, and the steps in which the file has the position."""
+    """Gives the filter the noise of the preset, and the resolution of the position in the file."""
     ekf.NOISE = {name: np.array(white) for name, white in WHITE.items()}
     ekf.NOISE["position"] = np.hypot(WHITE["position"], np.array(site["steps"]) / 12**0.5)
     ekf.DT, ekf.G, ekf.DIP = dt, np.array([0.0, 0.0, G]), np.radians(site["map"][1])
@@ -53,7 +53,7 @@ def configure(dt, site):
 
 
 def aligned(samples, measured, site):
-    """Aligns a filter that stands still; its north is the true one."""
+    """Aligns a filter that stands still; its north is true north."""
     force, turn = samples[:, 0:3].mean(0), np.radians(site["map"][0])
     given = {name: [now[name] for now in measured if name in now] for name in WHITE}
     white = {name: ekf.NOISE[name] ** 2 / len(values) for name, values in given.items()}
@@ -83,7 +83,7 @@ def aligned(samples, measured, site):
 
 
 def angles(r):
-    """Roll, pitch and heading [deg]."""
+    """Returns roll, pitch and heading [deg]."""
     return np.degrees([np.arctan2(r[2, 1], r[2, 2]), -np.arcsin(r[2, 0]), np.arctan2(r[1, 0], r[0, 0])])
 
 
@@ -93,7 +93,7 @@ def tell(what, values):
 
 
 def asked(headings, pushes, fixes):
-    """Turn that the receiver's changes of velocity ask of headings, as in yaw.rs without forgetting, and its deviation."""
+    """Returns the turn of headings that fits the receiver's changes of velocity, and its deviation; as in yaw.rs."""
     moved = np.cumsum(pushes * np.exp(1j * np.radians(headings))) * ekf.DT
     steps, velocity = np.array(list(fixes), int), np.array(list(fixes.values()))
     ours, its = np.diff(moved[steps]), np.diff(velocity)

@@ -22,7 +22,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from pyulog import ULog
 
 TOPICS = ("state", "reference", "controls", "actuators")
-#: Fields that a table has in another form: the number of a status has its name in the column beside it.
+#: Field that is not compared: a table has the name of a status in the column beside its number.
 NAMES = "status_name"
 
 
@@ -42,8 +42,8 @@ def columns(descriptor, before=""):
 
 
 def tables(log):
-    """The messages of each topic: the names of the fields, and for each message its values, with its time. Those of
-    STATE have the fields of the TRUTH of their tick too."""
+    """Returns the messages of each topic: the names of the fields, and for each message its time and values. Messages
+    of STATE also have the fields of the TRUTH of their tick."""
     found = {}
     with log.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
@@ -89,7 +89,7 @@ def compare_table(topic, rows, read):
 
 
 def plain(frame):
-    """Rows of a frame with Python's own numbers."""
+    """Returns the rows of a frame with Python's own numbers."""
     return [dict(zip(frame.columns, (v.item() if hasattr(v, "item") else v for v in row)))
             for row in frame.itertuples(index=False, name=None)]
 
@@ -104,7 +104,7 @@ def parquet(run, topic):
 
 
 def compare_ulog(run, logged):
-    """Our topics in the ULog file, and those of PX4 that are made of them."""
+    """Compares our topics in the ULog file, and the topics of PX4 that are made of them."""
     data = {found.name: found.data for found in ULog(str(run / "flight.ulg")).data_list}
     counts = {}
     for topic, (_, rows) in logged.items():

@@ -44,7 +44,7 @@ def expect(condition, message):
 
 
 def scenario_of(file):
-    """The run's merged settings: the first metadata record."""
+    """Returns the run's merged settings, the first metadata record."""
     file.seek(0)
     record = next(NonSeekingReader(file).iter_metadata())
     expect(record.name == "scenario", f"the first metadata record is {record.name}, not scenario")
@@ -52,7 +52,7 @@ def scenario_of(file):
 
 
 def messages_of(file):
-    """All messages in the order of writing; the last item tells whether the log has its footer."""
+    """Yields all messages in the order of writing, then None if the log has no footer."""
     file.seek(0)
     reader = NonSeekingReader(file, validate_crcs=True, decoder_factories=[Protobuf()])
     try:

@@ -4,7 +4,8 @@
     python3 read_view.py flight.mcap
 
 Decodes every message twice: by the schema in the log, and by the package. Compares the frames with the states of the
-same times, and the arrows with the rotor speeds. Prints one line of JSON; exit code 1 with a message if something is off.
+same times, and the arrows with the rotor speeds. Prints one line of JSON; exit code 1 with a message if a value
+differs.
 """
 
 import collections
@@ -48,7 +49,7 @@ def turned(q, v):
 
 
 def nose(attitude):
-    """Direction of the body's forward axis in NED, by the Euler angles."""
+    """Returns the direction of the body's forward axis in NED, by the Euler angles."""
     return (math.cos(attitude.pitch) * math.cos(attitude.yaw), math.cos(attitude.pitch) * math.sin(attitude.yaw),
             -math.sin(attitude.pitch))
 

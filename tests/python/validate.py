@@ -1,4 +1,4 @@
-"""Validates files against a JSON Schema: validate.py SCHEMA FILE... Prints one line for each file that does not fit."""
+"""Validates files against a JSON Schema: validate.py SCHEMA FILE... Prints one line for each error."""
 
 import json
 import sys

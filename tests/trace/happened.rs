@@ -55,7 +55,7 @@ fn the_position_error_is_that_of_run_json() {
 #[test]
 fn an_arrow_passes_only_nodes_that_received_the_sample() {
     let mut log = ring(4);
-    log.states[2].stamp.start_ns += 600_000; // the others did not wait for it any longer
+    log.states[2].stamp.start_ns += 600_000; // the other nodes no longer waited for it
     log.states[2].stamp.publish_ns[0] += 600_000;
     let trace = traced(&log);
     assert!(events(&trace, "s").into_iter().all(|arrow| arrow["id"] != 3));

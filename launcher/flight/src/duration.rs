@@ -13,7 +13,7 @@ pub fn seconds(text: &str) -> Result<f64, String> {
         Some(number) if unit.is_none() && number != 0.0 => {
             Err(format!("'{text}' has no unit: say {text}s or {text}ms"))
         }
-        // The division is exact: 500 ms is 0.5 s to the last bit. 500 times 1e-3 may be rounded.
+        // A division rounds once: 9 ms becomes the number nearest to 0.009 s, which 9 times 1e-3 is not.
         Some(number) => Ok(if factor < 1.0 { number / (1.0 / factor).round() } else { number * factor }),
         None => Err(format!("'{text}' is no duration: 0 or more with its unit, for instance 500ms, 0.5s, 2min")),
     }

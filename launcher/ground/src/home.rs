@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn homes_that_are_none_are_refused() {
+    fn invalid_homes_are_refused() {
         assert!(Home::USUAL.parse::<Home>().is_ok());
         for text in ["", "1,2", "1,2,3,4", "90,0,0", "0,181,0", "a,b,c", "NaN,0,0", "1,2,x,3"] {
             assert!(text.parse::<Home>().unwrap_err().contains(Home::USUAL), "{text}");

@@ -6,7 +6,8 @@
 //!              -> { trefoil_next -> trefoil_remember, trefoil_send }... -> trefoil_leave
 //! ```
 //!
-//! The session is the same as in any other node: deadline, faults, trial, timing and replay see no difference.
+//! The session is the same as in any other node: deadline, faults, trial and timing see no difference. A replay takes
+//! the program's messages from the log.
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 
@@ -154,8 +155,8 @@ pub unsafe extern "C" fn trefoil_setup(session: *const TrefoilSession) -> *const
 }
 
 /// Copies the memory that the process before this one left by `trefoil_remember` to `memory`, of `bytes`, and returns
-/// its size: 0 = none, begin cold. Call it before the first `trefoil_next`; a program that does not begins cold. A
-/// negative result is an error.
+/// its size: 0 = none, begin cold. Call it before the first `trefoil_next`; without this call a program begins cold.
+/// A negative result is an error.
 ///
 /// # Safety
 /// `session` came from `trefoil_join`; `memory` has `bytes`.

@@ -42,10 +42,10 @@ impl RequestRefused {
     pub fn describe(self) -> &'static str {
         match self {
             Self::Token => {
-                "the token is missing or wrong: open the whole address that `launcher` has printed, or send \
+                "the token is missing or wrong: open the whole address that `trefoil` has printed, or send \
                  `Authorization: Bearer TOKEN`"
             }
-            Self::Host => "this is no name of this machine: use the address that `launcher` has printed",
+            Self::Host => "this is no name of this machine: use the address that `trefoil` has printed",
             Self::Origin => "another website may not connect; Foxglove needs its address with ?token=TOKEN",
         }
     }

@@ -14,8 +14,8 @@ pub type SendRecord = Box<dyn Fn(&Record)>;
 pub fn open(ports: &mut Ports, topic: Topic, epoch: u32) -> Result<SendRecord, SessionError> {
     fn of<M: Message>(ports: &mut Ports, epoch: u32) -> Result<SendRecord, SessionError> {
         let port = ports.sender::<M>(epoch)?;
-        // A send fails if no port listens. A worker's port always listens, and the wait for a program notices the
-        // program's end.
+        // A send fails if no port listens. A worker's port always listens; if another program takes the place of a
+        // process, the wait for its answer (program.rs) notices its end.
         Ok(Box::new(move |record| _ = record.message().map(|message| port.send(message))))
     }
     match topic {

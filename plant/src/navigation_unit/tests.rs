@@ -103,7 +103,7 @@ fn vibration_grows_with_the_rotor_speed() {
 }
 
 #[test]
-fn no_fault_of_a_sensor_makes_an_estimate_that_is_no_number() {
+fn sensor_faults_leave_the_estimate_finite() {
     let targets: Vec<_> =
         FaultTarget::ALL.map(|(target, _)| target).into_iter().filter(|it| it.is_a_sensor()).collect();
     for (target, kind) in targets.iter().flat_map(|target| target.kinds().iter().map(move |kind| (*target, *kind))) {

@@ -34,7 +34,7 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     found.require(
         fault.kind != FaultKind::Delayed || fault.ms.is_none_or(|ms| ms <= delay_ms),
         &["fault", "run.rate_hz"],
-        "a sensor whose past is longer than the memory of the plant".into(),
+        "a delay of a sensor longer than the plant stores".into(),
         &format!("`ms` of 0 to {delay_ms}, {MAX_SENSOR_DELAY_TICKS} samples"),
     );
     check_surroundings(fault, scenario.run.mode, found);
@@ -208,7 +208,7 @@ fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
     found.require(
         !of_one || mode != Mode::Inprocess || !fault.target.kinds().contains(&fault.kind),
         &["fault", "run.mode"],
-        format!("{} where one thread flies, without a clock", word(fault.kind)),
+        format!("{} in mode inprocess, which has no clock", word(fault.kind)),
         "`run.mode` = \"realtime\" or \"lockstep\"",
     );
     found.require(

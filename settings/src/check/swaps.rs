@@ -55,7 +55,12 @@ fn check_candidate(scenario: &Scenario, swap: &Swap, own: Result<Scenario, Scena
         Err(error) => {
             let text = error.to_string();
             let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
-            return found.require(false, &KEYS, format!("`swap.set`: {what}"), "settings as after `--set`");
+            return found.require(
+                false,
+                &KEYS,
+                format!("`swap.set`: {what}"),
+                "settings in the form of `--set key=value`",
+            );
         }
     };
     found.require(

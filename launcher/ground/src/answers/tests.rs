@@ -71,7 +71,7 @@ fn acknowledged(request: MavMessage) -> (MavMissionResult, MavMissionType) {
 
 #[test]
 #[expect(deprecated, reason = "stations before 2020 send MISSION_REQUEST and MISSION_ITEM")]
-fn an_upload_a_clear_and_a_request_for_an_item_are_acknowledged_with_why_not() {
+fn requests_for_missions_are_refused_with_the_reason() {
     for mission_type in [MavMissionType::MAV_MISSION_TYPE_MISSION, MavMissionType::MAV_MISSION_TYPE_FENCE] {
         let denied = (MavMissionResult::MAV_MISSION_DENIED, mission_type);
         for count in [0, 3] {
@@ -108,7 +108,7 @@ fn an_upload_a_clear_and_a_request_for_an_item_are_acknowledged_with_why_not() {
 }
 
 #[test]
-fn what_the_capabilities_name_is_answered() {
+fn every_announced_capability_is_answered() {
     let Some(MavMessage::AUTOPILOT_VERSION(of)) = station().vehicle.message(AUTOPILOT_VERSION_DATA::ID) else {
         panic!()
     };

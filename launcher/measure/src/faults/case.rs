@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! the plant lives               the plant is the vehicle, and is not replaced
-//! every actuator obeys          it may be late or weak, but moves to the commanded position
+//! every actuator obeys          it may be late, weak, limited or off by some degrees, but follows its command
 //! no sensor is wrong            without a second sensor the stack cannot detect a stuck or wrong one
 //! no node errs                  a wrong but plausible demand is obeyed; from a candidate it ends the swap
 //! no sensor is late             slow and delayed are 200 and 100 ms by default; the loop tolerates 50 ms for the rates

@@ -108,7 +108,7 @@ mod tests {
         log.events = vec![Event::new(14, "recorder", 2, What::Started), Event::new(15, "recorder", 2, What::TookOver)];
         let kill = killed(Victim::Recorder, 112);
         assert_eq!(kill.completed(&log, &[]).successor_ms, Some(38.0));
-        assert_eq!(Kill { epoch: 2, ..kill }.completed(&log, &[]).successor_ms, None, "nobody followed");
+        assert_eq!(Kill { epoch: 2, ..kill }.completed(&log, &[]).successor_ms, None, "no successor");
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! ```text
 //! jitter / hop       start - release           how long after its release the process woke
 //! execution          publish - start           wall time
-//! cpu                CPU time of the thread    since the end of its cycle before: sending, doorbell, wake-up
+//! cpu                CPU time of the thread    from the end of its previous cycle on: wake-up, step, sending, doorbell
 //! input age          start - sample            how old the sample was when the process began
 //! response           publish - sample          late when beyond the deadline
 //! slip               a period without a cycle
