@@ -211,7 +211,7 @@ fn a_limit_that_cannot_be_searched_is_refused_before_a_flight() {
         ),
         (
             &format!("{delay}[[promise]]\nfigure = 'x'\nmetric = 'limit'\nof = 'mean'\nat_least = 1.0"),
-            "known only to be",
+            "a limit beyond the range has no value",
         ),
     ] {
         let said = searched("", limit, &[], 2);
