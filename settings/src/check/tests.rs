@@ -155,7 +155,7 @@ fn faults_that_need_processes_are_refused_in_process() {
     let fault = "fault=[{at_s=1, target=\"clock\", kind=\"offset\", process=\"mixer\", ms=-5}]";
     from_set(&[fault, "run.mode=lockstep"]).unwrap_or_else(|error| panic!("{fault}: {error}"));
     let error = from_set(&[fault, "run.mode=inprocess"]).expect_err("there are no processes").to_string();
-    assert!(error.contains("where one thread flies"), "{error}");
+    assert!(error.contains("in mode inprocess"), "{error}");
 }
 
 #[test]
