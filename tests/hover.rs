@@ -14,7 +14,7 @@ use crate::harness::{fly, launcher, top};
 const FLIGHT_S: f64 = 60.0;
 /// Largest difference between a computed margin and the margin of flights \[ms\].
 const GRID_MS: f64 = 10.0;
-/// Settings whose margins do not follow the default profile.
+/// Settings with fixed gains, so that their margins stay when the default profile is tuned anew.
 const PID: [&str; 4] =
     ["profile=paper", "attitude.law=pid", "attitude.pid.kp=[4, 48, 48, 48]", "attitude.pid.kd=[12, 12, 12]"];
 

@@ -1,4 +1,4 @@
-//! `[limit]` of a campaign: each row is a search, which is the same however it is flown, and has the flights of `fly`.
+//! `[limit]` of a campaign: each row is one search. Who flies it changes nothing, and `fly` gives the same flights.
 
 use std::fs;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::campaign::Place;
 use crate::harness::fly;
 
 /// Largest rolls from which two controllers catch the vehicle, at rest and at a speed that breaks the bound at any
-/// roll. A roll of 360 degrees is none: it passes, beyond the first failure.
+/// roll. 360 degrees is not the limit, although it passes: smaller rolls fail.
 const CAMPAIGN: &str = r#"
 name = "limits"
 samples = 3

@@ -151,7 +151,7 @@ const UNSUPPORTED: u64 = 3;
 const INVALID_SEQUENCE: u64 = 13;
 const MISSION_DENIED: u64 = 14;
 
-/// Bits of `MAV_PROTOCOL_CAPABILITY`: missions by `MISSION_ITEM_INT`, `COMMAND_INT`, MAVLink 2, numbers as parameters.
+/// Bits of `MAV_PROTOCOL_CAPABILITY`: `MISSION_ITEM_INT`, `COMMAND_INT`, MAVLink 2, parameter values cast to float.
 const CAPABILITIES: u64 = 4 | 8 | 8192 | 131_072;
 
 fn check_answers(came: &[Value]) {

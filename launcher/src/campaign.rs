@@ -59,7 +59,7 @@ pub struct CampaignArgs {
     web: Option<SocketAddr>,
     #[command(flatten)]
     token: TokenArgs,
-    /// Run in real time whose age at the actuator is shown beside the limits of a delay, a jitter or a loss
+    /// Run in real time whose measured delay, jitter or share of missed deadlines is shown beside that limit
     #[arg(long, value_name = "RUN", conflicts_with_all = ["plan", "only", "status"])]
     observed: Option<PathBuf>,
     #[command(flatten)]

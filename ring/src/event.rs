@@ -85,7 +85,7 @@ pub struct Sender {
 pub enum What {
     /// The process ended without being asked to.
     Died,
-    /// The process made no progress or was cut off, and is killed. A launcher that is cut off is not killed.
+    /// The process made no progress, or exchanged no messages, and is killed. A launcher without messages is not.
     Hung,
     /// The process was started.
     Started,

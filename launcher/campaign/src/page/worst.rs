@@ -56,7 +56,7 @@ pub fn listed(page: &CampaignPage, again: &str) -> String {
     format!("<section id=\"worst\"><h2>The worst flights so far</h2>{table}</section>")
 }
 
-/// Rows of the flights that failed worst, the worst first; only the worst flight of each case.
+/// Rows of the flights that failed worst, the worst first; of flights that differ only by controller, only the worst.
 fn worst(page: &CampaignPage) -> Vec<usize> {
     let flights = page.flights;
     let (Some(errors), Some(flown), Some(outcomes)) =
@@ -155,7 +155,7 @@ fn bound(scenario: &Scenario) -> Value {
 }
 
 impl CampaignPage<'_> {
-    /// Returns the verdicts on the same case under the other controllers.
+    /// Returns the verdicts on the flights that differ from this one only by their controllers.
     fn others(&self, row: usize) -> String {
         let same = |other: &usize| *other != row && self.case(*other) == self.case(row);
         let of = |passed: bool| -> Vec<String> {

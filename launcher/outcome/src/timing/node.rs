@@ -95,7 +95,7 @@ impl CycleCounts {
     }
 }
 
-/// Names of a node's figures in run.json, in the order of a page.
+/// Names of a node's figures in run.json, in the order in which the report shows them.
 pub const FIGURES: [&str; 7] = ["jitter", "hop", "execution", "cpu", "input_age", "response", "response_per_slot"];
 
 /// One node's part of the `timing` table of run.json. A figure that the node does not have is `None`.
