@@ -135,7 +135,8 @@ fn the_search_of_the_fronts_flies_every_law() {
     };
     for law in laws {
         let volume: f64 = row(volumes, law)[1].parse().expect("a number");
-        assert!((0.0..1.0).contains(&volume), "{told}");
+        // `lqr1` knows no delay, so a tuning of it may have no margin.
+        assert!(volume < 1.0 && (volume > 0.0 || law == "lqr1"), "{told}");
         let error_m: f64 = row(tunings, &format!("{law}-1*"))[1].parse().expect("a number");
         // The starting tunings fly the legs within 5 cm.
         assert!((0.003..0.05).contains(&error_m), "{told}");

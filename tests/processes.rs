@@ -7,6 +7,7 @@ use std::process::Command;
 
 use rustix::process::Pid;
 
+use crate::control::status;
 use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// Returns the ids of the processes whose command line names `namespace`.
@@ -176,9 +177,12 @@ fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
         for victim in ["guidance", "attitude-mpc", "mixer", "guidance", "mixer"] {
             let before = process_of(&ns, victim);
             kill(signal, &[before]);
-            let others = || processes_of(&ns).into_iter().filter(|pid| *pid != before && runs(*pid, victim)).count();
-            wait_until("another process is there", || others() > 0 && !processes_of(&ns).contains(&before));
-            std::thread::sleep(std::time::Duration::from_millis(500)); // the new process is active by then
+            let active = || {
+                let view = status(&ns);
+                let node = view["nodes"].as_array()?.iter().find(|node| node["node"] == victim)?;
+                node["pid"].as_i64()
+            };
+            wait_until("another process is active", || active().is_some_and(|pid| pid != i64::from(before)));
         }
         std::thread::sleep(std::time::Duration::from_secs(2));
         kill("-INT", &[flight.child.id() as i32]);

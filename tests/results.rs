@@ -135,7 +135,9 @@ fn check((path, page): &(PathBuf, String), wanted: &str) -> Option<String> {
 #[test]
 fn every_command_of_the_results_prints_what_its_page_says() {
     let pages = pages();
-    assert!(pages.iter().any(|(_, page)| page.contains(BEGIN)), "the pages have commands");
+    for (path, page) in &pages {
+        assert!(page.contains(BEGIN) && page.contains(COMMIT), "{}: no command, or no commit", path.display());
+    }
     let wanted = env::var("RESULTS").unwrap_or_default();
     for word in wanted.split(',').filter(|word| !["", "all"].contains(word)) {
         assert!(pages.iter().any(|(path, _)| name(path) == word), "RESULTS: there is no page docs/results/{word}.md");

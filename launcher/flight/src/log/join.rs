@@ -22,7 +22,7 @@ use crate::event::Event;
 
 /// Joins `parts` into one log with all `events`. This log replaces the first part; the other parts are removed. A
 /// message that two parts have recorded is written once: each part adds its new messages in the order of its file.
-/// Those of the `sent` messages that no part has count as dropped.
+/// A message of the `sent` ones that no part has counts as dropped.
 ///
 /// # Errors
 /// Fails if the log cannot be written; then the parts stay as they are.
