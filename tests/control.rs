@@ -15,6 +15,13 @@ pub fn status(namespace: &str) -> Value {
     stacks.as_array().into_iter().flatten().find(|stack| stack["namespace"] == namespace).cloned().unwrap_or_default()
 }
 
+/// Waits until the flight of `namespace` is `seconds` further, in simulated time.
+pub fn fly_on(namespace: &str, seconds: f64) {
+    let time_s = || status(namespace)["time_s"].as_f64();
+    let until_s = time_s().expect("it flies") + seconds;
+    wait_until("the flight is further", || time_s().is_some_and(|time_s| time_s >= until_s));
+}
+
 /// Runs a command on a stack; returns stdout if it succeeds, stderr if it is refused.
 pub fn tell(namespace: &str, words: &[&str]) -> Result<String, String> {
     let output = launcher().args(words).args(["--namespace", namespace]).output().expect("the command runs");

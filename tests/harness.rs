@@ -188,9 +188,9 @@ pub fn launcher() -> Command {
     command
 }
 
-/// Waits until `condition` holds, no longer than ten seconds.
+/// Waits until `condition` holds, no longer than the watchdog.
 pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(10);
+    let deadline = Instant::now() + WATCHDOG;
     while !condition() {
         assert!(Instant::now() < deadline, "timed out: {what}");
         std::thread::sleep(Duration::from_millis(5));

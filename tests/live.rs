@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use flight::log::Lz4;
 use rustix::process::{Pid, Signal, kill_process};
@@ -15,7 +15,9 @@ use tungstenite::{Message, WebSocket};
 use view::scene::SceneChannel;
 
 use crate::control::{flying, status, tell};
-use crate::harness::{AS_NOBODY, Flight, Outcome, fly, has_root, launcher, namespace, shared_memory_of, wait_until};
+use crate::harness::{
+    AS_NOBODY, Flight, Outcome, fly, has_root, land, launcher, namespace, shared_memory_of, wait_until,
+};
 use crate::pages;
 use crate::processes::{children_of, kill, niceness};
 
@@ -361,21 +363,14 @@ fn a_frame_that_is_too_long_ends_its_connection_before_it_is_read() {
 }
 
 #[test]
-fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends_soon() {
+fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends() {
     for (signal, told) in [("-STOP", "did not end and was killed"), ("-KILL", "failed (signal: 9")] {
         let (ns, port) = (namespace(), free_port());
-        let page = ["--web", &format!("127.0.0.1:{port}"), "--token", TOKEN];
-        let flight = flying(&ns, &[&page, HANG, &["--set", "run.duration_s=3.0"]].concat());
+        let flight = with_page(&ns, port, &["--set", "run.duration_s=3600.0"]);
         let pages = children_of(flight.child.id(), "serve-page");
         assert!(pages.len() == 1 && niceness(pages[0]) == 10, "{pages:?}");
         kill(signal, &pages);
-        wait_until("the flight is over", || status(&ns).is_null());
-        let over = Instant::now();
-        let outcome = flight.finish();
-        // The launcher waits a second for the page.
-        assert!(over.elapsed() < Duration::from_secs(4), "{:?}", over.elapsed());
-        let run = outcome.run();
-        assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &json!(0)), "{}", outcome.stderr);
+        let run = land(flight); // though a stopped page does not end
         let expected = format!("the process of --web {told}");
         assert!(run["reservations"].to_string().contains(&expected), "{}", run["reservations"]);
     }

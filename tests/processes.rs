@@ -7,7 +7,7 @@ use std::process::Command;
 
 use rustix::process::Pid;
 
-use crate::control::status;
+use crate::control::{fly_on, status};
 use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// Returns the ids of the processes whose command line names `namespace`.
@@ -59,6 +59,13 @@ pub fn start_flying(namespace: &str) -> Flight {
     let flight = Flight::start(namespace, &["--mode", "realtime"]);
     wait_until_it_flies(namespace);
     flight
+}
+
+/// Returns the active process of a `node`.
+fn active(namespace: &str, node: &str) -> Option<i32> {
+    let view = status(namespace);
+    let node = view["nodes"].as_array()?.iter().find(|seen| seen["node"] == node)?;
+    i32::try_from(node["pid"].as_i64()?).ok()
 }
 
 /// Waits until the plant has sampled for a tenth of a second.
@@ -177,14 +184,9 @@ fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
         for victim in ["guidance", "attitude-mpc", "mixer", "guidance", "mixer"] {
             let before = process_of(&ns, victim);
             kill(signal, &[before]);
-            let active = || {
-                let view = status(&ns);
-                let node = view["nodes"].as_array()?.iter().find(|node| node["node"] == victim)?;
-                node["pid"].as_i64()
-            };
-            wait_until("another process is active", || active().is_some_and(|pid| pid != i64::from(before)));
+            wait_until("another process is active", || active(&ns, victim).is_some_and(|pid| pid != before));
         }
-        std::thread::sleep(std::time::Duration::from_secs(2));
+        fly_on(&ns, 2.0); // the vehicle returns to its path
         kill("-INT", &[flight.child.id() as i32]);
         let outcome = flight.finish();
         assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
@@ -208,8 +210,9 @@ fn a_successor_that_hangs_while_it_starts_is_replaced_too() {
     kill("-KILL", &[first]);
     let successor = || processes_of(&ns).into_iter().find(|pid| *pid != first && runs(*pid, "guidance"));
     wait_until("its successor is there", || successor().is_some());
-    kill("-STOP", &[successor().expect("it lives")]);
-    std::thread::sleep(std::time::Duration::from_secs(2));
+    let second = successor().expect("it lives");
+    kill("-STOP", &[second]);
+    wait_until("a third is active", || active(&ns, "guidance").is_some_and(|pid| ![first, second].contains(&pid)));
     kill("-INT", &[flight.child.id() as i32]);
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
@@ -334,9 +337,9 @@ fn a_node_that_was_stopped_counts_what_it_slept_through() {
     let flight = start_flying(&ns);
     let plant = process_of(&ns, "plant"); // any other node would be replaced
     kill("-STOP", &[plant]);
-    std::thread::sleep(std::time::Duration::from_millis(300));
+    std::thread::sleep(std::time::Duration::from_millis(300)); // 30 samples of the plant's clock, or more
     kill("-CONT", &[plant]);
-    std::thread::sleep(std::time::Duration::from_millis(300));
+    fly_on(&ns, 0.1);
     kill("-INT", &[flight.child.id() as i32]);
     let run = flight.finish().run();
     let plant = &run["timing"]["nodes"]["plant"];

@@ -12,6 +12,7 @@ use runtime::realtime::ControlPage;
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use serde_json::Value;
 
+use crate::control::status;
 use crate::harness::{Flight, Outcome, fly, land, namespace, shared_memory_of, wait_until};
 use crate::processes::{kill, process_of, processes_named, start_flying};
 
@@ -187,11 +188,15 @@ fn a_node_that_can_open_no_more_files_is_replaced_when_it_receives_nothing() {
     let limit = Rlimit { current: Some(3), ..getrlimit(Resource::Nofile) };
     prlimit(Pid::from_raw(mixer), Resource::Nofile, limit).expect("it is ours");
     kill("-KILL", &[process_of(&ns, "attitude-mpc")]);
-    std::thread::sleep(Duration::from_secs(1));
+    let deaf = |event: &Value| {
+        event["node"] == "mixer" && event["what"] == "hung" && event["why"] == "it hears nothing of attitude-mpc"
+    };
+    wait_until("the mixer is replaced", || {
+        let view = status(&ns);
+        let replaced = view["events"].as_array().into_iter().flatten().skip_while(|event| !deaf(event));
+        replaced.filter(|event| event["node"] == "mixer").any(|event| event["what"] == "took-over")
+    });
     let run = land(flight);
-    let deaf = |event: &&Value| event["what"] == "hung" && event["why"] == "it hears nothing of attitude-mpc";
-    let events = run["events"].as_array().expect("events");
-    assert!(events.iter().any(|event| event["node"] == "mixer" && deaf(&event)), "{events:?}");
     assert!(run["metrics"]["max_position_error_m"].as_f64() < Some(0.5), "{}", but(&run));
 }
 

@@ -5,6 +5,7 @@ use contract::stamp::delivery;
 use flight::log::{self, Log};
 use serde_json::Value;
 
+use crate::control::{fly_on, status};
 use crate::harness::{Flight, Outcome, launcher, namespace, shared_memory_of, wait_until};
 use crate::processes::{kill, process_of, processes_named, processes_of, wait_until_it_flies};
 
@@ -144,7 +145,8 @@ fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
     let ns = namespace();
     let flight = Flight::start(&ns, &["--mode", "realtime"]);
     wait_until_it_flies(&ns);
-    std::thread::sleep(std::time::Duration::from_millis(600)); // the recorder flushes less often
+    fly_on(&ns, 0.6);
+    let seen_s = status(&ns)["time_s"].as_f64().expect("it flies");
     kill("-KILL", &[flight.child.id() as i32]);
     wait_until("the recorder has closed the log", || processes_of(&ns).is_empty());
     let out = flight.out.clone();
@@ -152,7 +154,8 @@ fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
     assert!(log.complete(), "{:?}", log.defect);
     check_whole(&log.states);
     check_whole(&log.actuators);
-    assert!(log.states.len() >= 50, "{}", log.states.len());
+    let last = log.states.last().expect("a state").stamp.tick;
+    assert!(last as f64 >= seen_s * 100.0 - 1.0, "tick {last}, seen at {seen_s} s");
     let report = launcher().arg("report").arg(&out).output().expect("the launcher starts");
     let told = String::from_utf8_lossy(&report.stderr);
     assert!(told.contains("there is no run.json to say where the flight ended"), "{told}");
