@@ -243,7 +243,7 @@ fn node(name: &str, namespace: &str, epoch: u32, own: Option<&Path>, log: Option
         Some(log) if name == RECORDER => recorder::main(namespace, epoch, &log),
         _ if name == Topic::State.publisher() => run_as(name, namespace, epoch, own, |session| {
             let vehicle = nodes::vehicle(&session.scenario)?;
-            plant::run(session, vehicle)
+            plant::sampler::run(session, vehicle)
         }),
         _ => run_as(name, namespace, epoch, own, |session| runtime::node::run(session, nodes::open)),
     }

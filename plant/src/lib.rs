@@ -17,7 +17,7 @@
 //! | [`sensors`], [`sensor`] | measurements: errors, rates, latencies | |
 //! | [`navigation_unit`], [`instruments`] | the navigation unit with its filter (EKF), and its sensors | |
 //! | [`telemetry`] | rotor speeds and tilt as sensed | |
-//! | [`sampler`], `process` | the plant behind its ports in every mode; the plant as a process | |
+//! | [`sampler`] | the plant behind its ports in every mode; the loop of its process | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //! | [`memory`] | state of the vehicle as words | |
@@ -44,8 +44,6 @@ pub mod integrator;
 pub mod landing;
 pub mod memory;
 pub mod navigation_unit;
-#[cfg(target_os = "linux")]
-mod process;
 pub mod random;
 pub mod rotors;
 pub mod sampler;
@@ -66,8 +64,6 @@ use commands::CommandLine;
 use faults::sensors::SensorFaults;
 use memory::Tape;
 use navigation_unit::NavigationUnit;
-#[cfg(target_os = "linux")]
-pub use process::run;
 use sensors::Sensors;
 use telemetry::Telemetry;
 use tricopter::Tricopter;

@@ -1,4 +1,5 @@
-//! The plant behind its ports: a process, the ring in one thread and a replay sample it in the same order.
+//! The plant behind its ports, and as a process: a process, the ring in one thread and a replay sample it in the same
+//! order.
 //!
 //! ```text
 //! command  passes each command that arrives after the newest sample to `plant.command`
@@ -9,6 +10,8 @@
 
 use std::any::Any;
 
+#[cfg(target_os = "linux")]
+use contract::message::Content;
 use contract::message::{Actuators, Stamp, State};
 use contract::snapshot::PLANT_WORDS;
 use runtime::error::SessionError;
@@ -16,10 +19,42 @@ use runtime::input::Input;
 use runtime::member::Member;
 use runtime::output::{Output, TruthOutput};
 use runtime::ports::Ports;
+#[cfg(target_os = "linux")]
+use runtime::session::NodeSession;
 use settings::Scenario;
 
 use crate::Plant;
 use crate::vehicle::Vehicle;
+
+/// Flies a `vehicle` from the start of the session's scenario until the run is over or the vehicle has diverged.
+///
+/// Every sample is published and valid until the next release; a command that arrives in between acts from the instant
+/// of its arrival, with the delay of the scenario.
+///
+/// # Errors
+/// A port cannot be opened, the code of the vehicle fails, a fault ends the process, or the process has missed a
+/// deadline with the policy `stop`.
+#[cfg(target_os = "linux")]
+pub fn run(mut session: NodeSession, vehicle: Box<dyn Vehicle>) -> Result<(), SessionError> {
+    let mut sampler = session.open(|ports, member, scenario| Sampler::open(ports, member, scenario, vehicle))?;
+    let scenario = session.scenario.clone();
+    let mut cycles = session.ready_to_sample()?;
+    while let Some(tick) =
+        cycles.next(&mut sampler.commands, |command, arrival_ns| sampler.plant.command(command, arrival_ns))?
+    {
+        let state = sampler.sample(tick, None)?;
+        if state.is_last() {
+            cycles.ends_with(tick);
+        }
+        sampler.send(state, cycles.provenance(tick), || cycles.done(tick));
+        if scenario.is_remembered(tick)
+            && let Some(memory) = sampler.memory()
+        {
+            cycles.remember(tick, memory);
+        }
+    }
+    Ok(())
+}
 
 /// Plant with its ports.
 pub struct Sampler {

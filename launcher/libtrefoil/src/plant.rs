@@ -14,7 +14,7 @@ use crate::process::joined;
 fn run(functions: &TrefoilNode, arguments: &[&str]) -> Result<(), Failure> {
     let session = joined(Topic::State.publisher(), arguments)?;
     let vehicle = foreign::vehicle_of_program(functions, &session.scenario)?;
-    Ok(plant::run(session, vehicle)?)
+    Ok(plant::sampler::run(session, vehicle)?)
 }
 
 /// Runs this process as the plant of the run that the launcher has started it for, with the vehicle that `functions`
