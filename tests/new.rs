@@ -1,4 +1,5 @@
-//! `trefoil new`: the controller of every language is built, tested and flown as it is written.
+//! `trefoil new`: the controller of every language is built, tested and flown as it is written, with the error that
+//! docs/results/controllers.md has.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -42,6 +43,11 @@ fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) -> Op
     let scenario = scenario.to_str().expect("plain names");
     let whole = fly(&[scenario, "--mode", "inprocess"]);
     assert_eq!(whole.code(), Some(0), "{}", whole.stderr);
+    let of = if node == "attitude-mpc" { lang.to_owned() } else { format!("{lang} --node {node}") };
+    let error_m = whole.run()["metrics"]["max_position_error_m"].as_f64().expect("a number");
+    let row = format!("\n{of}:   position error        {error_m:.4} m max");
+    let page = std::fs::read_to_string(top().join("docs/results/controllers.md")).expect("a page");
+    assert!(page.contains(&row), "docs/results/controllers.md does not have:{row}");
     flies_in_every_mode(scenario, node, &library, settings);
     swapped_in_and_out(scenario, node, &library, settings, ["lockstep", "inprocess"]);
     Some(folder)
