@@ -15,9 +15,7 @@ use tungstenite::{Message, WebSocket};
 use view::scene::SceneChannel;
 
 use crate::control::{flying, status, tell};
-use crate::harness::{
-    AS_NOBODY, Flight, Outcome, fly, has_root, land, launcher, namespace, shared_memory_of, wait_until,
-};
+use crate::harness::{AS_NOBODY, Flight, Outcome, fly, has_root, launcher, namespace, shared_memory_of, wait_until};
 use crate::pages;
 use crate::processes::{children_of, kill, niceness};
 
@@ -366,11 +364,13 @@ fn a_frame_that_is_too_long_ends_its_connection_before_it_is_read() {
 fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends() {
     for (signal, told) in [("-STOP", "did not end and was killed"), ("-KILL", "failed (signal: 9")] {
         let (ns, port) = (namespace(), free_port());
-        let flight = with_page(&ns, port, &["--set", "run.duration_s=3600.0"]);
+        let flight = with_page(&ns, port, &["--set", "run.duration_s=10.0"]);
         let pages = children_of(flight.child.id(), "serve-page");
         assert!(pages.len() == 1 && niceness(pages[0]) == 10, "{pages:?}");
         kill(signal, &pages);
-        let run = land(flight); // though a stopped page does not end
+        let outcome = flight.finish(); // though a stopped page does not end
+        let run = outcome.run();
+        assert_eq!((outcome.code(), &run["exit_code"]), (Some(0), &json!(0)), "{}", outcome.stderr);
         let expected = format!("the process of --web {told}");
         assert!(run["reservations"].to_string().contains(&expected), "{}", run["reservations"]);
     }

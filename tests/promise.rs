@@ -196,6 +196,7 @@ fn a_node_that_can_open_no_more_files_is_replaced_when_it_receives_nothing() {
         replaced.filter(|event| event["node"] == "mixer").any(|event| event["what"] == "took-over")
     });
     let run = land(flight);
+    assert!(run["events"].as_array().expect("events").iter().any(deaf), "{}", run["events"]);
     assert!(run["metrics"]["max_position_error_m"].as_f64() < Some(0.5), "{}", but(&run));
 }
 

@@ -1,5 +1,5 @@
-//! The plant behind its ports, and as a process: a process, the ring in one thread and a replay sample it in the same
-//! order.
+//! The plant behind its ports, and the loop of its process. The process, the ring in one thread and a replay sample it
+//! in the same order.
 //!
 //! ```text
 //! command  passes each command that arrives after the newest sample to `plant.command`
