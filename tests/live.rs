@@ -648,11 +648,12 @@ fn a_recorded_flight_plays_pauses_and_jumps_as_it_is_told() {
     assert!(
         happened["events"].as_array().is_some_and(|all| all.iter().all(|event| event["at_s"].as_f64() <= Some(3.0)))
     );
-    // A second browser sees the same.
+    // A second browser sees the same at once.
+    let position = frame(&mut socket, is("position"));
+    assert_eq!(position, json!({ "kind": "position", "position_s": 3.0, "speed": 1.0, "playing": false }));
     let mut other = open(port, PAGE, &[]).expect("it opens");
     assert_eq!(newest_s(&frame(&mut other, is("rows"))), 3.0);
-    let position = frame(&mut other, is("position"));
-    assert_eq!(position, json!({ "kind": "position", "position_s": 3.0, "speed": 1.0, "playing": false }));
+    assert_eq!(frame(&mut other, is("position")), position);
     done(json!({ "command": "speed", "speed": 20 }));
     done(json!({ "command": "play" }));
     let end = frame(&mut other, |frame| frame["kind"] == "phase" && frame["phase"] == "at the end");
