@@ -1,7 +1,6 @@
 //! `trefoil campaign`: every way to fly it gives the same table; an interruption loses no flight and counts none twice.
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
@@ -12,7 +11,7 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-use crate::harness::{launcher, python_with, top};
+use crate::harness::{launcher, python_with, top, write_script};
 
 /// Twenty-four short flights of two controllers: listed, drawn, with noise and faults; some pass, some fail.
 const CAMPAIGN: &str = r#"
@@ -428,9 +427,7 @@ echo 7
 "#;
     let sacct = "#!/bin/sh\nprintf '7_0|NODE_FAIL\\n7_10|TIMEOUT\\n7_0|FAILED\\n7_1|COMPLETED\\n'\n";
     for (name, text) in [("sbatch", sbatch), ("squeue", "#!/bin/sh\n"), ("sacct", sacct)] {
-        let path = folder.join(name);
-        fs::write(&path, text).expect("can be written");
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("it is ours");
+        write_script(&folder.join(name), text);
     }
 }
 

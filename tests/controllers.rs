@@ -9,7 +9,9 @@ use std::process::Command;
 use contract::exit;
 use serde_json::Value;
 
-use crate::harness::{Outcome, ended, fly, launcher, namespace, processes_with, python_with, top, wait_until};
+use crate::harness::{
+    Outcome, PATIENT, ended, fly, launcher, namespace, processes_with, python_with, top, wait_until, write_script,
+};
 
 /// Compiles `tests/controllers/pd.c` into `folder/name.so`, with these flags for the compiler.
 pub fn library(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
@@ -71,7 +73,7 @@ pub fn replay(run: &Path, arguments: &[&str]) -> (Option<i32>, String) {
 fn a_replay_computes_the_answers_of_a_library_only_if_the_user_names_it() {
     let folder = tempfile::tempdir().unwrap();
     let (own, other) = (library(folder.path(), "pd", &[]), library(folder.path(), "other", &["-O1"]));
-    let flown = hover("realtime", &[&exec(&own)]);
+    let flown = hover("realtime", &[&exec(&own), PATIENT]);
     assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
     let (code, said) = replay(&flown.out, &[]);
     assert_eq!(code, Some(0), "{said}");
@@ -136,7 +138,10 @@ fn a_swap_to_a_library_and_back_loses_no_tick() {
 /// Flies the library with `trap` in `mode`; returns its outcome.
 fn trapped(folder: &Path, trap: u32, mode: &str) -> Outcome {
     let library = library(folder, &format!("trap{trap}"), &[&format!("-DTRAP={trap}")]);
-    hover(mode, &[&exec(&library), "supervision.restart_ms=[0.0]", "supervision.wall_limit_s=2.0"])
+    // What hangs is waited for; nothing else is lost because the machine has stalled it.
+    let wall_limit_s = if trap == 4 { 2.0 } else { 30.0 };
+    let supervision = format!("supervision={{ restart_ms = [0.0], hang_ms = 500.0, wall_limit_s = {wall_limit_s:?} }}");
+    hover(mode, &[&exec(&library), &supervision])
 }
 
 #[test]
@@ -493,8 +498,7 @@ fn a_library_whose_file_is_cut_short_is_refused_by_that_name() {
 fn a_program_that_never_joins_is_named_in_the_last_line() {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("never");
-    std::fs::write(&program, "#!/bin/sh\nexec sleep 600\n").unwrap();
-    std::fs::set_permissions(&program, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    write_script(&program, "#!/bin/sh\nexec sleep 600\n");
     let outcome = hover("lockstep", &[&exec(&program)]);
     assert_eq!(outcome.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", outcome.stderr);
     let last = outcome.stderr.lines().last().unwrap_or_default();
@@ -515,7 +519,7 @@ pub fn flies_in_every_mode(scenario: &str, node: &str, library: &Path, settings:
         assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
-    let flight = flown(scenario, "realtime", &settings);
+    let flight = flown(scenario, "realtime", &[&settings[..], &[PATIENT]].concat());
     assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
     let (code, said) = replay(&flight.out, &["--program", &format!("{node}={}", library.display())]);
     assert_eq!(code, Some(0), "{said}");

@@ -2,11 +2,11 @@
 
 use serde_json::Value;
 
-use crate::harness::{Flight, Outcome, namespace};
+use crate::harness::{Flight, Outcome, PATIENT, namespace};
 
-/// Flies a second in real time. A process that a loaded machine delays is late, but not replaced.
+/// Flies three seconds in real time. A process that a loaded machine delays is late, but not replaced.
 fn fly(settings: &[&str]) -> Outcome {
-    let set = ["--mode", "realtime", "--no-log", "--set", "run.duration_s=1.0", "--set", PATIENT].into_iter();
+    let set = ["--mode", "realtime", "--no-log", "--set", "run.duration_s=3.0", "--set", PATIENT].into_iter();
     let arguments: Vec<_> = set.chain(settings.iter().flat_map(|setting| ["--set", setting])).collect();
     Flight::start(&namespace(), &arguments).finish()
 }
@@ -15,7 +15,6 @@ fn count(run: &Value, node: &str, what: &str) -> u64 {
     run["timing"]["nodes"][node][what].as_u64().unwrap_or_else(|| panic!("no {what} of {node}"))
 }
 
-const PATIENT: &str = "supervision.hang_ms=5000";
 /// No message is ready a microsecond after the sample.
 const IMPOSSIBLE: &str = "node.mixer.deadline_ms=0.001";
 

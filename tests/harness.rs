@@ -14,6 +14,9 @@ use serde_json::Value;
 /// Longest wall-clock time of a flight of the tests.
 const WATCHDOG: Duration = Duration::from_secs(120);
 
+/// Setting for flights in real time in which no process may be replaced because the machine has stalled it.
+pub const PATIENT: &str = "supervision={ hang_ms = 60000.0, start_limit_s = 60.0 }";
+
 /// Result of a run of the launcher: exit status, messages, and the folder of the run.
 pub struct Outcome {
     pub status: ExitStatus,

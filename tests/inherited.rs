@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::control::{status, tell};
-use crate::harness::{copy_program, launcher, namespace, shared_memory_of, skip, wait_until};
+use crate::harness::{PATIENT, copy_program, launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// Returns the command `trefoil fly` into `out`, started by `wrapper`; `None` if `wrapper` cannot be run here.
 fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile::TempDir) -> Option<Command> {
@@ -22,11 +22,13 @@ fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile:
     Some(command)
 }
 
-/// Sends `signal` to a real-time flight started by `wrapper`. Returns the exit code, or 128 plus the number of the
-/// signal that ended the flight; `None` if `wrapper` cannot be run here.
-fn signalled(wrapper: &[&str], signal: Signal) -> Option<i32> {
+/// Sends `signal` to a real-time flight of `duration_s` started by `wrapper`. Returns the exit code, or 128 plus the
+/// number of the signal that ended the flight; `None` if `wrapper` cannot be run here.
+fn signalled(wrapper: &[&str], signal: Signal, duration_s: f64) -> Option<i32> {
     let (ns, out) = (namespace(), tempfile::tempdir().expect("a temporary folder"));
-    let mut flight = fly_by(wrapper, &ns, &["--no-log", "--set", "run.duration_s=2.0"], &out)?.spawn().expect("starts");
+    let duration = format!("run.duration_s={duration_s:?}");
+    let arguments = ["--no-log", "--set", &duration, "--set", PATIENT];
+    let mut flight = fly_by(wrapper, &ns, &arguments, &out)?.spawn().expect("starts");
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.1));
     kill_process(Pid::from_child(&flight), signal).expect("signalled");
     let status = flight.wait().expect("it ends");
@@ -44,13 +46,13 @@ fn a_parent_that_ignores_its_children_is_no_parent_of_ours() {
 
 #[test]
 fn a_signal_that_the_parent_has_blocked_still_stops_a_flight() {
-    let code = signalled(&["env", "--block-signal=INT"], Signal::INT);
+    let code = signalled(&["env", "--block-signal=INT"], Signal::INT, 3600.0);
     assert!(code.is_none_or(|code| code == 130), "{code:?}");
 }
 
 #[test]
 fn a_flight_under_nohup_outlives_its_terminal() {
-    let code = signalled(&["env", "--ignore-signal=HUP"], Signal::HUP);
+    let code = signalled(&["env", "--ignore-signal=HUP"], Signal::HUP, 5.0);
     assert!(code.is_none_or(|code| code == 0), "{code:?}");
 }
 
@@ -73,7 +75,7 @@ fn a_program_that_is_built_anew_in_flight_is_still_the_one_that_flies() {
     let program = folder.path().join("trefoil");
     copy_program(Path::new(launcher().get_program()), &program);
     let mut flight = Command::new(&program);
-    flight.args(["fly", "--no-log", "--set", "run.duration_s=30.0", "--namespace", &ns, "--out"]);
+    flight.args(["fly", "--no-log", "--set", "run.duration_s=3600.0", "--set", PATIENT, "--namespace", &ns, "--out"]);
     let mut flight = flight.arg(folder.path().join("run")).stdout(Stdio::null()).spawn().expect("the launcher starts");
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.1));
     std::fs::remove_file(&program).expect("removed");

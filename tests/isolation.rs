@@ -13,7 +13,10 @@ use runtime::realtime::ControlPage;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::harness::{Flight, NOBODY, fly, has_root, land, launcher, namespace, shared_memory_of, skip, wait_until};
+use crate::control::status;
+use crate::harness::{
+    Flight, NOBODY, PATIENT, fly, has_root, land, launcher, namespace, shared_memory_of, skip, wait_until,
+};
 use crate::processes::{processes_named, processes_of, start_flying};
 
 /// Returns the details of all events `what`.
@@ -30,7 +33,7 @@ fn with_faults(mode: &str, duration_s: f64, faults: &str) -> Vec<String> {
     let set = |text: String| ["--set".to_owned(), text];
     let duration = set(format!("run.duration_s={duration_s}"));
     let mode = ["--mode".to_owned(), mode.to_owned()];
-    [mode, duration, set(format!("fault=[{faults}]"))].concat()
+    [mode, duration, set(PATIENT.to_owned()), set(format!("fault=[{faults}]"))].concat()
 }
 
 fn fly_with(mode: &str, duration_s: f64, faults: &str) -> crate::harness::Outcome {
@@ -180,12 +183,7 @@ fn segments_that_are_removed_are_named_and_the_flight_goes_on() {
     let ns = namespace();
     let flight = start_flying(&ns);
     remove_segments_of(&ns, "mixer");
-    wait_until("it is seen", || {
-        let status = launcher().args(["status", "--json"]).output().expect("status runs");
-        let stacks: Value = serde_json::from_slice(&status.stdout).expect("status prints JSON");
-        let ours = stacks.as_array().into_iter().flatten().find(|stack| stack["namespace"] == ns.as_str());
-        ours.is_some_and(|stack| stack.to_string().contains("shm-removed"))
-    });
+    wait_until("it is seen", || status(&ns).to_string().contains("shm-removed"));
     let run = land(flight);
     let files = incidents(&run, "shm-removed");
     let of_the_run = format!("/{ns}/");

@@ -8,7 +8,7 @@ use std::sync::{LazyLock, Once};
 use serde_json::Value;
 
 use crate::controllers::{needs_dependency, with_dependency};
-use crate::harness::{Outcome, fly, launcher, python_with, top};
+use crate::harness::{Outcome, PATIENT, fly, launcher, python_with, top};
 
 /// Links libtrefoil, as built for these tests, into `folder` under its usual name; returns the folder.
 pub fn library_folder(folder: &Path) -> PathBuf {
@@ -66,6 +66,7 @@ fn survey(mode: &str, program: &Path, settings: &[&str]) -> Outcome {
     let exec = format!("node.attitude-mpc.exec={}", program.display());
     let mut arguments =
         vec!["scenarios/survey.toml", "--mode", mode, "--set", "run.duration_s=3", "--set", BOUND, "--set", &exec];
+    arguments.extend(["--set", PATIENT]);
     for set in settings {
         arguments.extend(["--set", set]);
     }

@@ -15,12 +15,12 @@ use tungstenite::{Message, WebSocket};
 use view::scene::SceneChannel;
 
 use crate::control::{flying, status, tell};
-use crate::harness::{AS_NOBODY, Flight, Outcome, fly, has_root, launcher, namespace, shared_memory_of, wait_until};
+use crate::harness::{
+    AS_NOBODY, Flight, Outcome, PATIENT, fly, has_root, launcher, namespace, shared_memory_of, wait_until,
+};
 use crate::pages;
 use crate::processes::{children_of, kill, niceness};
 
-/// Settings of a flight on a loaded machine.
-const HANG: &[&str] = &["--set", "supervision.hang_ms=5000"];
 /// Setting without which a vehicle does not feel the wind.
 const DRAG: &str = "plant.drag_linear_nspm=[0.2, 0.2, 0.1]";
 const TOKEN: &str = "0123456789abcdef";
@@ -41,7 +41,7 @@ fn free_port() -> u16 {
 /// Starts a flight with its page; returns when the page has joined.
 fn with_page(namespace: &str, port: u16, settings: &[&str]) -> Flight {
     let address = format!("127.0.0.1:{port}");
-    let flight = flying(namespace, &[&["--web", &address, "--token", TOKEN], HANG, settings].concat());
+    let flight = flying(namespace, &[&["--web", &address, "--token", TOKEN], settings].concat());
     // The page's process has a low priority, so under load it joins after the command line.
     frame(&mut open(port, PAGE, &[]).expect("it opens"), is("flight"));
     flight
@@ -150,7 +150,7 @@ fn is(kind: &str) -> impl Fn(&Value) -> bool {
 #[test]
 fn a_page_shows_its_flight_and_says_when_it_ends() {
     let (ns, port) = (namespace(), free_port());
-    let flight = with_page(&ns, port, &["--set", "run.duration_s=10.0", "--set", DRAG]);
+    let flight = with_page(&ns, port, &["--set", "run.duration_s=20.0", "--set", DRAG]);
     let (code, page) = ask(port, "GET /", &[BEARER], "");
     assert!(
         code == 200 && page.contains("<title>Live flight</title>") && page.contains("script-src 'nonce-"),
@@ -158,12 +158,12 @@ fn a_page_shows_its_flight_and_says_when_it_ends() {
     );
     let mut socket = open(port, PAGE, &[("origin", &format!("http://127.0.0.1:{port}"))]).expect("its own page");
     let told = frame(&mut socket, is("flight"));
-    assert_eq!((&told["namespace"], &told["duration_s"]), (&json!(ns), &json!(10.0)));
+    assert_eq!((&told["namespace"], &told["duration_s"]), (&json!(ns), &json!(20.0)));
     let columns = told["columns"].as_array().expect("columns").len();
     let rows = frame(&mut socket, is("rows"));
     let rows = rows["rows"].as_array().expect("rows");
     assert!(rows.iter().all(|row| row.as_array().map(Vec::len) == Some(columns + 1)), "{rows:?}");
-    assert!(rows[0][0].as_f64() < Some(3.0), "it joined at the start: {}", rows[0]);
+    assert!(rows[0][0].as_f64() < Some(10.0), "it joined at the start: {}", rows[0]);
     let nodes = frame(&mut socket, |frame| frame["kind"] == "status" && frame["nodes"][3]["epoch"] == 1);
     assert_eq!(nodes["nodes"][2]["node"], "attitude-mpc");
     let timing = frame(&mut socket, |frame| frame["kind"] == "timing" && frame["time_s"].as_f64() > Some(1.0));
@@ -328,7 +328,7 @@ fn another_user_neither_reads_nor_commands_the_flight_of_a_page_on_loopback() {
     }
     let (ns, port) = (namespace(), free_port());
     let address = format!("127.0.0.1:{port}");
-    let flight = flying(&ns, &[&["--web", &address, "--set", "run.duration_s=3600.0"], HANG].concat());
+    let flight = flying(&ns, &["--web", &address, "--set", "run.duration_s=3600.0"]);
     let words: Vec<&str> = AS_NOBODY.split(' ').collect();
     let mut attack = Command::new(words[0]);
     attack.args(&words[1..]).args(["timeout", "60", "bash", "-c", &ATTACK.replace("PORT", &port.to_string())]);
@@ -364,7 +364,7 @@ fn a_frame_that_is_too_long_ends_its_connection_before_it_is_read() {
 fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends() {
     for (signal, told) in [("-STOP", "did not end and was killed"), ("-KILL", "failed (signal: 9")] {
         let (ns, port) = (namespace(), free_port());
-        let flight = with_page(&ns, port, &["--set", "run.duration_s=10.0"]);
+        let flight = with_page(&ns, port, &["--set", "run.duration_s=20.0"]);
         let pages = children_of(flight.child.id(), "serve-page");
         assert!(pages.len() == 1 && niceness(pages[0]) == 10, "{pages:?}");
         kill(signal, &pages);
@@ -379,7 +379,7 @@ fn a_page_that_is_stopped_or_killed_is_a_reservation_and_the_flight_ends() {
 #[test]
 fn twenty_browsers_one_that_does_not_read_and_a_page_that_is_killed_cost_the_flight_nothing() {
     let (ns, port) = (namespace(), free_port());
-    let flight = flying(&ns, &[&["--set", "run.duration_s=3600.0"], HANG].concat());
+    let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     let server = Server::start(&ns, port);
     let sleeping = open(port, PAGE, &[]).expect("it opens");
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
@@ -468,9 +468,10 @@ fn foxglove_gets_the_channels_of_the_log_with_their_bytes() {
 fn foxglove_gets_the_vehicle_and_its_scene_as_the_export_has_them() {
     let (ns, port) = (namespace(), free_port());
     let address = format!("127.0.0.1:{port}");
-    let page = ["--web", &address, "--token", TOKEN, "--set", "run.duration_s=8.0"];
-    let flight = Flight::start(&ns, &[&page, HANG].concat());
+    let page = ["--web", &address, "--token", TOKEN, "--set", "run.duration_s=20.0", "--set", PATIENT];
+    let flight = Flight::start(&ns, &page);
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
+    frame(&mut open(port, PAGE, &[]).expect("it opens"), is("phase")); // the page has joined
     let spoken = ("sec-websocket-protocol", "foxglove.sdk.v1");
     let mut socket = open(port, FOXGLOVE, &[spoken]).expect("it is spoken");
     let advertised = frame(&mut socket, |frame| frame["op"] == "advertise");
@@ -628,6 +629,8 @@ fn a_recorded_flight_plays_pauses_and_jumps_as_it_is_told() {
     frame(&mut socket, |frame| frame["phase"] == "playing"); // with the first browser
     frame(&mut socket, |frame| frame["kind"] == "position" && frame["position_s"].as_f64() > Some(0.2));
     done(json!({ "command": "pause" }));
+    done(json!({ "command": "seek", "time_s": 0.0 }));
+    frame(&mut socket, |frame| frame["anew"] == true && newest_s(frame) == 0.0);
     done(json!({ "command": "seek", "time_s": 11.0 }));
     let there = frame(&mut socket, |frame| frame["anew"] == true && newest_s(frame) == 11.0);
     assert_eq!(there["rows"].as_array().map(Vec::len), Some(221), "from the beginning on");
@@ -749,9 +752,14 @@ fn campaign(folder: &Path, out: &str, samples: u32, more: &[&str]) -> Command {
     command
 }
 
+/// Number of flights of a campaign whose page is seen from its beginning to its end.
+const FLIGHTS: u64 = 1200;
+
 /// Returns the number of flights in the title of a campaign's page.
 fn counted(page: &str) -> u64 {
-    let title = page.split_once("<title>Campaign shown, ").and_then(|(_, rest)| rest.split_once(" of 120 flights<"));
+    let title = page
+        .split_once("<title>Campaign shown, ")
+        .and_then(|(_, rest)| rest.split_once(&format!(" of {FLIGHTS} flights<")));
     title.and_then(|(count, _)| count.parse().ok()).unwrap_or_else(|| panic!("no title: {}", &page[..300]))
 }
 
@@ -760,7 +768,9 @@ fn a_campaign_fills_its_page_while_it_flies_and_flies_the_same_bits() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let port = free_port();
     let address = format!("127.0.0.1:{port}");
-    let child = campaign(folder.path(), "shown", 60, &["--shard", "7", "--web", &address, "--token", TOKEN]).spawn();
+    let child =
+        campaign(folder.path(), "shown", FLIGHTS as u32 / 2, &["--shard", "40", "--web", &address, "--token", TOKEN])
+            .spawn();
     let child = child.expect("it starts");
     wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
     assert_eq!(ask(port, "GET /", &[], "").0, 401);
@@ -778,7 +788,7 @@ fn a_campaign_fills_its_page_while_it_flies_and_flies_the_same_bits() {
         last = ask(port, "GET /", &[BEARER], "").1;
         counts.push(counted(&last));
     }
-    assert!(counts.is_sorted() && counts[0] < 120 && counts.last() == Some(&120), "{counts:?}");
+    assert!(counts.is_sorted() && counts[0] < FLIGHTS && counts.last() == Some(&FLIGHTS), "{counts:?}");
     for part in [
         "Flights so far",
         "no random sample",
@@ -791,7 +801,7 @@ fn a_campaign_fills_its_page_while_it_flies_and_flies_the_same_bits() {
     let output = child.wait_with_output().expect("it ends");
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && told.contains("page of the campaign: http://127.0.0.1"), "{told}");
-    let plain = campaign(folder.path(), "plain", 60, &["--shard", "7"]).output().expect("it runs");
+    let plain = campaign(folder.path(), "plain", FLIGHTS as u32 / 2, &["--shard", "40"]).output().expect("it runs");
     assert!(plain.status.success());
     let table = |out: &str| std::fs::read(folder.path().join(out).join("flights.parquet")).expect("a table");
     assert!(table("shown") == table("plain"), "a page changes no result");
@@ -804,7 +814,7 @@ fn the_page_of_a_campaign_keeps_its_place_in_a_browser() {
     let port = free_port();
     let address = format!("127.0.0.1:{port}");
     let child =
-        campaign(folder.path(), "shown", 20_000, &["--web", &address, "--token", TOKEN]).spawn().expect("it starts");
+        campaign(folder.path(), "shown", 200_000, &["--web", &address, "--token", TOKEN]).spawn().expect("it starts");
     wait_until("the port is open", || TcpStream::connect(("127.0.0.1", port)).is_ok());
     let url = format!("http://{address}/?token={TOKEN}");
     let output = Command::new("node").arg(scripts.join("campaign.mjs")).arg(&url).output().expect("node starts");
@@ -838,7 +848,7 @@ fn a_page_that_cannot_be_is_refused_before_the_flight() {
         (&["campaign", "fifty-seeds", "--plan", "--web"], "on this machine"),
         (&["replay", "runs/none", "--web", &address], "give another address"),
         (&["replay", "runs/none", "--token", TOKEN], "there is none"),
-        (&["replay", "runs/none", "--web"], "is not there"),
+        (&["replay", "runs/none", "--web", "127.0.0.1:0"], "is not there"),
         (&["replay", "runs/none", "--web", "--node", "mixer", "--exec", "x"], "--web goes without --exec"),
     ] {
         let (code, text) = said(arguments);

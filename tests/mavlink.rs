@@ -6,6 +6,7 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use contract::message::State;
 use flight::log;
@@ -13,7 +14,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::control::{status, tell};
-use crate::harness::{Flight, fly, launcher, namespace, python_with, top, wait_until};
+use crate::harness::{Flight, PATIENT, fly, launcher, namespace, python_with, top, wait_until};
 use crate::processes::{kill, niceness, processes_named};
 
 /// A ground station in Python.
@@ -67,13 +68,14 @@ fn number(value: &Value) -> f64 {
 fn a_ground_station_sees_the_flight_that_the_log_has_and_changes_nothing() {
     let Some(python) = python_with(&["pymavlink==2.4.50"]) else { return };
     let (ns, station) = (namespace(), Station::start(&python));
-    let settings =
-        ["--set", "run.duration_s=6.0", "--set", "supervision.hang_ms=5000", "--set", "deadline.end_to_end_ms=9.0"];
+    let settings = ["--set", "run.duration_s=15.0", "--set", PATIENT, "--set", "deadline.end_to_end_ms=9.0"];
+    let started = Instant::now();
     let flight =
         Flight::start(&ns, &[&settings[..], &["--mavlink", &station.address(), "--home", "10,20,30"]].concat());
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(1.0));
     tell(&ns, &["inject", "payload", "mass", "--for", "0.2s"]).expect("it flies");
     let outcome = flight.finish();
+    let took_s = started.elapsed().as_secs();
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     let came = station.finish();
     let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
@@ -82,7 +84,7 @@ fn a_ground_station_sees_the_flight_that_the_log_has_and_changes_nothing() {
     check_parameters(&came);
     check_answers(&came);
     let heartbeats = of(&came, "HEARTBEAT");
-    assert!((5..=9).contains(&heartbeats.len()), "{heartbeats:?}");
+    assert!(heartbeats.len() >= 5 && heartbeats.len() as u64 <= took_s + 3, "in {took_s} s: {heartbeats:?}");
     assert_eq!([&heartbeats[0]["type"], &heartbeats[0]["autopilot"]], [15, 0], "a tricopter, generic");
     let page = std::fs::read_to_string(top().join("docs/mavlink.md")).expect("it reads");
     let has_name = |of: &&Value| page.contains(&format!("\n| {} | ", of["custom_mode"]));
@@ -173,7 +175,7 @@ fn check_answers(came: &[Value]) {
 fn a_flight_can_be_watched_by_a_process_started_later() {
     let Some(python) = python_with(&["pymavlink==2.4.50"]) else { return };
     let (ns, station) = (namespace(), Station::start(&python));
-    let flight = Flight::start(&ns, &["--no-log", "--set", "run.duration_s=4.0", "--set", "supervision.hang_ms=5000"]);
+    let flight = Flight::start(&ns, &["--no-log", "--set", "run.duration_s=15.0", "--set", PATIENT]);
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
     let output = launcher().args(["mavlink", "--namespace", &ns, &station.address()]).output().expect("it runs");
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
@@ -230,7 +232,7 @@ fn a_flood_of_requests_neither_holds_up_the_end_of_a_flight_nor_an_interrupt() {
         let ports =
             [0; 2].map(|_| UdpSocket::bind("127.0.0.1:0").and_then(|of| of.local_addr()).expect("a port").port());
         let [beside, later] = ports.map(|port| format!("udpin:127.0.0.1:{port}"));
-        let settings = ["--no-log", "--set", "run.duration_s=4.0", "--set", "supervision.hang_ms=5000"];
+        let settings = ["--no-log", "--set", "run.duration_s=15.0", "--set", PATIENT];
         let flight = Flight::start(&ns, &[&settings[..], &["--mavlink", &beside]].concat());
         wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
         let is_over = AtomicBool::new(false);
@@ -270,7 +272,7 @@ impl Drop for Over<'_> {
 fn a_mavlink_process_that_is_stopped_or_killed_is_a_reservation_and_no_verdict() {
     for (signal, told) in [("-STOP", "did not end and was killed"), ("-KILL", "failed (signal: 9")] {
         let ns = namespace();
-        let settings = ["--no-log", "--set", "run.duration_s=3.0", "--set", "supervision.hang_ms=5000"];
+        let settings = ["--no-log", "--set", "run.duration_s=15.0", "--set", PATIENT];
         let flight = Flight::start(&ns, &[&settings[..], &["--mavlink", "udpout:127.0.0.1:9"]].concat());
         wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
         let beside = processes_named(&ns, "mavlink");

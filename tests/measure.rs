@@ -223,7 +223,7 @@ fn kills_are_survived_told_of_and_leave_nothing_behind() {
 fn flights_in_real_time_are_flown_again_bit_for_bit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (printed, namespace, output) =
-        measured(&["stress", "--kills", "0", "--replays", "2", "--seconds", "2s"], folder.path());
+        measured(&["stress", "--kills", "0", "--replays", "2", "--seconds", "6s"], folder.path());
     let rows = printed["results"]["rows"].as_array().expect("rows");
     let kinds: Vec<&Value> = rows.iter().map(|row| &row["kind"]).collect();
     assert_eq!(kinds, ["disturbed", "fast"]);

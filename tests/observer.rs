@@ -4,8 +4,8 @@ use flight::event::What;
 use flight::log::Record;
 use flight::observer::{Look, OBSERVERS, Observer, Seen};
 
-use crate::control::{flying, tell};
-use crate::harness::{Flight, namespace, shared_memory_of, wait_until};
+use crate::control::{flying, status, tell};
+use crate::harness::{Flight, PATIENT, namespace, shared_memory_of, wait_until};
 
 /// Joins as soon as the stack can be joined.
 fn join(namespace: &str) -> Observer {
@@ -20,14 +20,19 @@ fn join(namespace: &str) -> Observer {
 #[test]
 fn an_observer_sees_every_message_every_event_and_the_end() {
     let ns = namespace();
-    let flight = Flight::start(&ns, &["--no-log", "--set", "run.duration_s=3.0", "--set", "supervision.hang_ms=5000"]);
+    let flight = Flight::start(&ns, &["--no-log", "--set", "run.duration_s=15.0", "--set", PATIENT]);
     let mut observer = join(&ns);
-    assert_eq!(observer.scenario().run.duration_s, 3.0);
-    let (mut ticks, mut events) = ([const { vec![] }; Record::KINDS], vec![]);
+    assert_eq!(observer.scenario().run.duration_s, 15.0);
+    let (mut ticks, mut states, mut events) = ([const { vec![] }; Record::KINDS], vec![], vec![]);
     let (mut is_injected, mut end) = (false, Look::Flying(0));
     wait_until("the flight ends", || {
         end = observer.look(|seen| match seen {
-            Seen::Message(record) => ticks[record.kind()].push(record.tick()),
+            Seen::Message(record) => {
+                ticks[record.kind()].push(record.tick());
+                if let Record::State(state) = record {
+                    states.push(state.stamp.sequence);
+                }
+            }
             Seen::Event(event) => events.push(event.clone()),
         });
         if !is_injected && ticks[0].len() > 20 {
@@ -39,9 +44,10 @@ fn an_observer_sees_every_message_every_event_and_the_end() {
     assert_eq!(end, Look::Ended);
     drop(observer);
     assert_eq!(flight.finish().code(), Some(0));
-    let first = ticks[0][0]; // 0, unless the machine was busy
-    assert!(first < 250 && ticks[0] == (first..=300).collect::<Vec<u64>>(), "{:?}", ticks[0]);
-    for of_topic in &ticks[1..] {
+    let first = states[0]; // the first of the flight, unless the machine was busy
+    assert!(first < 1250 && states == (first..first + states.len() as u64).collect::<Vec<u64>>(), "{states:?}");
+    assert!(ticks[0].last() >= Some(&1500), "{:?}", ticks[0]);
+    for of_topic in &ticks {
         assert!(!of_topic.is_empty() && of_topic.is_sorted(), "{of_topic:?}");
     }
     let injected: Vec<_> = events.iter().filter(|event| event.event.what == What::Injected).collect();
@@ -52,10 +58,13 @@ fn an_observer_sees_every_message_every_event_and_the_end() {
 #[test]
 fn an_observer_that_does_not_look_costs_the_flight_nothing_and_is_told_of_the_end() {
     let ns = namespace();
-    let flight = flying(&ns, &["--mode", "lockstep", "--set", "run.duration_s=60.0"]);
+    let flight = flying(&ns, &["--mode", "lockstep", "--set", "run.duration_s=86400.0"]);
     let mut observer = join(&ns);
+    let begun_s = status(&ns)["time_s"].as_f64().expect("it flies");
+    wait_until("a minute has passed", || status(&ns)["time_s"].as_f64() > Some(begun_s + 60.0));
+    tell(&ns, &["stop"]).expect("it ends");
     let outcome = flight.finish();
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
     let mut seen = vec![];
     while let Look::Flying(_) = observer.look(|message| {
         if let Seen::Message(record) = message {
@@ -86,7 +95,7 @@ fn a_flight_takes_a_few_observers_and_a_place_is_free_when_one_leaves() {
                 epochs.push(actuators.stamp.epoch);
             }
         });
-        epochs.contains(&2)
+        epochs.iter().any(|epoch| *epoch > 1)
     });
     drop(all);
     tell(&ns, &["stop"]).expect("it ends");

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Write, pipe};
-use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
@@ -10,14 +10,13 @@ use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::control::{flying, status};
-use crate::harness::{Flight, fly, launcher, namespace, skip, wait_until};
+use crate::harness::{Flight, PATIENT, fly, land, launcher, namespace, skip, wait_until, write_script};
 
 /// Returns the command of a flight in lockstep that prints to stderr in flight, because the program of its swap cannot
 /// be started.
 fn talking(folder: &Path) -> Command {
     let program = folder.join("program");
-    fs::write(&program, "#!/nonexistent/interpreter\n").expect("written");
-    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("executable");
+    write_script(&program, "#!/nonexistent/interpreter\n");
     let swap = "at_s = 0.1\nstandby_s = 0.1\nwatch_s = 0.1\nnode = \"mixer\"";
     let text =
         format!("[run]\nmode = \"lockstep\"\nduration_s = 0.5\n[[swap]]\n{swap}\nexec = \"{}\"\n", program.display());
@@ -90,25 +89,24 @@ fn flights_side_by_side_have_folders_of_their_own() {
 #[test]
 fn a_folder_that_is_flown_into_is_refused() {
     let ns = namespace();
-    let flight = flying(&ns, &["--set", "run.duration_s=5.0"]);
+    let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     let second = launcher().args(["fly", "--mode", "inprocess", "--out"]).arg(&flight.out).output().expect("runs");
     let said = String::from_utf8_lossy(&second.stderr).into_owned();
     assert_eq!((second.status.code(), said.contains("another flight is writing to it")), (Some(2), true), "{said}");
-    let first = flight.finish();
-    assert_eq!((first.code(), &first.run()["mode"]), (Some(0), &"realtime".into()), "{}", first.stderr);
+    assert_eq!(land(flight)["mode"], "realtime");
 }
 
 #[test]
 fn a_start_that_fails_leaves_no_folder() {
     let ns = namespace();
-    let flight = flying(&ns, &["--set", "run.duration_s=5.0"]);
+    let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     let folder = tempfile::tempdir().expect("a temporary folder");
     for out in [&["--out", "deep/down/run"][..], &[]] {
         let second = launcher().args(["fly", "--namespace", &ns]).args(out).current_dir(folder.path()).output();
         assert_eq!(second.expect("runs").status.code(), Some(2));
         assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0, "{out:?}");
     }
-    assert_eq!(flight.finish().code(), Some(0));
+    land(flight);
 }
 
 #[test]
@@ -150,18 +148,19 @@ fn the_shortest_flights_are_seen_whole() {
 #[test]
 fn a_launcher_that_waits_for_a_slow_recorder_says_so() {
     let ns = namespace();
-    let mut flight = Flight::start(&ns, &["--set", "run.duration_s=1.0"]);
+    let mut flight = Flight::start(&ns, &["--set", PATIENT]);
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.1));
     let parent = flight.child.id().to_string();
     let found = Command::new("pgrep").args(["-P", &parent, "-f", "node recorder"]).output();
     let Ok(found) = found else { return skip("there is no pgrep") };
     let pid = String::from_utf8_lossy(&found.stdout).trim().parse().ok().and_then(Pid::from_raw).expect("a recorder");
     kill_process(pid, Signal::STOP).expect("stopped");
+    kill_process(Pid::from_child(&flight.child), Signal::INT).expect("it flies");
     let mut lines = BufReader::new(flight.child.stderr.take().expect("a pipe")).lines();
     let said = lines.by_ref().map_while(Result::ok).find(|line| line.contains("for the recorder to end"));
     kill_process(pid, Signal::CONT).expect("it goes on");
     assert!(said.is_some());
-    assert_eq!(flight.finish().code(), Some(0));
+    assert_eq!(flight.finish().code(), Some(130));
 }
 
 #[test]

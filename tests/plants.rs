@@ -7,7 +7,7 @@ use airframe::Parameters;
 use contract::exit;
 
 use crate::controllers::{compiled, replay};
-use crate::harness::{Outcome, fly, python_with, top};
+use crate::harness::{Outcome, PATIENT, fly, python_with, top};
 use crate::libtrefoil::{library_folder, linked};
 
 /// Compiles `tests/controllers/plant.c` into `folder/name.so`, with these flags for the compiler.
@@ -52,7 +52,7 @@ fn a_vehicle_in_c_flies_with_the_same_bits_in_every_mode() {
 fn a_flight_in_real_time_with_a_vehicle_in_c_is_replayed_bit_for_bit_if_the_user_names_it() {
     let folder = tempfile::tempdir().unwrap();
     let library = vehicle(folder.path(), "plant", &[]);
-    let flown = survey(&library, "realtime", &["run.duration_s=12"]);
+    let flown = survey(&library, "realtime", &["run.duration_s=12", PATIENT]);
     assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
     let (code, said) = replay(&flown.out, &[]);
     assert_eq!(code, Some(0), "{said}");
@@ -76,8 +76,12 @@ fn a_vehicle_of_casadi_flies_in_every_mode_as_it_was_generated() {
     let Parameters { mass_kg, g_mps2, kf, km, l1_m, l2_m, l3_m, ixx_kgm2, iyy_kgm2, izz_kgm2, .. } =
         Parameters::default();
     let p = [mass_kg, g_mps2, kf, km, l1_m, l2_m, l3_m, ixx_kgm2, iyy_kgm2, izz_kgm2];
-    let settings =
-        [&format!("node.plant.settings.p={p:?}"), "initial.position_m=[0.2, 0, 0]", "bounds.max_position_error_m=0.5"];
+    let settings = [
+        &format!("node.plant.settings.p={p:?}"),
+        "initial.position_m=[0.2, 0, 0]",
+        "bounds.max_position_error_m=0.5",
+        PATIENT,
+    ];
     let flights = ["inprocess", "lockstep", "realtime"].map(|mode| survey(&library, mode, &settings));
     for flown in &flights {
         assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
@@ -103,7 +107,7 @@ fn a_program_with_the_functions_of_a_vehicle_flies_the_bits_of_the_library() {
         assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
-    let realtime = survey(&program, "realtime", &[]);
+    let realtime = survey(&program, "realtime", &[PATIENT]);
     assert_eq!(realtime.code(), Some(0), "{}", realtime.stderr);
     let (code, said) = replay(&realtime.out, &[]);
     assert_eq!(code, Some(0), "{said}");

@@ -12,7 +12,7 @@ use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use serde_json::Value;
 
 use crate::control::status;
-use crate::harness::{Flight, Outcome, fly, land, namespace, shared_memory_of, wait_until};
+use crate::harness::{Flight, Outcome, PATIENT, fly, land, namespace, shared_memory_of, wait_until};
 use crate::processes::{kill, process_of, processes_named, start_flying};
 
 /// Number of flights whose files are written to.
@@ -103,7 +103,7 @@ fn broken_promise(outcome: &Outcome, duration_s: f64) -> Option<String> {
 #[test]
 fn no_lost_vehicle_exits_0_whatever_is_written_into_shared_files() {
     const DURATION_S: f64 = 1.5;
-    let next = AtomicU64::new(0);
+    let (next, written) = (AtomicU64::new(0), AtomicU64::new(0));
     let broken = std::sync::Mutex::new(vec![]);
     std::thread::scope(|scope| {
         for _ in 0..6 {
@@ -115,9 +115,13 @@ fn no_lost_vehicle_exits_0_whatever_is_written_into_shared_files() {
                     }
                     let ns = namespace();
                     let set = format!("run.duration_s={DURATION_S:?}");
-                    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", &set]);
-                    wait_until("the stack flies", || plant_tick(&ns) > 20);
-                    let what = scribble(&ns, seed).unwrap_or_else(|| "nothing: it was not there yet".into());
+                    let mut flight = Flight::start(&ns, &["--mode", "realtime", "--set", &set]);
+                    wait_until("the stack flies or has ended", || {
+                        plant_tick(&ns) > 20 || matches!(flight.child.try_wait(), Ok(Some(_)))
+                    });
+                    let what = scribble(&ns, seed);
+                    written.fetch_add(u64::from(what.is_some()), Ordering::Relaxed);
+                    let what = what.unwrap_or_else(|| "nothing: it was not there yet, or no more".into());
                     if let Some(why) = broken_promise(&flight.finish(), DURATION_S) {
                         broken.lock().expect("no test panics there").push(format!("seed {seed}, {what}: {why}"));
                     }
@@ -127,6 +131,7 @@ fn no_lost_vehicle_exits_0_whatever_is_written_into_shared_files() {
     });
     let broken = broken.into_inner().expect("no test panics there");
     assert!(broken.is_empty(), "{broken:#?}");
+    assert!(written.into_inner() >= FLIGHTS / 2, "few flights were there to write into");
 }
 
 #[test]
@@ -139,7 +144,9 @@ fn every_fault_that_took_effect_stands_in_run_json() {
     ];
     for mode in ["inprocess", "lockstep", "realtime"] {
         let set = format!("fault=[{}]", faults.join(","));
-        let outcome = fly(&["--mode", mode, "--set", "run.duration_s=2.0", "--set", &set]);
+        let settings = ["run.duration_s=2.0", &set, "bounds.max_position_error_m=inf", PATIENT];
+        let set = settings.map(|setting| ["--set", setting]).concat();
+        let outcome = fly(&[&["--mode", mode], &set[..]].concat());
         assert_eq!(outcome.code(), Some(0), "{mode}: {}", outcome.stderr);
         let run = outcome.run();
         let injected = run["faults"].as_array().expect("faults").iter();
@@ -204,7 +211,7 @@ fn a_node_that_can_open_no_more_files_is_replaced_when_it_receives_nothing() {
 fn a_plant_that_hangs_before_its_second_sample_is_noticed() {
     for mode in ["realtime", "lockstep"] {
         let ns = namespace();
-        let flight = Flight::start(&ns, &["--mode", mode, "--set", "run.duration_s=2.0"]);
+        let flight = Flight::start(&ns, &["--mode", mode, "--set", "run.duration_s=3600.0"]);
         // The plant is stopped as soon as it runs: before its first sample, or after it.
         wait_until("the plant is there", || !processes_named(&ns, "plant").is_empty());
         kill("-STOP", &processes_named(&ns, "plant"));

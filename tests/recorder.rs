@@ -6,7 +6,7 @@ use flight::log::{self, Log};
 use serde_json::Value;
 
 use crate::control::{fly_on, status};
-use crate::harness::{Flight, Outcome, launcher, namespace, shared_memory_of, wait_until};
+use crate::harness::{Flight, Outcome, PATIENT, launcher, namespace, shared_memory_of, wait_until};
 use crate::processes::{kill, process_of, processes_named, processes_of, wait_until_it_flies};
 
 /// Reads the log of a flight, which must be whole.
@@ -45,7 +45,7 @@ fn check_truths(log: &log::Log) {
 #[test]
 fn a_dead_recorder_is_replaced_and_nothing_dies_with_it() {
     let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=120.0"]);
+    let flight = Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=300.0"]);
     wait_until_it_flies(&ns);
     // The plant waits while the recorder hangs with its queue unread. No event tells of this.
     let recorder = process_of(&ns, "recorder");
@@ -59,14 +59,14 @@ fn a_dead_recorder_is_replaced_and_nothing_dies_with_it() {
     assert_eq!(told, [(1, "died"), (2, "started"), (2, "took-over")].map(|(epoch, what)| (epoch, what.to_owned())));
     let log = log_of(&outcome);
     assert_eq!(run["log"]["dropped"], 0);
-    assert_eq!(log.tick_by_tick().count(), 5 * 12_001);
+    assert_eq!(log.tick_by_tick().count(), 5 * 30_001);
     assert!(log.complete() && !outcome.out.join("flight.1.rest.mcap").exists());
 }
 
 #[test]
 fn a_recorder_that_stands_still_holds_up_no_lockstep_flight() {
     let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "lockstep"]);
+    let flight = Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=300.0"]);
     let log = flight.out.join("flight.mcap");
     wait_until("something is recorded", || log.metadata().is_ok_and(|log| log.len() > 65_536));
     kill("-STOP", &[process_of(&ns, "recorder")]);
@@ -77,24 +77,22 @@ fn a_recorder_that_stands_still_holds_up_no_lockstep_flight() {
     assert_eq!(told, ["hung", "started", "took-over"]);
     assert_eq!(run["log"]["dropped"], 0);
     let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
-    assert!(log.complete() && log.states.iter().map(|state| state.stamp.tick).eq(0..=6000));
+    assert!(log.complete() && log.states.iter().map(|state| state.stamp.tick).eq(0..=30_000));
 }
 
 #[test]
 fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_was_recorded() {
     let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "realtime"]);
+    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", PATIENT]);
     wait_until_it_flies(&ns);
     kill("-KILL", &[process_of(&ns, "recorder")]);
     let second = flight.out.join("flight.2.mcap");
     wait_until("the next recorder has written", || second.metadata().is_ok_and(|part| part.len() > 150_000));
-    // The recorder is killed first: it would close its file when the launcher is gone, or by order of the launcher when
-    // the plant is gone.
-    let recorder = process_of(&ns, "recorder");
-    let recorder_first = |pid: &i32| (*pid != recorder, *pid != flight.child.id() as i32);
-    let mut all = processes_of(&ns);
-    all.sort_by_key(recorder_first);
-    kill("-KILL", &all);
+    // The launcher is stopped, so that it replaces none and writes nothing more. The recorder is killed before it: a
+    // recorder closes its file when the launcher is gone.
+    kill("-STOP", &[flight.child.id() as i32]);
+    kill("-KILL", &processes_named(&ns, "recorder"));
+    kill("-KILL", &processes_of(&ns));
     let outcome = flight.finish();
 
     let report = launcher().arg("report").arg(&outcome.out).output().expect("the launcher starts");
@@ -119,7 +117,7 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
 #[test]
 fn a_recorder_that_dies_four_times_is_given_up_with_what_was_recorded_until_then() {
     let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=5.0"]);
+    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=20.0", "--set", PATIENT]);
     wait_until_it_flies(&ns);
     for epoch in 1..=4 {
         wait_until("the next recorder has joined", || {
@@ -143,7 +141,7 @@ fn a_recorder_that_dies_four_times_is_given_up_with_what_was_recorded_until_then
 #[test]
 fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
     let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "realtime"]);
+    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", PATIENT]);
     wait_until_it_flies(&ns);
     fly_on(&ns, 0.6);
     let seen_s = status(&ns)["time_s"].as_f64().expect("it flies");
@@ -167,10 +165,10 @@ fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
 fn a_recorder_killed_in_a_short_flight_loses_nothing_once_the_flight_has_begun() {
     for after_ms in [0, 80, 160, 240, 320, 400, 480] {
         let ns = namespace();
-        let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=0.9"]);
+        let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=0.9", "--set", PATIENT]);
         wait_until("the recorder is there", || !processes_named(&ns, "recorder").is_empty());
         std::thread::sleep(std::time::Duration::from_millis(after_ms));
-        kill("-KILL", &[process_of(&ns, "recorder")]);
+        kill("-KILL", &processes_named(&ns, "recorder")); // on a loaded machine the flight may be over
         let outcome = flight.finish();
         if !outcome.out.join("run.json").exists() {
             assert_eq!(outcome.code(), Some(3), "after {after_ms} ms: {}", outcome.stderr);
@@ -185,6 +183,6 @@ fn a_recorder_killed_in_a_short_flight_loses_nothing_once_the_flight_has_begun()
         check_whole(&log.controls);
         check_whole(&log.actuators);
         check_truths(&log);
-        assert_eq!(log.states.last().map(|state| state.stamp.tick), Some(90), "after {after_ms} ms");
+        assert!(log.states.last().is_some_and(|state| state.stamp.tick >= 90), "after {after_ms} ms");
     }
 }

@@ -1,7 +1,5 @@
 //! Replay of a recorded flight from its folder.
 
-use std::fs::Permissions;
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Output;
 
@@ -9,8 +7,8 @@ use contract::message::Message;
 use flight::log::{self, LogWriter, Record};
 use settings::Scenario;
 
-use crate::control::{status, tell};
-use crate::harness::{Flight, fly, launcher, namespace, wait_until};
+use crate::control::{fly_on, status, tell};
+use crate::harness::{Flight, PATIENT, fly, launcher, namespace, wait_until, write_script};
 
 pub fn of_run(arguments: &[&str], run: &Path) -> Output {
     let (verb, more) = arguments.split_first().expect("a command");
@@ -28,12 +26,13 @@ fn assert_repeats(run: &Path) {
     assert!(output.status.success() && said.contains("the same bits: state hash"), "{said}");
 }
 
-const KILLED_AND_SWAPPED: [&str; 4] = [
+const KILLED_AND_SWAPPED: [&str; 5] = [
     "--set=fault=[{ at_s = 0.5, target = \"attitude-mpc\", kind = \"kill\" }, { at_s = 2.6, for_s = 0.2, target = \
      \"controls\", kind = \"drop\" }, { at_s = 3.0, for_s = 0.2, target = \"guidance\", kind = \"stop\" }]",
     "--set=swap=[{ at_s = 1.0, node = \"mixer\", standby_s = 0.5, watch_s = 0.5, may_fail = true }]",
     "--set=run.duration_s=3.5",
-    "--set=supervision.hang_ms=5000",
+    "--set",
+    PATIENT,
 ];
 
 #[test]
@@ -67,14 +66,15 @@ fn a_torn_log_is_flown_again_as_far_as_it_reads() {
 #[test]
 fn a_flight_that_was_given_faults_in_flight_repeats_from_its_folder() {
     let name = namespace();
-    let flight = Flight::start(&name, &["--set", "run.duration_s=4.0", "--set", "supervision.hang_ms=5000"]);
+    let flight = Flight::start(&name, &["--set", "bounds.max_position_error_m=inf", "--set", PATIENT]);
     wait_until("the stack flies", || status(&name)["time_s"].as_f64() > Some(0.2));
     for order in [["rates", "noise"], ["controls", "drop"], ["rotor1", "slow"], ["attitude-mpc", "kill"]] {
         tell(&name, &[&["inject"], &order[..]].concat()).expect("injected");
     }
     tell(&name, &["clear"]).expect("cleared");
-    let outcome = flight.finish();
-    assert_repeats(&outcome.out);
+    fly_on(&name, 0.5);
+    tell(&name, &["stop"]).expect("stopped");
+    assert_repeats(&flight.finish().out);
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn what_deadlines_withheld_repeats_too() {
     let late = "--set=fault=[{ at_s = 0.5, for_s = 0.2, target = \"attitude-mpc\", kind = \"slow\", ms = 4.0 }]";
     for policy in ["skip", "hold", "degrade", "send"] {
         let due = format!("node.attitude-mpc={{ deadline_ms = 3.0, late = '{policy}' }}");
-        let outcome = fly(&["--set", "run.duration_s=1.0", late, "--set", &due, "--set", "supervision.hang_ms=5000"]);
+        let outcome = fly(&["--set", "run.duration_s=1.0", late, "--set", &due, "--set", PATIENT]);
         assert!(outcome.code().is_some_and(|code| code <= 1), "{policy}: {}", outcome.stderr);
         assert_repeats(&outcome.out);
     }
@@ -108,8 +108,7 @@ fn another_program_may_answer_in_the_place_of_a_node() {
     let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=3.0"]);
     let program = outcome.out.join("own");
     let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_trefoil"));
-    std::fs::write(&program, text_of_it).expect("a script");
-    std::fs::set_permissions(&program, Permissions::from_mode(0o755)).expect("a program");
+    write_script(&program, &text_of_it);
     let program = program.to_str().expect("a path");
     let ask = |more: &[&str]| of_run(&[&["replay", "--node", "attitude-mpc", "--exec"], more].concat(), &outcome.out);
     let same = text(&ask(&[program]));
@@ -149,14 +148,15 @@ fn rewrite(path: &Path, kept: impl Fn(&Record) -> bool) {
 }
 
 /// Flight with noise, latency, jitter, losses, a delaying link while the memory is taken, and kills before and after.
-const REMEMBERED: [&str; 6] = [
+const REMEMBERED: [&str; 7] = [
     "scenarios/typical-sensors.toml",
     "--set=fault=[{ at_s = 9.0, for_s = 2.0, target = \"controls\", kind = \"delay\", ms = 15.0 }, { at_s = 9.5, target = \
      \"guidance\", kind = \"kill\" }, { at_s = 11.0, target = \"mixer\", kind = \"kill\" }]",
     "--set=run.command_jitter_ms=3.0",
     "--set=run.command_drop_probability=0.05",
     "--set=run.duration_s=12.5",
-    "--set=supervision.hang_ms=5000",
+    "--set",
+    PATIENT,
 ];
 
 #[test]
@@ -236,8 +236,7 @@ fn what_another_program_flew_is_told_and_not_the_same() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("own");
     let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_trefoil"));
-    std::fs::write(&program, text_of_it).expect("a script");
-    std::fs::set_permissions(&program, Permissions::from_mode(0o755)).expect("a program");
+    write_script(&program, &text_of_it);
     let swap = format!(
         "swap=[{{ at_s = 0.2, node = \"attitude-mpc\", standby_s = 0.3, watch_s = 0.3, exec = \"{}\" }}]",
         program.display()
@@ -330,7 +329,7 @@ fn what_would_take_long_is_told_and_not_begun_unless_it_is_asked_for() {
 #[test]
 fn the_cost_of_a_stall_is_that_of_the_flights_with_and_without_it() {
     let stall = "--set=fault=[{ at_s = 5.0, for_s = 0.03, target = \"attitude-mpc\", kind = \"stop\" }]";
-    let seconds = ["--mode", "lockstep", "--set", "run.duration_s=12.0", "--set", "supervision.hang_ms=5000"];
+    let seconds = ["--mode", "lockstep", "--set", "run.duration_s=12.0", "--set", PATIENT];
     let (with, without) = (fly(&[&seconds[..], &[stall]].concat()), fly(&seconds));
     let known =
         ["position_error_integral_ms", "max_position_error_m"].map(|name| with.metric(name) - without.metric(name));
@@ -349,7 +348,7 @@ fn the_hash_of_a_flight_in_real_time_is_shown_with_what_gives_it_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let run = folder.path().join("run");
     let fly = |more: &[&str]| {
-        let settings = ["--set", "run.duration_s=1.0", "--set", "supervision.hang_ms=5000"];
+        let settings = ["--set", "run.duration_s=1.0", "--set", PATIENT];
         let mut command = launcher();
         command.arg("fly").args(settings).args(more).args(["--namespace", &namespace(), "--out"]).arg(&run);
         text(&command.output().expect("the launcher starts"))

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::Value;
 
-use crate::harness::{AS_NOBODY, copy_program, has_root, namespace, top};
+use crate::harness::{AS_NOBODY, PATIENT, copy_program, has_root, namespace, top};
 
 /// Expected end of a flight.
 #[derive(Clone, Copy)]
@@ -94,7 +94,18 @@ fn fly(program: &Path, wrap: &[&str]) -> Came {
     let program = program.display().to_string();
     let ns = namespace();
     let out_text = out.display().to_string();
-    words.extend(["timeout", "60", &program, "fly", "--set", "run.duration_s=2.0", "--namespace", &ns]);
+    words.extend([
+        "timeout",
+        "60",
+        &program,
+        "fly",
+        "--set",
+        "run.duration_s=2.0",
+        "--set",
+        PATIENT,
+        "--namespace",
+        &ns,
+    ]);
     words.extend(["--out", &out_text]);
     let mut command = Command::new(words[0]);
     command.args(&words[1..]).env("OUT", &out).stdin(Stdio::null()).current_dir(folder.path());

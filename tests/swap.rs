@@ -173,11 +173,9 @@ fn a_candidate_leaves_when_its_own_settings_say_so_and_not_before_it_has_come() 
 
 #[test]
 fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils_the_exit_code() {
-    use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = folder.path().join("program"); // it exists and is executable, but its interpreter does not exist
-    std::fs::write(&program, "#!/no/such/interpreter\n").expect("can be written");
-    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("they can be set");
+    crate::harness::write_script(&program, "#!/no/such/interpreter\n");
     let swap =
         swap(1.0, "mixer", &format!(", exec='{}'", program.display())).replace("may_fail=true", "may_fail=false");
     let outcome = flown(&[swap], "lockstep");

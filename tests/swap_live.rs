@@ -1,7 +1,6 @@
 //! `trefoil swap` in real time: a good candidate is kept, a bad one rejected, the flight goes on, and can
 //! be repeated.
 
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::{fs, thread};
 
@@ -12,7 +11,7 @@ use serde_json::{Value, json};
 use settings::{Swap, from_merged};
 
 use crate::control::{flying, status, tell};
-use crate::harness::{Outcome, fly, launcher, namespace, shared_memory_of, wait_until};
+use crate::harness::{Outcome, fly, launcher, namespace, shared_memory_of, wait_until, write_script};
 use crate::swap::endings;
 
 const HOVER: &str = "scenarios/faults/hover-gusts.toml";
@@ -48,8 +47,7 @@ fn swaps(outcome: &Outcome) -> Vec<Swap> {
 /// Writes a program that sleeps until it is killed; returns its path.
 fn sleeper(folder: &Path) -> String {
     let path = folder.join("sleeper");
-    fs::write(&path, "#!/bin/sh\nexec sleep 1000\n").expect("written");
-    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("a program");
+    write_script(&path, "#!/bin/sh\nexec sleep 1000\n");
     path.to_str().expect("text").into()
 }
 
@@ -64,11 +62,11 @@ fn own_controller() -> String {
 #[test]
 fn a_flight_with_a_swap_by_hand_is_replayed() {
     let ns = namespace();
-    let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=6.0"]);
+    let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=20.0"]);
     let said = swapped(&ns, &["attitude-mpc", "--set", "attitude.law=lqr", "--bounds", PATIENT], 0);
     assert!(said.contains("epoch 2 on-standby") && said.contains("epoch 2 kept"), "{said}");
     let garbage = "fault=[{at_s=0, target=\"controls\", kind=\"garbage\"}]";
-    let said = swapped(&ns, &["attitude-mpc", "--set", garbage, "--may-fail"], 1);
+    let said = swapped(&ns, &["attitude-mpc", "--set", garbage, "--may-fail", "--bounds", "ticks=20"], 1);
     assert!(said.contains("cannot be used"), "{said}");
     swapped(&ns, &["mixer", "--exec", "/bin/false", "--may-fail"], 1);
     let said = swapped(&ns, &["mixer", "--bounds", PATIENT, "--json"], 0);
@@ -100,7 +98,7 @@ fn a_flight_with_a_swap_by_hand_is_replayed() {
 #[test]
 fn another_program_may_take_over_if_it_does_its_work() {
     let ns = namespace();
-    let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=6.0"]);
+    let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=20.0", "--set", "supervision.start_limit_s=5"]);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let said = swapped(&ns, &["attitude-mpc", "--exec", &sleeper(folder.path())], 1);
     assert!(said.contains("rejected"), "{said}");

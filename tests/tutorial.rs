@@ -1,14 +1,15 @@
 //! docs/tutorial.md: its files are written, its commands run in order, and the output is that of the page.
 
 use std::fs;
-use std::os::unix::fs::{PermissionsExt, symlink};
+use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 
-use crate::harness::{skip, top};
+use crate::harness::{PATIENT, skip, top, write_script};
 
-/// Verbs that concern a flying stack, which flies in the namespace of this test.
-const WITH_NAMESPACE: &str = "fly|inject|swap|stop";
+/// Shell function in the place of `sleep`: it also waits until the controller flies.
+const SLEEP: &str = "sleep() { command sleep $1; until trefoil status | grep -Eq 'attitude-mpc +[0-9]+ +- +[0-9]+'; do \
+                     command sleep 0.1; done; }";
 
 /// Fenced block of the page: the word after its fence, its text, and the paragraph before it.
 struct Block<'a> {
@@ -66,16 +67,18 @@ fn compare(said: &str, page: &str) {
     assert!(may_skip || lines.next().is_none(), "more than the page has:\n{said}");
 }
 
-/// Writes a `trefoil` into `folder` that flies in a namespace of its own.
+/// Writes a `trefoil` into `folder` that flies in a namespace of its own, and bears a machine that stalls processes.
 fn write_launcher(folder: &Path) {
     let namespace = format!("tutorial-{}", std::process::id());
     let binary = env!("CARGO_BIN_EXE_trefoil");
     let script = format!(
-        "#!/bin/sh\ncase $1 in {WITH_NAMESPACE}) exec {binary} \"$@\" --namespace {namespace};; esac\nexec {binary} \"$@\"\n"
+        "#!/bin/sh\ncase $1 in\n\
+         fly) exec {binary} \"$@\" --namespace {namespace} --set '{PATIENT}';;\n\
+         swap) exec {binary} \"$@\" --namespace {namespace} --bounds ticks=1000;;\n\
+         inject|status|stop) exec {binary} \"$@\" --namespace {namespace};;\n\
+         *) exec {binary} \"$@\";;\nesac\n"
     );
-    let file = folder.join("trefoil");
-    fs::write(&file, script).expect("a script");
-    fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).expect("a program");
+    write_script(&folder.join("trefoil"), &script);
 }
 
 #[test]
@@ -102,7 +105,7 @@ fn the_commands_of_the_tutorial_print_what_it_says() {
         // All commands of a block run in one shell, so that `wait` knows the flight.
         let script: Vec<&str> = of_page.collect();
         let mut shell = Command::new("sh");
-        shell.args(["-c", &format!("exec 2>/dev/null; {}", script.join("\n"))]).current_dir(folder.path());
+        shell.args(["-c", &format!("exec 2>/dev/null; {SLEEP}; {}", script.join("\n"))]).current_dir(folder.path());
         let output = shell.env("PATH", &path).env_remove("MAKEFLAGS").output().expect("a shell");
         let said = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{}: {script:?}\n{said}", output.status);

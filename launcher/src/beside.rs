@@ -10,7 +10,7 @@ use anyhow::Context;
 /// Niceness of a process beside a flight: the ring and the recorder go first.
 const NICENESS: i32 = 10;
 /// Longest wait after the flight until all processes beside it have ended, and then for each process that was killed.
-const END_LIMIT: Duration = Duration::from_secs(1);
+const END_LIMIT: Duration = Duration::from_secs(5);
 /// Time between two looks at a process that is to end.
 const LOOK: Duration = Duration::from_millis(5);
 

@@ -33,7 +33,9 @@ def test_a_node_flies_in_lockstep_with_the_bits_of_the_same_law_in_a_flight(tmp_
 
 
 def test_a_node_flies_against_the_clock(tmp_path: Path, namespace: str) -> None:
-    run = trefoil.fly(SURVEY, mode="realtime", settings={**SHORT, **PD}, out=tmp_path / "run", namespace=namespace)
+    # A process that the machine stalls is late, and not replaced.
+    settings = {**SHORT, **PD, "supervision.hang_ms": 60_000.0, "supervision.start_limit_s": 60.0}
+    run = trefoil.fly(SURVEY, mode="realtime", settings=settings, out=tmp_path / "run", namespace=namespace)
     assert run.record["timing"]["nodes"]["attitude-mpc"]["execution"]["n"] > 250
 
 

@@ -2,7 +2,7 @@
 
 use runtime::limits::OBSERVER_S;
 
-/// Time without a sample after which the plant counts as hung \[ns\].
+/// Time without a sample after which the plant counts as hung, if `supervision.hang_ms` is not longer \[ns\].
 pub const PLANT_HANG_NS: u64 = 500_000_000;
 /// Smallest start limit of a recorder: a disk may be slow \[ns\].
 pub const RECORDER_START_NS: u64 = 3_000_000_000;

@@ -48,7 +48,8 @@
 #ifndef TRAP
 #define TRAP 0
 #endif
-// Sample at which a trap in `step` takes effect; the trial before a flight has no later sample than 0.
+// Sample at which a trap in `step` takes effect, or the first one behind it that this node gets, if it has had one
+// before it: in real time a sample may be skipped. The trial before a flight has no later sample than 0.
 #define TRAP_TICK 100
 // Share of the flights in which the trap takes effect, chosen by the altitude at that sample.
 #ifndef TRAP_SHARE
@@ -62,6 +63,7 @@ typedef struct {
     uint64_t steps;
     double warm_start;
   } memory;
+  uint64_t last_tick;
   int is_left_over;
 } Pd;
 
@@ -136,7 +138,9 @@ static int32_t step(void *node, const void *input, void *answer) {
   pd->memory.steps++;
   if (pd->is_left_over) return 7;
   if (TRAP == NAN_FOR_EVER) out->demand[2] += pd->memory.warm_start;
-  if (in->tick == TRAP_TICK && fmod(fabs(in->sample.position_m[2]) * 1e6, 1.0) < TRAP_SHARE) {
+  int is_due = pd->last_tick > 0 && pd->last_tick < TRAP_TICK && in->tick >= TRAP_TICK;
+  pd->last_tick = in->tick;
+  if (is_due && fmod(fabs(in->sample.position_m[2]) * 1e6, 1.0) < TRAP_SHARE) {
     if (TRAP == CRASH_IN_STEP) *(volatile int *)pd->memory.steps = 0;
     while (TRAP == HANG_IN_STEP) sleep(1);
     if (TRAP == EXIT_IN_STEP) exit(0);

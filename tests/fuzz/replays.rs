@@ -16,7 +16,7 @@ use replay::verdict::{ReplayVerdict, replay_and_judge};
 use replay::{Recording, ReplayPlan};
 
 use super::cases;
-use crate::harness::fly;
+use crate::harness::{PATIENT, fly};
 
 /// A flight, with the files of its folder.
 struct Flown {
@@ -36,9 +36,8 @@ static FLOWN: LazyLock<Vec<Flown>> = LazyLock::new(|| {
     let flown = flights.map(|(mode, seed, flips)| {
         let faults = format!("fault=[{broken}{flips}]");
         let seed = format!("run.seed={seed}");
-        let hang = "supervision.hang_ms=5000";
         let outcome =
-            fly(&["--mode", mode, "--set", "run.duration_s=0.5", "--set", &faults, "--set", &seed, "--set", hang]);
+            fly(&["--mode", mode, "--set", "run.duration_s=0.5", "--set", &faults, "--set", &seed, "--set", PATIENT]);
         let read = |name: &str| fs::read_to_string(outcome.out.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
         let path = outcome.out.join("flight.mcap");
         Flown {

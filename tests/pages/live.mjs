@@ -41,11 +41,11 @@ try {
   await page.keyboard.type('wind');
   await page.keyboard.press('Tab');
   await page.keyboard.press('Tab');
-  await page.keyboard.type('30s');
+  await page.keyboard.type('600s');
   await page.keyboard.press('Enter');
   await until(page, () => document.querySelector('#answers .done'));
   const answer = await text(page, '#answers > div');
-  expect(`the command line is shown: ${answer}`, /trefoil inject .*--for=30s.* wind step/.test(answer) && /injected: wind step/.test(answer));
+  expect(`the command line is shown: ${answer}`, /trefoil inject .*--for=600s.* wind step/.test(answer) && /injected: wind step/.test(answer));
   await until(page, () => /wind injected/.test(document.getElementById('events').textContent));
   await until(page, () => document.querySelector('.lanes .fault'));
   await until(page, () => parseFloat(document.getElementById('wind').textContent) > 0.5);

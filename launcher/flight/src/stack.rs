@@ -354,6 +354,7 @@ impl Stack {
         let page = self.run.page.clone();
         Archive::catch_up(&page);
         page.set_phase(phase::LEAVE);
+        self.run.children.go_on(); // a fault may have stopped a process
         for process in self.run.children.all.iter_mut().filter(|process| process.topic.is_some()) {
             let name = process.name();
             process.awaited = true;

@@ -1,5 +1,6 @@
 //! A page that is made anew while it is served: browsers learn of each version, and keep their place in it.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::json;
@@ -12,18 +13,21 @@ const SCRIPT: &str = include_str!("../assets/document.js");
 /// Newest version of a page.
 pub struct Document {
     html: Mutex<String>,
+    /// `true` from a new version on until a browser has fetched it.
+    is_new: AtomicBool,
     pub(crate) hub: Arc<Hub>,
 }
 
 impl Document {
     /// Makes a document whose first version is `html`, a whole page without scripts.
     pub fn new(html: String) -> Self {
-        Self { html: Mutex::new(html), hub: Arc::new(Hub::new()) }
+        Self { html: Mutex::new(html), is_new: AtomicBool::new(false), hub: Arc::new(Hub::new()) }
     }
 
     /// Makes `html` the newest version.
     pub fn replace(&self, html: String) {
         *self.html.lock().unwrap_or_else(PoisonError::into_inner) = html;
+        self.is_new.store(true, Ordering::Relaxed);
         self.hub.send(FrameKind::Phase, json!({ "phase": "changed" }));
     }
 
@@ -33,9 +37,15 @@ impl Document {
         self.hub.close();
     }
 
+    /// Returns whether a browser is there and none has fetched the newest version yet.
+    pub(crate) fn is_unread(&self) -> bool {
+        self.is_new.load(Ordering::Relaxed) && self.hub.has_viewers()
+    }
+
     /// Returns the newest version with the script, which runs because it carries `nonce`.
     pub fn page(&self, nonce: &str) -> String {
         let html = self.html.lock().unwrap_or_else(PoisonError::into_inner);
+        self.is_new.store(false, Ordering::Relaxed);
         html.replacen("</body>", &format!("<script nonce=\"{nonce}\">{SCRIPT}</script></body>"), 1)
     }
 }

@@ -34,8 +34,9 @@ const BODY_BYTES: usize = 16 << 10;
 const MESSAGE_BYTES: usize = 64 << 10;
 /// Time between two checks whether the server must end.
 const LOOK: Duration = Duration::from_millis(100);
-/// Longest wait at the end for orders under way. `fly` kills this process if its whole end takes a second.
-const LAST_ANSWERS: Duration = Duration::from_millis(500);
+/// Longest wait at the end for orders under way, and for a browser to fetch the last version of a page. `fly` kills this
+/// process if its whole end takes five seconds.
+const LAST_ANSWERS: Duration = Duration::from_secs(3);
 /// Time for the last frames to reach the clients.
 const LAST_FRAMES: Duration = Duration::from_millis(300);
 
@@ -57,7 +58,7 @@ struct Context {
 
 /// Serves until the hub is closed.
 pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content: ServerContent) -> anyhow::Result<()> {
-    let context = Context { access: Arc::new(access), hub: hub.clone(), content };
+    let context = Context { access: Arc::new(access), hub: hub.clone(), content: content.clone() };
     let routes = Router::new()
         .route("/", get(whole_page))
         .route("/ws", get(follow))
@@ -73,7 +74,8 @@ pub async fn serve(listener: TcpListener, access: Access, hub: Arc<Hub>, content
         }
         // The answer to `stop` comes after the flight has ended.
         let deadline = Instant::now() + LAST_ANSWERS;
-        while hub.orders.load(Ordering::Relaxed) > 0 && Instant::now() < deadline {
+        let is_unread = || matches!(&content, ServerContent::Document(document) if document.is_unread());
+        while (hub.orders.load(Ordering::Relaxed) > 0 || is_unread()) && Instant::now() < deadline {
             tokio::time::sleep(LOOK).await;
         }
         tokio::time::sleep(LAST_FRAMES).await;

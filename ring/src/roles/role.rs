@@ -179,7 +179,8 @@ impl Policy {
 
     /// Returns the policy of the plant, which is never restarted: no other process can continue the vehicle.
     pub fn plant(settings: &Supervision, sample_ns: u64) -> Self {
-        Self { restart_ns: vec![], hang_ns: PLANT_HANG_NS, hang_ticks: 0, ..Self::node(settings, sample_ns) }
+        let node = Self::node(settings, sample_ns);
+        Self { restart_ns: vec![], hang_ns: node.hang_ns.max(PLANT_HANG_NS), hang_ticks: 0, ..node }
     }
 
     /// Returns the policy of the recorder, with longer limits, because a disk may be slow.

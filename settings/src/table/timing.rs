@@ -79,7 +79,8 @@ pub enum Late {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Supervision {
-    /// Time without an answer after which an active process counts as hung, if it missed three samples too \[ms\].
+    /// Time without an answer after which an active process counts as hung, if it missed three samples too; the plant
+    /// counts as hung after 500 ms at the earliest \[ms\].
     pub hang_ms: f64,
     /// Delays before the first, second, ... restart within 5 s \[ms\]; at one failure more the node is given up.
     pub restart_ms: Vec<f64>,

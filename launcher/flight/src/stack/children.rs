@@ -204,6 +204,13 @@ impl Children {
         }
     }
 
+    /// Lets the stopped processes of the nodes run again.
+    pub fn go_on(&self) {
+        for process in self.all.iter().filter(|process| process.topic.is_some()) {
+            let _ = kill_process_group(Pid::from_child(&process.child), Signal::CONT); // it may have ended
+        }
+    }
+
     /// Returns whether a debugger traces a child, or a process that a child (which may be a debugger itself) has
     /// started.
     pub fn any_traced(&self) -> bool {
