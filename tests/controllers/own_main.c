@@ -60,15 +60,17 @@ int main(int argc, char **argv) {
   TrefoilAttitudeAnswer out;
   if (trefoil_send(session, &out, sizeof out) == 0 || trefoil_next(session, &in, sizeof in - 8) >= 0) return 9;
   int result;
+#ifdef FORK
   uint64_t last_tick = 0;
+#endif
   while ((result = trefoil_next(session, &in, sizeof in)) == 1) {
     law(trefoil_setup(session), &in, &out);
     steps++;
     trefoil_remember(session, &steps, sizeof steps);
 #ifdef FORK
     if (last_tick > 0 && last_tick < FORK && in.tick >= FORK && fork() < 0) return 9;
-#endif
     last_tick = in.tick;
+#endif
     if ((result = trefoil_send(session, &out, sizeof out)) < 0) break;
   }
   if (result < 0) fprintf(stderr, "%s\n", trefoil_error(session));

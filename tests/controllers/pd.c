@@ -111,7 +111,7 @@ static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) 
   }
   Pd *pd = calloc(1, sizeof *pd);
   const double *inertia = setup->inertia_kgm2;
-  *pd = (Pd){{setup->mass_kg, inertia[1], inertia[0], inertia[2]}, 1.0, {0, 0.0}, left_over(0)};
+  *pd = (Pd){{setup->mass_kg, inertia[1], inertia[0], inertia[2]}, 1.0, {0, 0.0}, 0, left_over(0)};
   const char *gain = strstr(setup->settings_json, "\"gain\":");
   if (gain) pd->gain = atof(gain + 7);
   return pd;

@@ -189,7 +189,7 @@ fn by_the_timer_a_node_warms_up_once_before_a_sample() {
     let ring = slow_ring(3_000_000_000);
     let (mut cycles, mut input) = slow_guidance(&ring);
     assert_eq!(cycles.next(&mut input).unwrap(), Some(0));
-    ring.page.origin_ns.set(now_ns() - TEN_S_NS + 260_000);
+    ring.page.origin_ns.set(now_ns() - TEN_S_NS + 50_000_000);
     assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::WarmUp);
     assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround);
 }
