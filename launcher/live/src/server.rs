@@ -34,8 +34,8 @@ const BODY_BYTES: usize = 16 << 10;
 const MESSAGE_BYTES: usize = 64 << 10;
 /// Time between two checks whether the server must end.
 const LOOK: Duration = Duration::from_millis(100);
-/// Longest wait at the end for orders under way, and for a browser to fetch the last version of a page. `fly` kills this
-/// process if its whole end takes five seconds.
+/// Longest wait at the end for orders under way, and for a browser to fetch the last version of a page. `fly` kills
+/// this process if its whole end takes five seconds.
 const LAST_ANSWERS: Duration = Duration::from_secs(3);
 /// Time for the last frames to reach the clients.
 const LAST_FRAMES: Duration = Duration::from_millis(300);
