@@ -66,7 +66,7 @@ fn a_torn_log_is_flown_again_as_far_as_it_reads() {
 #[test]
 fn a_flight_that_was_given_faults_in_flight_repeats_from_its_folder() {
     let name = namespace();
-    let flight = Flight::start(&name, &["--set", "bounds.max_position_error_m=inf", "--set", PATIENT]);
+    let flight = Flight::start(&name, &["--set", PATIENT]);
     wait_until("the stack flies", || status(&name)["time_s"].as_f64() > Some(0.2));
     for order in [["rates", "noise"], ["controls", "drop"], ["rotor1", "slow"], ["attitude-mpc", "kill"]] {
         tell(&name, &[&["inject"], &order[..]].concat()).expect("injected");

@@ -26,8 +26,10 @@ impl Document {
 
     /// Makes `html` the newest version.
     pub fn replace(&self, html: String) {
-        *self.html.lock().unwrap_or_else(PoisonError::into_inner) = html;
-        self.is_new.store(true, Ordering::Relaxed);
+        let mut newest = self.html.lock().unwrap_or_else(PoisonError::into_inner);
+        *newest = html;
+        self.is_new.store(true, Ordering::Relaxed); // under the lock, as in `page`
+        drop(newest);
         self.hub.send(FrameKind::Phase, json!({ "phase": "changed" }));
     }
 
@@ -61,9 +63,11 @@ mod tests {
         for version in ["one", "two"] {
             document.replace(format!("<body><main>{version}</main></body>"));
             assert!(frames.try_recv().unwrap().contains("changed"));
+            assert!(document.is_unread());
         }
         let page = document.page("abc");
         assert!(page.contains("<main>two</main><script nonce=\"abc\">") && page.ends_with("</script></body>"));
+        assert!(!document.is_unread());
         document.close();
         assert!(frames.try_recv().unwrap().contains("ended") && document.hub.is_closed());
     }
